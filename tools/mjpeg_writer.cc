@@ -15,7 +15,7 @@ namespace {
 // Times are multiples of 10 us: of milliseconds, a third of one would be lost on average. A block counts from its
 // cluster in 16 bits, hence the clusters' length, ns.
 constexpr char kMuxer[] =
-    "matroskamux timecodescale=10000 min-cluster-duration=300000000 max-cluster-duration=300000000";
+    "matroskamux name=muxer timecodescale=10000 min-cluster-duration=300000000 max-cluster-duration=300000000";
 
 // The conventions of Image: full-range BT.601, chroma in the middle of its four pixels.
 GstVideoInfo info_of(int width, int height, FrameRate rate) {
@@ -68,6 +68,7 @@ void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
     if (pipeline_) gst_object_unref(pipeline_);
     throw lf::Error(path_ + ": can't be written: " + reason);
   }
+  if (rate_.numerator == 0) write_beginning();
   GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
   source_ = gst_bin_get_by_name(GST_BIN(pipeline_), "source");
   g_object_set(sink, "location", (path_ + ".part").c_str(), nullptr);
@@ -75,6 +76,24 @@ void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   gst_app_src_set_caps(GST_APP_SRC(source_), caps);
   gst_caps_unref(caps);
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
+}
+
+// A demuxer counts from the first block on, whatever its stamp is. Here that is a text's, the time of day, so that films
+// of cameras whose first frames came at different times have one beginning.
+void MjpegWriter::write_beginning() {
+  GstElement *text = gst_element_factory_make("appsrc", nullptr), *muxer = gst_bin_get_by_name(GST_BIN(pipeline_), "muxer");
+  gst_bin_add(GST_BIN(pipeline_), text);
+  g_autoptr(GstCaps) caps = gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr);
+  g_object_set(text, "caps", caps, "format", GST_FORMAT_TIME, nullptr);
+  gst_element_link_pads(text, "src", muxer, "subtitle_%u");
+  gst_object_unref(muxer);
+  g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+  gchar* words = g_date_time_format_iso8601(now);
+  GstBuffer* buffer = gst_buffer_new_wrapped(words, std::strlen(words));
+  GST_BUFFER_PTS(buffer) = 0;
+  GST_BUFFER_DURATION(buffer) = GST_SECOND;
+  gst_app_src_push_buffer(GST_APP_SRC(text), buffer);
+  gst_app_src_end_of_stream(GST_APP_SRC(text));
 }
 
 MjpegWriter::~MjpegWriter() { close(); }

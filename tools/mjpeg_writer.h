@@ -30,14 +30,16 @@ class MjpegWriter {
 
   // Writes the next frame, RGB of the writer's size, at its time by the rate.
   void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
-  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before.
+  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before. Without a rate the beginning
+  // is one that all films have in common, even if no frame was taken then.
   void add(const lf::Image& rgb, GstClockTime time);
   void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // the buffer is borrowed
   void finish();
 
  private:
   void open(const std::string& coder, GstCaps* caps);  // takes the caps
-  void push(GstBuffer* buffer, GstClockTime time);     // takes it
+  void write_beginning();
+  void push(GstBuffer* buffer, GstClockTime time);  // takes it
   void close();
   [[noreturn]] void fail();  // throws lf::Error with what the pipeline has to say
 

@@ -12,6 +12,7 @@
 #include "base/json_value.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
+#include "mjpeg_writer.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -144,7 +145,7 @@ TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
   for (const double offset : offsets) EXPECT_LE(std::abs(offset), 25.1) << "half the time between frames, ms";
 }
 
-// Stamps of a film's frames, seconds.
+// Stamps of a film's frames, seconds, as calibrations read them.
 std::vector<double> stamps_of(const std::string& film) {
   std::vector<double> stamps;
   GstElement* pipeline = gst_parse_launch(
@@ -152,7 +153,9 @@ std::vector<double> stamps_of(const std::string& film) {
   GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "sink");
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
   while (GstSample* sample = gst_app_sink_pull_sample(GST_APP_SINK(sink))) {
-    stamps.push_back(static_cast<double>(GST_BUFFER_PTS(gst_sample_get_buffer(sample))) / GST_SECOND);
+    const GstClockTime time = gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
+                                                         GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
+    stamps.push_back(static_cast<double>(time) / GST_SECOND);
     gst_sample_unref(sample);
   }
   gst_element_set_state(pipeline, GST_STATE_NULL);
@@ -183,6 +186,19 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
     for (size_t i = 1; i < stamps.size(); i++) EXPECT_GT(stamps[i], stamps[i - 1]);
     EXPECT_NEAR(static_cast<double>(stamps.size() - 1) / (stamps.back() - stamps.front()), rate, 0.5 * rate);
   }
+}
+
+// Of cameras that run freely each has its first frame a while after the recording's beginning.
+TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
+  gst_init(nullptr, nullptr);
+  const TempDir dir;
+  const std::vector<double> times = {0.0217, 0.0884, 0.1551, 1.1};
+  MjpegWriter writer(dir / "film.mkv", 64, 48, FrameRate{0, 1}, 90);
+  for (const double time : times) writer.add(Image(PixelFamily::kRgb, 64, 48), static_cast<GstClockTime>(time * GST_SECOND));
+  writer.finish();
+  const std::vector<double> stamps = stamps_of(dir / "film.mkv");
+  ASSERT_EQ(stamps.size(), times.size());
+  for (size_t i = 0; i < times.size(); i++) EXPECT_NEAR(stamps[i], times[i], 2e-5);
 }
 
 // The first sender report moves the stamps of a network camera: a film begins after it.
