@@ -7,7 +7,7 @@
 Two viewers fly before 64 cameras of 320x240 in JPEG, 30 frames a second each: how old their pictures are (p50, p95: from
 capture to the sink) without a recording, with one, and without one again; which frames the recording has not. What is
 left of a recording whose process is killed. Seeks to random seconds of the recording, until the picture is there. The
-same recording in less bytes (lf-archive). 256 cameras written and played.
+killed one in less bytes (lf-archive), and seeks in that. 256 cameras written and played.
 """
 import argparse
 import json
@@ -82,7 +82,7 @@ def fly(rig, seconds, record=None):
 
 def times_of(path):
     """Stamps of the frames of a film, and where it ends, ns."""
-    pipeline = Gst.parse_launch(f"filesrc location={path} ! matroskademux ! appsink name=s sync=false")
+    pipeline = Gst.parse_launch(f"filesrc location={path} ! matroskademux name=d d.video_0 ! appsink name=s sync=false")
     pipeline.set_state(Gst.State.PLAYING)
     times, end = [], 0
     while sample := pipeline.get_by_name("s").emit("try-pull-sample", 5 * Gst.SECOND):
@@ -126,6 +126,7 @@ def report_kill(rig, folder):
     lost = max(newest - times[-1] for times in ends) / Gst.SECOND
     print(f"killed after 10 s: {len(ends)} films, the shortest ends {lost:.3f} s before the longest, which has {newest / Gst.SECOND:.2f} s "
           f"(files were last written {wanted:.2f} s before)", flush=True)
+    return newest / Gst.SECOND
 
 
 def seeks(rig, length, count=30):
@@ -173,11 +174,12 @@ def main():
         reference = (share(before, .95) + share(after, .95)) / 2
         print(f"p95 with a recording: {share(during, .95) / reference:.2f} times that without")
         length = report_recorded(recording, stats, 64)
-        report_kill(rig, folder / "killed")
+        killed = report_kill(rig, folder / "killed")
         for what, path in (("JPEG", recording), ("archive", folder / "archive")):
             if what == "archive":
-                begun = time.monotonic()
-                told = subprocess.run(["lf-archive", recording, "--out", path], check=True, capture_output=True, text=True).stdout
+                begun, length = time.monotonic(), killed
+                told = subprocess.run(["lf-archive", folder / "killed", "--out", path], check=True, capture_output=True,
+                                      text=True).stdout
                 print(told.splitlines()[-1].split(": ", 1)[1] + f", in {time.monotonic() - begun:.0f} s", flush=True)
             took = seeks(path / "rig.json", length)
             print(f"{what}: {len(took)} seeks, median {share(took, .5):.0f} ms, p95 {share(took, .95):.0f}, worst {max(took):.0f}",
