@@ -76,7 +76,8 @@ CameraStream::~CameraStream() {
 
 void CameraStream::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
-  const bool is_parser = factory && gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
+  const bool is_parser = options_.seek_to_loop && factory &&
+                         gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
   if (!is_parser && (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element))) return;
   GstPad* sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
