@@ -155,6 +155,7 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& optio
           }
           if (frames[k].place < kViewFrames) out.views[frames[k].place][i] = std::move(frames[k].image);
         }
+        lf::leave_out_misread_charts(found[i]);
         const std::lock_guard lock(mutex);
         progress.step();
       } catch (...) {

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include <opencv2/imgproc.hpp>
 #include <opencv2/mcc.hpp>
 
+#include "base/percentiles.h"
 #include "image/colour_checker.h"
 
 namespace lf {
@@ -34,24 +36,28 @@ std::vector<cv::Point2f> corners_of(const cv::Mat& bgr) {
   return box;
 }
 
-// Whether the patches are those of the chart, in their order: a chart that is cut off by the image's edge is found
-// turned by a quarter at times. A camera's levels follow those of the chart, whatever its colours (correlation 0.95 and
-// more with the faults of scene/colour_faults.h); those of other patches do not.
-bool is_read_right(const std::vector<ColourSample>& samples, uint32_t first_patch) {
-  constexpr double kLeast = 0.8;
-  double products = 0, squares = 0, nominal_squares = 0;
+// How well levels follow those of the chart, patch by patch: the correlation of the channel where it is the least,
+// since each may have a gain of its own.
+double likeness(std::span<const ColourSample> chart) {
+  const auto n = static_cast<double>(chart.size());
+  double least = 1;
   for (int c = 0; c < 3; c++) {
-    double mean = 0, nominal_mean = 0;
-    const auto nominal = [&](const ColourSample& sample) { return checker::kSrgb[sample.patch - first_patch][c]; };
-    for (const ColourSample& sample : samples) mean += sample.level[c], nominal_mean += nominal(sample);
-    mean /= static_cast<double>(samples.size()), nominal_mean /= static_cast<double>(samples.size());
-    for (const ColourSample& sample : samples) {
+    const auto nominal = [&](const ColourSample& sample) {
+      return checker::kSrgb[sample.patch % checker::kPatches][c];
+    };
+    double mean = 0, nominal_mean = 0, products = 0, squares = 0, nominal_squares = 0;
+    for (const ColourSample& sample : chart) mean += sample.level[c] / n, nominal_mean += nominal(sample) / n;
+    for (const ColourSample& sample : chart) {
       const double a = sample.level[c] - mean, b = nominal(sample) - nominal_mean;
       products += a * b, squares += a * a, nominal_squares += b * b;
     }
+    least = std::min(least, squares > 0 ? products / std::sqrt(squares * nominal_squares) : 0);
   }
-  return products > kLeast * std::sqrt(squares * nominal_squares);
+  return least;
 }
+
+// A chart that the image's edge cuts off is found turned by a quarter at times, or a part of a patch beside its place.
+constexpr double kLeastLikeness = 0.8;
 
 }  // namespace
 
@@ -86,8 +92,25 @@ std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex came
       samples.push_back(*sample);
     }
   }
-  if (!is_read_right(samples, first_patch)) samples.clear();
+  if (likeness(samples) < kLeastLikeness) samples.clear();
   return samples;
+}
+
+void leave_out_misread_charts(std::vector<ColourSample>& samples) {
+  // With the faults of scene/colour_faults.h charts of one camera are alike to 0.01, and those that are read beside
+  // their places are less alike by 0.03 and more.
+  constexpr double kLess = 0.02;
+  const auto chart_of = [](const ColourSample& sample) { return sample.patch / checker::kPatches; };
+  std::vector<double> all, likenesses;  // of each chart; of the chart that each sample is of
+  for (auto begin = samples.begin(), end = begin; begin != samples.end(); begin = end) {
+    end = std::find_if(begin, samples.end(), [&](const ColourSample& s) { return chart_of(s) != chart_of(*begin); });
+    all.push_back(likeness({begin, end}));
+    likenesses.resize(static_cast<size_t>(end - samples.begin()), all.back());
+  }
+  if (all.size() < 3) return;
+  const double usual = median(all);
+  size_t i = 0;
+  std::erase_if(samples, [&](const ColourSample&) { return likenesses[i++] < usual - kLess; });
 }
 
 }  // namespace lf

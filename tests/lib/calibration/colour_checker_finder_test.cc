@@ -55,6 +55,36 @@ TEST(ColourCheckerFinder, WhereThereIsNoneNothingIsFound) {
   EXPECT_TRUE(find_colour_checker(render_scene({320, 240, camera.lens, camera.pose}, 0), 0, 0).empty());
 }
 
+// Charts as a camera sees them that is bright in red and dark in blue, and one of them read half a patch beside its
+// place.
+TEST(ColourCheckerFinder, AChartThatIsMisreadIsLeftOut) {
+  const auto chart = [](uint32_t number, double beside) {
+    std::vector<ColourSample> samples;
+    for (int patch = 0; patch < checker::kPatches; patch++) {
+      ColourSample& sample = samples.emplace_back();
+      sample.patch = number * checker::kPatches + static_cast<uint32_t>(patch);
+      const int next = std::min(patch + 1, checker::kPatches - 1);
+      for (int c = 0; c < 3; c++)
+        sample.level[c] = (1.2 - 0.3 * c) * ((1 - beside) * checker::kSrgb[static_cast<size_t>(patch)][c] +
+                                             beside * checker::kSrgb[static_cast<size_t>(next)][c]) +
+                          number;
+    }
+    return samples;
+  };
+  std::vector<ColourSample> samples;
+  for (uint32_t number = 0; number < 5; number++) {
+    const auto more = chart(number, number == 3 ? 0.3 : 0.02 * number);
+    samples.insert(samples.end(), more.begin(), more.end());
+  }
+  const std::vector<ColourSample> two(samples.begin() + 2 * checker::kPatches, samples.begin() + 4 * checker::kPatches);
+  leave_out_misread_charts(samples);
+  EXPECT_EQ(samples.size(), 4u * checker::kPatches);
+  for (const ColourSample& sample : samples) EXPECT_NE(sample.patch / checker::kPatches, 3u);
+  auto kept = two;
+  leave_out_misread_charts(kept);
+  EXPECT_EQ(kept.size(), two.size()) << "of two nobody knows which is wrong";
+}
+
 TEST(SampleQuad, IsTheMeanOfWhatIsInside) {
   Image image(PixelFamily::kRgb, 40, 30);
   for (int y = 0; y < 30; y++)
