@@ -2,6 +2,7 @@
 // lf-archive as a program: what of a recording stays when it is kept in less bytes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -27,8 +28,7 @@ class LfArchive : public testing::Test {
   Outcome run(const std::string& arguments) const { return run_program("lf-archive", arguments, dir_.path()); }
   // Films of the built-in scene, 12 frames of 2 cameras.
   void film() const {
-    const Outcome outcome =
-        run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path());
+    const Outcome outcome = run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path());
     ASSERT_EQ(outcome.status, 0) << outcome.output;
   }
   // The number behind a text.
@@ -112,6 +112,53 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
   const Outcome again = run("archive --out again");
   EXPECT_THAT(again.output, HasSubstr("as it was"));
   EXPECT_EQ(read_recorded(dir_ / "again/camera0.mkv").frames, read_recorded(dir_ / "archive/camera0.mkv").frames);
+}
+
+// Frames that no decoder takes, as a camera on a bad cable sends them.
+TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  film();
+  Rig rig = load_rig(dir_ / "films/rig.json");
+  rig.cameras.resize(1);
+  rig.topology = {};
+  const RecordedFile jpegs = read_recorded(rig.resolve(rig.cameras[0].source));
+  const CapsPtr jpeg(gst_caps_from_string("image/jpeg,width=320,height=240,framerate=15/1"));
+  for (const GstClockTime good : {GstClockTime{9}, GstClockTime{0}}) {
+    rig.cameras[0].source = good > 0 ? "some.mkv" : "none.mkv";
+    CameraFile file(rig.cameras[0], dir_ / "films/" + rig.cameras[0].source, 1 << 20);
+    for (GstClockTime i = 0; i < 12; i++) {
+      const BufferPtr frame(to_buffer(i < good ? jpegs.frames[i] : std::vector<uint8_t>(500, 7)));
+      ASSERT_EQ(file.add(frame.get(), jpeg.get(), i * 66'666'667, ""), CameraFile::Added::kTaken);
+    }
+    file.end(GST_SECOND);
+    file.close(g_get_monotonic_time() + 10 * G_USEC_PER_SEC);
+    save_rig(rig, dir_ / "films/damaged.json");
+    const Outcome outcome = run("films/damaged.json --out archive");
+    if (good > 0) {
+      EXPECT_EQ(outcome.status, 0);
+      EXPECT_THAT(outcome.output, HasSubstr("9 frames")) << "those that are kept";
+      EXPECT_THAT(outcome.output, HasSubstr("3 frames that can't be read are left out"));
+      EXPECT_EQ(read_recorded(dir_ / "archive/camera0.mkv").times.size(), 9u);
+      fs::remove_all(dir_ / "archive");
+    } else {
+      EXPECT_EQ(outcome.status, 1) << outcome.output;
+      EXPECT_THAT(outcome.output, HasSubstr("films/none.mkv: "));
+      EXPECT_FALSE(fs::exists(dir_ / "archive/rig.json"));
+    }
+  }
+}
+
+TEST_F(LfArchive, AFullDiskIsSaid) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  film();
+  fs::create_directories(dir_ / "disk");
+  if (mount("none", (dir_ / "disk").c_str(), "tmpfs", 0, "size=16k") != 0)
+    GTEST_SKIP() << "a small disk can't be mounted here";
+  const Outcome outcome = run("films/rig.json --out disk/archive");
+  EXPECT_EQ(outcome.status, 1) << outcome.output;
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("disk/archive/camera"), HasSubstr("No space left")));
+  EXPECT_FALSE(fs::exists(dir_ / "disk/archive/rig.json")) << "what is not whole is no recording";
+  EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
 }
 
 TEST_F(LfArchive, SaysWhatItCantDo) {

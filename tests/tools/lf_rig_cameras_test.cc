@@ -4,6 +4,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -194,7 +197,8 @@ TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
   const TempDir dir;
   const std::vector<double> times = {0.0217, 0.0884, 0.1551, 1.1};
   MjpegWriter writer(dir / "film.mkv", 64, 48, FrameRate{0, 1}, 90);
-  for (const double time : times) writer.add(Image(PixelFamily::kRgb, 64, 48), static_cast<GstClockTime>(time * GST_SECOND));
+  for (const double time : times)
+    writer.add(Image(PixelFamily::kRgb, 64, 48), static_cast<GstClockTime>(time * GST_SECOND));
   writer.finish();
   const std::vector<double> stamps = stamps_of(dir / "film.mkv");
   ASSERT_EQ(stamps.size(), times.size());
@@ -211,7 +215,8 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
     write_rig(dir, {server.uri("/jpeg"), server.uri("/undated")});
     const Outcome outcome = lf_rig("record rig.json --out films --seconds 4", dir);
     ASSERT_EQ(outcome.status, 0) << outcome.output;
-    const size_t undated = outcome.output.find("camera 1 (cam_00_01)"), note = outcome.output.find("dated as they came");
+    const size_t undated = outcome.output.find("camera 1 (cam_00_01)"),
+                 note = outcome.output.find("dated as they came");
     ASSERT_NE(note, std::string::npos) << outcome.output;
     EXPECT_LT(undated, note) << outcome.output;
     EXPECT_EQ(outcome.output.find("dated as they came", note + 1), std::string::npos) << outcome.output;
@@ -223,6 +228,24 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
     }
   }
   test::RtspServer::clean_up();
+}
+
+TEST(LfRigRecord, SaysThatThePortOfItsPageIsTaken) {
+  const TempDir dir;
+  write_rig(dir, {kGood});
+  const int taken = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  socklen_t size = sizeof address;
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  ASSERT_EQ(bind(taken, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(listen(taken, 1), 0);
+  ASSERT_EQ(getsockname(taken, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  const std::string port = std::to_string(ntohs(address.sin_port));
+  const Outcome outcome = lf_rig("record rig.json --out films --seconds 1 --page " + port, dir);
+  close(taken);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.output, HasSubstr("port " + port + ": "));
 }
 
 TEST(LfRigRecord, NamesBecomeFiles) {
