@@ -2,10 +2,10 @@
 #include "network/array_network.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <regex>
 #include <stdexcept>
 #include <thread>
 
@@ -164,15 +164,23 @@ void ArrayNetwork::start_all() {
 }
 
 std::vector<ArrayNetwork::Picture> ArrayNetwork::pictures(int view) const {
-  static const std::regex pattern(
-      "lightfield-view, view-id=\\(uint\\)(\\d+), sequence=\\(uint\\)(\\d+), .*complete=\\(boolean\\)(\\w+), .*"
-      "missing=\\(uint\\)(\\d+), .*bytes=\\(guint64\\)(\\d+), .*latency-ns=\\(guint64\\)(\\d+)");
+  // What is behind a field's name; nothing where a line has been written in part.
+  const auto value_of = [](const std::string& text, const std::string& name) -> const char* {
+    const size_t at = text.find(name);
+    return at == std::string::npos ? nullptr : text.c_str() + at + name.size();
+  };
+  const std::string message = "lightfield-view, view-id=(uint)" + std::to_string(view) + ",";
   std::vector<Picture> all;
   for (const Process::Line& line : compositor_->lines()) {
-    std::smatch m;
-    if (!std::regex_search(line.text, m, pattern) || std::stoi(m[1]) != view) continue;
-    all.push_back({line.time, static_cast<uint32_t>(std::stoul(m[2])), m[3] == "true",
-                   static_cast<unsigned>(std::stoul(m[4])), std::stod(m[6]) / 1e6, std::stoull(m[5])});
+    if (line.text.find(message) == std::string::npos) continue;
+    const char *sequence = value_of(line.text, " sequence=(uint)"),
+               *complete = value_of(line.text, " complete=(boolean)"),
+               *missing = value_of(line.text, " missing=(uint)"), *bytes = value_of(line.text, " bytes=(guint64)"),
+               *latency = value_of(line.text, " latency-ns=(guint64)");
+    if (!sequence || !complete || !missing || !bytes || !latency) continue;
+    all.push_back({line.time, static_cast<uint32_t>(std::strtoul(sequence, nullptr, 10)), *complete == 't',
+                   static_cast<unsigned>(std::strtoul(missing, nullptr, 10)), std::strtod(latency, nullptr) / 1e6,
+                   std::strtoull(bytes, nullptr, 10)});
   }
   return all;
 }
