@@ -24,7 +24,7 @@
 #include "view/views_json.h"
 
 namespace lf {
-namespace {
+namespace still_arrays_test {
 
 namespace fs = std::filesystem;
 
@@ -236,5 +236,5 @@ TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
   EXPECT_GT(better / count, 0.55);
 }
 
-}  // namespace
+}  // namespace still_arrays_test
 }  // namespace lf

@@ -9,6 +9,9 @@
 
 namespace lf::test {
 
+// From request to request of a view, nanoseconds.
+inline constexpr uint64_t kFrame = 100 * GST_MSECOND;
+
 // A 2x2 array of small cameras, its rig file, and requests for a view from its middle: every camera contributes.
 class ArrayFixture {
  public:

@@ -16,8 +16,6 @@
 
 namespace lf::test {
 
-inline constexpr uint64_t kFrame = 100 * GST_MSECOND;
-
 // lfcompositor with its request and src pads in one harness and a harness for each node.
 class LfCompositorTest : public testing::Test {
  protected:

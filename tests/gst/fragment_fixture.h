@@ -15,8 +15,6 @@
 
 namespace lf::test {
 
-inline constexpr uint64_t kFrame = 100 * GST_MSECOND;
-
 // lffragment with its request and src pads in one harness and a harness for each camera pad.
 class LfFragmentTest : public testing::Test {
  protected:

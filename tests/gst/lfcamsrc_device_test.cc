@@ -14,7 +14,7 @@
 #include "gst/gst_test.h"
 
 namespace lf::test {
-namespace {
+namespace lfcamsrc_device_test {
 
 using ::testing::HasSubstr;
 
@@ -141,5 +141,5 @@ TEST_F(DeviceTest, ErrorsNameThePlace) {
               testing::AllOf(HasSubstr("camera 0 (cam_0): v4l2:///dev/video-none: "), HasSubstr("Cannot identify")));
 }
 
-}  // namespace
+}  // namespace lfcamsrc_device_test
 }  // namespace lf::test

@@ -11,7 +11,7 @@
 #include "wire/unit.h"
 
 namespace lf::test {
-namespace {
+namespace lfparse_test {
 
 // Says in failures what it is instead of printing itself.
 struct Bytes : std::vector<uint8_t> {
@@ -339,5 +339,5 @@ TEST(LfTypeFind, KnowsARigWhereverItsFormatIs) {
   EXPECT_NE(type_of("{\"format\""), rig);
 }
 
-}  // namespace
+}  // namespace lfparse_test
 }  // namespace lf::test

@@ -18,7 +18,7 @@
 #include "support/temp_dir.h"
 
 namespace lf::test {
-namespace {
+namespace recording_test {
 
 constexpr GstClockTime kPeriod = GST_SECOND / 30;
 
@@ -364,5 +364,5 @@ TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
   }
 }
 
-}  // namespace
+}  // namespace recording_test
 }  // namespace lf::test

@@ -113,6 +113,8 @@ void ArrayNetwork::start_node(int i) {
 }
 
 void ArrayNetwork::start_compositor() {
+  lines_read_ = 0;
+  pictures_.clear();
   const int requests = kViewerPort + (options_.link.empty() ? 0 : kBehindLink);
   start_link("compositor", kViewerPort, "127.0.0.1", requests);
   std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh", "--rig", file("rig.json"),
@@ -169,20 +171,19 @@ std::vector<ArrayNetwork::Picture> ArrayNetwork::pictures(int view) const {
     const size_t at = text.find(name);
     return at == std::string::npos ? nullptr : text.c_str() + at + name.size();
   };
-  const std::string message = "lightfield-view, view-id=(uint)" + std::to_string(view) + ",";
-  std::vector<Picture> all;
-  for (const Process::Line& line : compositor_->lines()) {
-    if (line.text.find(message) == std::string::npos) continue;
-    const char *sequence = value_of(line.text, " sequence=(uint)"),
+  for (const Process::Line& line : compositor_->lines(lines_read_)) {
+    lines_read_++;
+    const char *id = value_of(line.text, "lightfield-view, view-id=(uint)"),
+               *sequence = value_of(line.text, " sequence=(uint)"),
                *complete = value_of(line.text, " complete=(boolean)"),
                *missing = value_of(line.text, " missing=(uint)"), *bytes = value_of(line.text, " bytes=(guint64)"),
                *latency = value_of(line.text, " latency-ns=(guint64)");
-    if (!sequence || !complete || !missing || !bytes || !latency) continue;
-    all.push_back({line.time, static_cast<uint32_t>(std::strtoul(sequence, nullptr, 10)), *complete == 't',
-                   static_cast<unsigned>(std::strtoul(missing, nullptr, 10)), std::strtod(latency, nullptr) / 1e6,
-                   std::strtoull(bytes, nullptr, 10)});
+    if (!id || !sequence || !complete || !missing || !bytes || !latency) continue;
+    pictures_[std::atoi(id)].push_back({line.time, static_cast<uint32_t>(std::strtoul(sequence, nullptr, 10)),
+                                        *complete == 't', static_cast<unsigned>(std::strtoul(missing, nullptr, 10)),
+                                        std::strtod(latency, nullptr) / 1e6, std::strtoull(bytes, nullptr, 10)});
   }
-  return all;
+  return pictures_[view];
 }
 
 bool ArrayNetwork::wait_for_pictures(int view, int count) const {

@@ -86,6 +86,9 @@ class ArrayNetwork {
   Network network_;
   std::unique_ptr<Process> nodes_[kNodes], viewers_[kViewers], compositor_;
   std::map<std::string, std::unique_ptr<Process>> links_;  // by host and port
+  // What pictures() has read of the compositor's log; by view.
+  mutable size_t lines_read_ = 0;
+  mutable std::map<int, std::vector<Picture>> pictures_;
 };
 
 }  // namespace lf::test

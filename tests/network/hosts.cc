@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <stdexcept>
@@ -79,9 +80,9 @@ bool Process::is_running() {
   return !ended_;
 }
 
-std::vector<Process::Line> Process::lines() const {
+std::vector<Process::Line> Process::lines(size_t without) const {
   std::lock_guard lock(mutex_);
-  return lines_;
+  return {lines_.begin() + static_cast<ptrdiff_t>(std::min(without, lines_.size())), lines_.end()};
 }
 
 std::string Process::text() const {
@@ -92,9 +93,10 @@ std::string Process::text() const {
 
 bool Process::wait_for(const std::string& text, int count, double seconds) const {
   std::unique_lock lock(mutex_);
+  int found = 0;
+  size_t next = 0;
   const auto there = [&] {
-    int found = 0;
-    for (const Line& line : lines_) found += line.text.find(text) != std::string::npos;
+    for (; next < lines_.size(); next++) found += lines_[next].text.find(text) != std::string::npos;
     return found >= count;
   };
   written_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return silent_ || there(); });

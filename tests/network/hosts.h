@@ -28,8 +28,8 @@ class Process {
 
   void signal(int number);  // to the whole group
   bool is_running();
-  // What it has written so far, both streams.
-  std::vector<Line> lines() const;
+  // What it has written so far, both streams, without so many lines at the beginning.
+  std::vector<Line> lines(size_t without = 0) const;
   std::string text() const;
   // Waits for a line that has `text` in it, as many times as `count`. False after so many seconds, or at its end.
   bool wait_for(const std::string& text, int count = 1, double seconds = 30) const;

@@ -21,7 +21,7 @@
 #include "view/views_json.h"
 
 namespace lf::test {
-namespace {
+namespace pipeline_test {
 
 using testing::HasSubstr;
 
@@ -361,5 +361,5 @@ TEST(ChessPipeline, GivesTheLibrarysPictures) {
   }
 }
 
-}  // namespace
+}  // namespace pipeline_test
 }  // namespace lf::test

@@ -16,7 +16,7 @@
 #include "view/views_json.h"
 
 namespace lf::test {
-namespace {
+namespace seek_test {
 
 constexpr int kFrames = 20, kRate = 10;
 constexpr GstClockTime kPeriod = GST_SECOND / kRate;
@@ -351,5 +351,5 @@ TEST(SeekRefused, WhereAnswersComeFromElsewhere) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
-}  // namespace
+}  // namespace seek_test
 }  // namespace lf::test

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace lf::serve {
-namespace {
+namespace seats_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -112,5 +112,5 @@ TEST_F(SeatsTest, TheQueueIsNotForOneAddressNorWithoutEnd) {
   EXPECT_EQ(last.place, 0u);
 }
 
-}  // namespace
+}  // namespace seats_test
 }  // namespace lf::serve

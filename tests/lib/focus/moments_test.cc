@@ -12,7 +12,7 @@
 #include "reference/generators.h"
 
 namespace lf {
-namespace {
+namespace moments_test {
 
 Moments of(double weight, double luma) {
   Moments moments;
@@ -168,6 +168,6 @@ TEST(TrialCost, EachNodeHasItsOwnLead) {
   EXPECT_EQ(std::vector<float>(best, best + 4), (std::vector<float>{4.5, 5, 5, kInfinity}));
 }
 
-}  // namespace
+}  // namespace moments_test
 
 }  // namespace lf

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace lf {
-namespace {
+namespace other_depths_test {
 
 constexpr int kColumns = 12, kRows = 8, kNodes = kColumns * kRows;
 constexpr double kApart = 0.1;  // 1/m: 25.5 levels of a range of 1/m
@@ -122,5 +122,5 @@ TEST(OtherDepths, MatchedBrightnessIsThatOfOtherDepthsAsWell) {
   EXPECT_LT(errors.surface, 10);
 }
 
-}  // namespace
+}  // namespace other_depths_test
 }  // namespace lf

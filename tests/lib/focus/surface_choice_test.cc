@@ -11,7 +11,7 @@
 #include "reference/generators.h"
 
 namespace lf {
-namespace {
+namespace surface_choice_test {
 
 constexpr int kColumns = 12, kRows = 10;
 
@@ -237,5 +237,5 @@ TEST(SurfaceChoice, IsThePlainOneWithEveryInstructionSet) {
   EXPECT_GT(changed, 10);
 }
 
-}  // namespace
+}  // namespace surface_choice_test
 }  // namespace lf

@@ -12,7 +12,7 @@
 #include "reference/hard_cases.h"
 
 namespace lf {
-namespace {
+namespace camera_weights_test {
 
 using reference::Random;
 
@@ -238,5 +238,5 @@ TEST(CameraWeights, OneTwoAndACameraThatIsThereTwice) {
   }
 }
 
-}  // namespace
+}  // namespace camera_weights_test
 }  // namespace lf

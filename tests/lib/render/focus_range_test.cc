@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace lf {
-namespace {
+namespace focus_range_test {
 
 Rig grid(int rows, int columns) {
   Rig rig;
@@ -68,5 +68,5 @@ TEST(FocusRange, NothingWithoutTextureOrASecondPosition) {
   EXPECT_FALSE(estimate_focus_range(one, grey(one)));
 }
 
-}  // namespace
+}  // namespace focus_range_test
 }  // namespace lf

@@ -13,7 +13,7 @@
 #include "view/navigator.h"
 
 namespace lf {
-namespace {
+namespace ring_arrays_test {
 
 constexpr int kWidth = 40, kHeight = 30;
 
@@ -94,5 +94,5 @@ TEST(RingArrays, NoPixelIsCountedTwiceOnACircle) {
   EXPECT_GT(owned, 4 * kWidth * kHeight);
 }
 
-}  // namespace
+}  // namespace ring_arrays_test
 }  // namespace lf

@@ -13,7 +13,7 @@
 #include "scene/scene.h"
 
 namespace lf {
-namespace {
+namespace synthetic_aperture_test {
 
 constexpr int kWidth = 160, kHeight = 120;
 constexpr double kFigure = 3, kFoliage = 1.2;  // metres
@@ -197,5 +197,5 @@ TEST(ByAngle, UnstructuredArraysGainOverTheirMesh) {
   EXPECT_GT(covered, 0.1);
 }
 
-}  // namespace
+}  // namespace synthetic_aperture_test
 }  // namespace lf

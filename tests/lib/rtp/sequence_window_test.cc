@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace lf::rtp {
-namespace {
+namespace sequence_window_test {
 
 using enum SequenceWindow::Verdict;
 
@@ -74,5 +74,5 @@ TEST(SequenceWindow, TheSameNumberAtAnotherTimeIsAnotherPacket) {
   EXPECT_EQ(window.lost(), 0u);
 }
 
-}  // namespace
+}  // namespace sequence_window_test
 }  // namespace lf::rtp

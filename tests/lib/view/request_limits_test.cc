@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace lf {
-namespace {
+namespace request_limits_test {
 
 constexpr uint64_t kSecond = 1'000'000'000;
 constexpr RequestCost kSmall{640, 480, 0, 2};
@@ -99,5 +99,5 @@ TEST(RequestGate, HoldsAViewToARateFromWhenItHasOne) {
   EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kRate);
 }
 
-}  // namespace
+}  // namespace request_limits_test
 }  // namespace lf

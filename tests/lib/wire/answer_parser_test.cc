@@ -13,7 +13,7 @@
 #include "wire/payload.h"
 
 namespace lf::wire {
-namespace {
+namespace answer_parser_test {
 
 constexpr size_t kTable = 72, kEntry = 20, kCodec = 12, kQuality = 13, kFlags = 14, kLength = 16;
 
@@ -152,5 +152,5 @@ TEST(AnswerParser, SurvivesRandomCorruption) {
   EXPECT_GT(damaged, 50);
 }
 
-}  // namespace
+}  // namespace answer_parser_test
 }  // namespace lf::wire

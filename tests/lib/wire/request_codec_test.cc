@@ -13,7 +13,7 @@
 #include "wire/limits.h"
 
 namespace lf::wire {
-namespace {
+namespace request_codec_test {
 
 // Written from spec.md, not by the encoder.
 const char kGolden[] =
@@ -443,5 +443,5 @@ TEST(RequestCodec, CostsAreThoseOfTheRequest) {
   EXPECT_EQ(peek_request_cost(encode_request(wide)), (RequestCost{640, 480, 12.5, 0}));
 }
 
-}  // namespace
+}  // namespace request_codec_test
 }  // namespace lf::wire
