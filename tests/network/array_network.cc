@@ -117,8 +117,13 @@ void ArrayNetwork::start_compositor() {
   pictures_.clear();
   const int requests = kViewerPort + (options_.link.empty() ? 0 : kBehindLink);
   start_link("compositor", kViewerPort, "127.0.0.1", requests);
-  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh", "--rig", file("rig.json"),
-                                      "--requests", std::to_string(requests)};
+  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh",
+                                      "--rig",
+                                      file("rig.json"),
+                                      "--requests",
+                                      std::to_string(requests),
+                                      "--latency",
+                                      std::to_string(options_.latency)};
   for (int i = 0; i < kNodes; i++)
     command.insert(command.end(), {"--node", network_.address("c" + std::to_string(i)) + ":" +
                                                  std::to_string(kRequestPort) + ":" + std::to_string(kAnswerPort + i)});

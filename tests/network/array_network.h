@@ -25,7 +25,13 @@ class ArrayNetwork {
 
   // What a host's script is told beside the necessary.
   struct Options {
-    int framerate = 15;
+    // Requests a second of each viewer, and milliseconds that answers may take: no more than eight programs on two
+    // processors keep up with.
+#ifdef __SANITIZE_ADDRESS__
+    int framerate = 3, latency = 600;
+#else
+    int framerate = 15, latency = 60;
+#endif
     bool surface = false;  // pictures are of what the compositors find, of eyes that stand still; else of planes
     std::string link;      // an element that requests and answers pass on their way from host to host
     std::vector<std::string> camera, compositor, viewer[kViewers];
