@@ -32,7 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-struct Options {
+struct AllArguments {
   std::string rig, lights, boards, colour, out, board, charuco;
   double bar = 0, record = 0;
   int page = -1;
@@ -40,7 +40,7 @@ struct Options {
 
 class Afternoon {
  public:
-  explicit Afternoon(const Options& o)
+  explicit Afternoon(const AllArguments& o)
       : o_(o),
         out_(o.out.empty() ? (fs::path(o.rig).parent_path() / "calibrated.json").string() : o.out),
         folder_(fs::path(out_).replace_extension().string()),
@@ -229,7 +229,7 @@ class Afternoon {
     return has_rig && verdict.grade != ReportVerdict::Grade::kBad ? 0 : 1;
   }
 
-  const Options& o_;
+  const AllArguments& o_;
   const std::string out_, folder_;
   Steps steps_;
   std::optional<std::string> colour_failure_;
@@ -238,7 +238,7 @@ class Afternoon {
 }  // namespace
 
 void add_all_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<AllArguments>();
   cli::App* command =
       app.add_subcommand("all",
                          "The afternoon in one command: lenses, lights, cameras, colours and a report, of recordings "

@@ -24,7 +24,7 @@ namespace {
 
 using nlohmann::json;
 
-struct Options {
+struct CheckArguments {
   std::string rig, recordings, tracks, monitor, token_file, json;
   double bar = 0;
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -53,7 +53,7 @@ lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
 }
 
 // At common instants: the cameras' clocks are found out anew, for a later recording may begin at any time.
-lf::Tracks tracks_of(const Options& o, const lf::Rig& rig) {
+lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
   std::optional<lf::LightSights> sights;
   if (o.tracks.empty()) {
     gst_init(nullptr, nullptr);
@@ -72,7 +72,7 @@ lf::Tracks tracks_of(const Options& o, const lf::Rig& rig) {
   return lf::solve_lights(*sights, {options}).tracks;
 }
 
-json check_tracks(const Options& o, const lf::Rig& rig) {
+json check_tracks(const CheckArguments& o, const lf::Rig& rig) {
   const lf::RigCheck check = lf::check_calibration(rig, tracks_of(o, rig));
   const std::vector<lf::Finding> findings = lf::diagnose_check(rig, check, o.bar);
   std::printf("%-8s %-16s %8s %12s %10s\n", "camera", "name", "sights", "residual px", "moved px");
@@ -83,7 +83,7 @@ json check_tracks(const Options& o, const lf::Rig& rig) {
   return json::parse(lf::check_report(rig, check, findings).dump());
 }
 
-int check(const Options& o) {
+int check(const CheckArguments& o) {
   const lf::Rig rig = lf::load_rig(o.rig);
   const json report = o.monitor.empty() ? check_tracks(o, rig) : check_monitor(rig, o.monitor, o.token_file);
   for (const json& finding : report["findings"])
@@ -106,7 +106,7 @@ int check(const Options& o) {
 }  // namespace
 
 void add_check_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<CheckArguments>();
   cli::App* command = app.add_subcommand(
       "check",
       "Whether a rig still holds, by a later recording of a moving light or by the monitor of lf-serve: which camera "

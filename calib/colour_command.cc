@@ -35,7 +35,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-struct Options {
+struct ColourArguments {
   std::string rig, recording, from = "auto", out, json;
   int frames = 24;
 };
@@ -119,7 +119,7 @@ struct Recording {
 };
 
 // Reads the cameras side by side and looks for the chart in each frame; frames for views are kept.
-Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& options) {
+Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArguments& options) {
   Recording out;
   const size_t n = rig.cameras.size();
   out.chart.cameras = n;
@@ -205,11 +205,6 @@ ordered_json to_json(const lf::ColourDifferences& d) {
   return {{"median", d.median}, {"p95", d.p95}, {"rms", d.rms}, {"pairs", d.pairs}};
 }
 
-const char* severity_of(const lf::Finding& finding) {
-  using Severity = lf::Finding::Severity;
-  return finding.severity == Severity::kError ? "error" : finding.severity == Severity::kWarning ? "warning" : "note";
-}
-
 ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
   ordered_json trials = ordered_json::array(), cameras = ordered_json::array(), findings = ordered_json::array();
   for (const auto& trial : solution.trials)
@@ -225,7 +220,7 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
                        {"stuck", camera.is_stuck}});
   }
   for (const lf::Finding& finding : solution.findings)
-    findings.push_back({{"severity", severity_of(finding)}, {"code", finding.code}, {"text", finding.text}});
+    findings.push_back({{"severity", name_of(finding.severity)}, {"code", finding.code}, {"text", finding.text}});
   return {{"format", "lightfield-colour-report"},
           {"version", 1},
           {"from", from},
@@ -244,13 +239,13 @@ void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::st
     std::printf("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
                 trial.terms == solution.terms ? "  <- chosen" : "");
   for (const lf::Finding& finding : solution.findings)
-    std::printf("%s: %s\n", severity_of(finding), finding.text.c_str());
+    std::printf("%s: %s\n", name_of(finding.severity), finding.text.c_str());
   std::printf("%zu of %zu cameras corrected\n",
               static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
               rig.cameras.size());
 }
 
-void measure(const Options& options) {
+void measure(const ColourArguments& options) {
   gst_init(nullptr, nullptr);
   nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
   lf::Rig rig = lf::load_rig(options.rig);
@@ -281,7 +276,7 @@ void measure(const Options& options) {
 }  // namespace
 
 void add_colour_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<ColourArguments>();
   cli::App* command = app.add_subcommand(
       "colour", "Black level, gain, colour matrix, gamma and vignetting of all cameras, so that they agree");
   command->add_option("RIG", o->rig, "Rig file")->required()->type_name("RIG");

@@ -26,7 +26,7 @@ namespace {
 using lf::IntrinsicsResult;
 using nlohmann::ordered_json;
 
-struct Options {
+struct IntrinsicsArguments {
   std::vector<std::string> images;
   std::string board, charuco, model = "auto", rig, out, json;
   double square = 1, marker = lf::CharucoBoard().marker;
@@ -79,7 +79,7 @@ void for_each_frame(const Video& video_source, const std::function<bool(const lf
         (video_source.waits ? "" : ": is it plugged in, and does no other program have it? lf-rig doctor looks"));
 }
 
-lf::Checkerboard parse_board(const Options& options) {
+lf::Checkerboard parse_board(const IntrinsicsArguments& options) {
   lf::Checkerboard board;
   board.square = options.square;
   char rest = 0;
@@ -95,7 +95,8 @@ struct Images {
   std::vector<std::string> without_board;
 };
 
-std::optional<lf::BoardView> find_board(const Options& options, const lf::Checkerboard& board, const lf::Image& image) {
+std::optional<lf::BoardView> find_board(const IntrinsicsArguments& options, const lf::Checkerboard& board,
+                                        const lf::Image& image) {
   if (!options.charuco.empty()) return lf::find_charuco(image, {board, options.charuco, options.marker});
   auto corners = lf::find_checkerboard(image, board);
   if (!corners) return std::nullopt;
@@ -113,7 +114,7 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
 }
 
 // Of a video or a live camera, views of a board that stands still for a moment, again and again.
-void watch(const Options& options, const lf::Checkerboard& board, const Video& video, Images& found) {
+void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, const Video& video, Images& found) {
   std::optional<lf::ViewChooser> chooser;
   int kept = 0, frame = 0;
   for_each_frame(video, [&](const lf::Image& image) {
@@ -131,7 +132,7 @@ void watch(const Options& options, const lf::Checkerboard& board, const Video& v
   if (kept == 0) found.without_board.push_back(video.name);
 }
 
-Images find_boards(const Options& options, const lf::Checkerboard& board) {
+Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& board) {
   Images found;
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
@@ -192,7 +193,7 @@ ordered_json report(const IntrinsicsResult& result, const Images& images) {
 }
 
 // A rig of this camera alone, or `--rig` with this camera's lens in it.
-void save(const Options& options, const IntrinsicsResult& result, const Images& images) {
+void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, const Images& images) {
   lf::Rig rig;
   nlohmann::json original = {{"cameras", nlohmann::json::array()}};
   if (options.rig.empty()) {
@@ -219,7 +220,7 @@ void save(const Options& options, const IntrinsicsResult& result, const Images& 
   lf::save_rig(rig, options.out, &original);
 }
 
-void calibrate(const Options& options) {
+void calibrate(const IntrinsicsArguments& options) {
   const lf::Checkerboard board = parse_board(options);
   lf::IntrinsicsOptions how;
   if (options.model != "auto") {
@@ -242,7 +243,7 @@ void calibrate(const Options& options) {
 }  // namespace
 
 void add_intrinsics_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<IntrinsicsArguments>();
   cli::App* command =
       app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
   command->add_option(

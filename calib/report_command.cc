@@ -16,12 +16,12 @@
 
 namespace {
 
-struct Options {
+struct ReportArguments {
   std::vector<std::string> files;
   std::string out = "report.html", title;
 };
 
-void write(const Options& o) {
+void write(const ReportArguments& o) {
   ReportData data;
   for (const std::string& file : o.files) data.add(lf::parse_json(lf::read_text_file(file), file), file);
   const ReportVerdict verdict = judge(data);
@@ -35,7 +35,7 @@ void write(const Options& o) {
 }  // namespace
 
 void add_report_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<ReportArguments>();
   cli::App* command = app.add_subcommand(
       "report", "One page of what the steps said: a verdict for each camera, plots, and what to do next");
   command->add_option("FILE", o->files, "What --json of track, solve, colour and check wrote, any of them")->required();

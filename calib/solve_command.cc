@@ -22,7 +22,7 @@ namespace {
 
 using nlohmann::json;
 
-struct Options {
+struct SolveArguments {
   std::string tracks, prior, out, json, distortion = "auto", distance;
   double first_pixel = 0;
   lf::PlacementOptions placement;
@@ -81,7 +81,7 @@ void print_clocks(const lf::LightSolution& lights) {
   if (reflections > 0) std::printf("reflections %zu sights left out\n", reflections);
 }
 
-void solve(const Options& o) {
+void solve(const SolveArguments& o) {
   lf::SolveOptions options;
   options.distortion = distortion_of(o.distortion);
   SolveProgress progress("solving", options);
@@ -141,7 +141,7 @@ void solve(const Options& o) {
 }  // namespace
 
 void add_solve_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<SolveArguments>();
   cli::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
   command
       ->add_option("--tracks", o->tracks, "Tracks (JSON) of track or features, or a folder of MultiCamSelfCal's files")

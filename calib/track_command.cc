@@ -20,7 +20,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Options {
+struct TrackArguments {
   std::string rig, recordings, out, json;
   bool bar = false;
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -49,7 +49,7 @@ ordered_json report(const lf::Rig& rig, const LightRecordings& recordings) {
   return {{"format", "lightfield-track-report"}, {"version", 1}, {"findings", findings}, {"cameras", cameras}};
 }
 
-void track(const Options& options) {
+void track(const TrackArguments& options) {
   gst_init(nullptr, nullptr);
   const lf::Rig rig = lf::load_rig(options.rig);
   const LightRecordings recordings = watch_lights(rig, options.recordings, options.bar, options.threads);
@@ -78,7 +78,7 @@ void track(const Options& options) {
 }  // namespace
 
 void add_track_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<TrackArguments>();
   cli::App* command =
       app.add_subcommand("track", "Sights of a light moved through the dark, or of two on a bar, in recordings");
   command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();

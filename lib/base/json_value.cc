@@ -18,7 +18,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kMaxDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
+constexpr int kMaxJsonDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
 
 std::string join(const std::string& place, const std::string& key) { return place.empty() ? key : place + "." + key; }
 std::string join(const std::string& place, size_t index) { return place + "[" + std::to_string(index) + "]"; }
@@ -110,7 +110,7 @@ json parse_json(const std::string& text, const std::string& name) {
   const auto at_place = [&] { return tracker.place().empty() ? "" : tracker.place() + ": "; };
   try {
     return json::parse(text, [&](int depth, json::parse_event_t event, json& parsed) {
-      if (depth > kMaxDepth) throw Error(name + ": " + at_place() + "nested too deeply");
+      if (depth > kMaxJsonDepth) throw Error(name + ": " + at_place() + "nested too deeply");
       tracker.follow(event, parsed);
       return true;
     });

@@ -18,7 +18,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr size_t kMaxDepth = 64;  // as in JSON files
+constexpr size_t kMaxYamlDepth = 64;  // as in JSON files
 
 json scalar(const std::string& text) {
   const char* begin = text.data();
@@ -84,7 +84,7 @@ class Builder : public YAML::EventHandler {
     return &((*level.value)[level.key] = std::move(value));
   }
   void open(const YAML::Mark& mark, json value) {
-    if (levels_.size() >= kMaxDepth) fail(mark, "nested too deeply");
+    if (levels_.size() >= kMaxYamlDepth) fail(mark, "nested too deeply");
     levels_.push_back({put(mark, std::move(value))});
   }
 

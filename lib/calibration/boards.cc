@@ -127,7 +127,7 @@ std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& bo
 
 namespace {
 
-constexpr double kStill = 0.003;  // of the image's width, from frame to frame: 1 pixel of 320
+constexpr double kStillBoard = 0.003;  // of the image's width, from frame to frame: 1 pixel of 320
 constexpr double kOther = 0.05;   // that the corners moved by on average
 
 // The mean distance of the corners that both show.
@@ -144,7 +144,7 @@ double distance(const BoardView& a, const BoardView& b) {
 }  // namespace
 
 bool ViewChooser::take(const BoardView& view) {
-  const bool still = distance(last_, view) < kStill * width_;
+  const bool still = distance(last_, view) < kStillBoard * width_;
   last_ = view;
   if (!still) return false;
   if (std::any_of(kept_.begin(), kept_.end(), [&](const auto& k) { return distance(k, view) < kOther * width_; }))

@@ -37,7 +37,7 @@ using Eigen::Vector2d;
 
 constexpr double kStep = 1.0 / 30;    // seconds between samples of a velocity
 constexpr double kFast = 3;           // times the median speed: more counts as that
-constexpr size_t kLeastSamples = 20;  // that two cameras have in common
+constexpr size_t kLeastClockSamples = 20;  // that two cameras have in common
 constexpr double kCorrelated = 0.5;   // of at most 2
 constexpr double kBest = 1e-4;        // of a variance, that is left where two motions are alike
 
@@ -95,7 +95,7 @@ double likelihood(const Motion& a, const Motion& b, int64_t lag) {
     aa += u * u.transpose(), bb += v * v.transpose(), ab += u * v.transpose();
     n++;
   }
-  if (n < kLeastSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
+  if (n < kLeastClockSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
   const Matrix2d squares = aa.inverse() * ab * bb.inverse() * ab.transpose();
   if (squares.trace() < kCorrelated) return 0;
   const double left = (Matrix2d::Identity() - squares).determinant();
@@ -135,31 +135,31 @@ size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std
 
 namespace {
 
-constexpr int kRounds = 5;
-constexpr double kRobust = 3;    // sigmas where a sample counts less
-constexpr double kWhole = 0.25;  // of a frame, that a step may differ from whole ones
-constexpr double kGain = 60;     // of the sum of squared errors in sigmas, that a step or a drift is worth
+constexpr int kClockRounds = 5;
+constexpr double kClockRobust = 3;    // sigmas where a sample counts less
+constexpr double kWholeFrame = 0.25;  // of a frame, that a step may differ from whole ones
+constexpr double kChangeGain = 60;     // of the sum of squared errors in sigmas, that a step or a drift is worth
 constexpr double kHint = 25;     // the same, of a step that is worth a try
 constexpr double kDriftSigmas = 6;
 constexpr size_t kLeastSide = 8;  // samples on both sides of a step
 
-struct Line {
+struct ClockLine {
   double value = 0, slope = 0;  // at `middle`
   double variance = 0, slope_variance = 0;
 };
 
 // Weighted least squares, reweighted; a slope only where asked for.
-Line fit_line(const std::vector<ClockSample>& samples, double middle, double scale, bool sloped) {
+ClockLine fit_line(const std::vector<ClockSample>& samples, double middle, double scale, bool sloped) {
   std::vector<double> values;
   for (const ClockSample& s : samples) values.push_back(s.seconds);
-  Line line;
+  ClockLine line;
   line.value = median(std::move(values));
-  for (int round = 0; round < kRounds; round++) {
+  for (int round = 0; round < kClockRounds; round++) {
     Matrix2d a = Matrix2d::Zero();
     Vector2d b = Vector2d::Zero();
     for (const ClockSample& s : samples) {
       const Vector2d by(1, sloped ? s.stamp - middle : 0);
-      const double sigma = scale * s.sigma, e = (s.seconds - line.value - line.slope * by.y()) / (kRobust * sigma);
+      const double sigma = scale * s.sigma, e = (s.seconds - line.value - line.slope * by.y()) / (kClockRobust * sigma);
       const double w = 1 / (sigma * sigma) / std::pow(1 + e * e, 2);
       a += w * by * by.transpose(), b += w * s.seconds * by;
     }
@@ -173,7 +173,7 @@ Line fit_line(const std::vector<ClockSample>& samples, double middle, double sca
 
 double error_of(const ClockSample& s, double value, double scale) {
   const double e = std::abs(s.seconds - value) / (scale * s.sigma);
-  return e < kRobust ? e * e : kRobust * (2 * e - kRobust);  // Huber
+  return e < kClockRobust ? e * e : kClockRobust * (2 * e - kClockRobust);  // Huber
 }
 
 // What samples are off by over what their sigmas say, in the median, after a running median took slow changes away.
@@ -217,12 +217,12 @@ size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t t
 // Splits samples [from, to) where that is worth most, then both sides.
 void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double frame_time,
                 std::vector<CameraClock::Step>& steps) {
-  const size_t at = best_split(samples, from, to, scale, kGain);
+  const size_t at = best_split(samples, from, to, scale, kChangeGain);
   if (at == 0) return;
   const double seconds = value_of(samples, at, to) - value_of(samples, from, at);
   const double frames = std::round(seconds / frame_time);
   find_steps(samples, from, at, scale, frame_time, steps);
-  if (frames != 0 && std::abs(seconds / frame_time - frames) < kWhole)
+  if (frames != 0 && std::abs(seconds / frame_time - frames) < kWholeFrame)
     steps.push_back({(samples[at - 1].stamp + samples[at].stamp) / 2, frames * frame_time, static_cast<int>(frames)});
   find_steps(samples, at, to, scale, frame_time, steps);
 }
@@ -245,7 +245,7 @@ double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, doubl
   if (frame_time > 0) find_steps(samples, 0, samples.size(), scale, frame_time, clock.steps);
   for (ClockSample& s : samples) s.seconds -= late(clock.steps, s.stamp);
   const double middle = (samples.front().stamp + samples.back().stamp) / 2;
-  Line line = fit_line(samples, middle, scale, true);
+  ClockLine line = fit_line(samples, middle, scale, true);
   if (std::abs(line.slope) < kDriftSigmas * std::sqrt(line.slope_variance / shown))
     line = fit_line(samples, middle, scale, false);
   clock.offset += line.value;

@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-constexpr size_t kLeastSamples = 12;                        // of a camera
+constexpr size_t kLeastColourSamples = 12;                        // of a camera
 constexpr size_t kFitSamples = 8000;                        // that terms are chosen by
 constexpr double kLeastBetter = 0.03, kLeastLevels = 0.05;  // of the held-out differences, for one more term
 constexpr double kStuck = 0.4;  // logarithm of light: a camera's exposure is another one from a half more on
@@ -25,9 +25,9 @@ std::string number(double value, int digits) { return format_text("%.*f", digits
 // The same patches on every machine: every fourth, but not in step with the rows of a chart.
 bool is_held_out(uint32_t patch) { return (patch * 2654435761u >> 16) % 4 == 0; }
 
-class Solver {
+class ColourSolver {
  public:
-  Solver(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options)
+  ColourSolver(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options)
       : rig_(rig), samples_(samples), options_(options) {
     for (uint32_t i = 0; i < samples.patches; i++) {
       held_out_.push_back(is_held_out(i));
@@ -77,10 +77,10 @@ class Solver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) {
       ColourSolution::Camera& camera = solution_.cameras[i];
       if (all[i] > 0) camera.clipped = static_cast<double>(clipped[i]) / static_cast<double>(all[i]);
-      enough_.push_back(camera.samples >= kLeastSamples);
+      enough_.push_back(camera.samples >= kLeastColourSamples);
       good += enough_.back();
       if (enough_.back()) continue;
-      if (all[i] >= kLeastSamples)
+      if (all[i] >= kLeastColourSamples)
         find(Finding::Severity::kWarning, brightest[i] < 20 ? "black-camera" : "clipped-camera",
              name_of(rig_.cameras[i]) +
                  (brightest[i] < 20 ? ": is black: is its lens covered, or its exposure far too short?"
@@ -232,7 +232,7 @@ class Solver {
 }  // namespace
 
 ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options) {
-  return Solver(rig, samples, options).run();
+  return ColourSolver(rig, samples, options).run();
 }
 
 }  // namespace lf

@@ -13,19 +13,19 @@
 namespace lf {
 namespace {
 
-constexpr int kRadius = 4, kWindow = (2 * kRadius + 1) * (2 * kRadius + 1);
-constexpr int kDepths = 64;
+constexpr int kRadius = 4, kPatchPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
+constexpr int kViewDepths = 64;
 constexpr size_t kSearched = 6;      // cameras that a distance is looked for with
 constexpr double kLeastTexture = 3;  // standard deviation of a window, levels: above the noise of cameras
 constexpr double kAgrees = 0.9;      // correlation of windows
 constexpr double kMostOff = 5;       // levels that pixels of windows differ by that agree, but for brightness
-constexpr size_t kLeastCameras = 3;
+constexpr size_t kLeastViewCameras = 3;
 constexpr size_t kReferences = 16;  // cameras whose images places are taken from
 constexpr int kAcross = 16;         // places along a row of such an image
 
 // A window of luma, of zero mean and unit length.
 struct Window {
-  std::array<float, kWindow> of;
+  std::array<float, kPatchPixels> of;
   double texture;  // standard deviation before, levels
 };
 
@@ -56,10 +56,10 @@ class Luma {
         squares += out.of[i] * out.of[i];
         i++;
       }
-    const float mean = sum / kWindow, variance = squares / kWindow - mean * mean;
+    const float mean = sum / kPatchPixels, variance = squares / kPatchPixels - mean * mean;
     if (!(variance > least * least)) return false;
     out.texture = std::sqrt(variance);
-    const float scale = 1 / std::sqrt(variance * kWindow);
+    const float scale = 1 / std::sqrt(variance * kPatchPixels);
     for (float& value : out.of) value = (value - mean) * scale;
     return true;
   }
@@ -177,9 +177,9 @@ class Sampler {
     const std::optional<Vec2> ray = rig_.cameras[reference].lens.unproject(pixel);
     if (!ray) return;
     const double first = 1 / farthest_, last = 1 / nearest_;
-    std::array<double, kDepths> like;
-    for (int k = 0; k < kDepths; k++) {
-      const Vec3 x = place(reference, *ray, first + (last - first) * k / (kDepths - 1));
+    std::array<double, kViewDepths> like;
+    for (int k = 0; k < kViewDepths; k++) {
+      const Vec3 x = place(reference, *ray, first + (last - first) * k / (kViewDepths - 1));
       double sum = 0;
       size_t count = 0;
       for (const CameraIndex other : near) {
@@ -195,12 +195,12 @@ class Sampler {
     if (like[static_cast<size_t>(best)] < kAgrees - 0.1) return;
     // Between the depths that were tried, where a parabola through three has its top.
     double k = best;
-    if (best > 0 && best + 1 < kDepths) {
+    if (best > 0 && best + 1 < kViewDepths) {
       const double a = like[static_cast<size_t>(best - 1)], b = like[static_cast<size_t>(best)],
                    c = like[static_cast<size_t>(best + 1)];
       if (const double bend = a - 2 * b + c; bend < -1e-9) k += std::clamp((a - c) / (2 * bend), -0.5, 0.5);
     }
-    add_patch(window, place(reference, *ray, first + (last - first) * k / (kDepths - 1)), samples);
+    add_patch(window, place(reference, *ray, first + (last - first) * k / (kViewDepths - 1)), samples);
   }
 
   void add_patch(const Window& window, const Vec3& x, ColourSamples& samples) {
@@ -216,7 +216,7 @@ class Sampler {
       sample->patch = samples.patches;
       seen.push_back(*sample);
     }
-    if (seen.size() < kLeastCameras) return;
+    if (seen.size() < kLeastViewCameras) return;
     samples.all.insert(samples.all.end(), seen.begin(), seen.end());
     samples.patches++;
   }

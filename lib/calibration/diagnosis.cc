@@ -22,7 +22,7 @@ constexpr double kSoftPosition = 0.1;            // of the distance of neighbour
 constexpr double kSoftRotation = 0.01;           // radians
 constexpr double kManyOutliers = 0.2;            // share of a camera's observations
 constexpr int kMostFrames = 5;                   // that a camera may be late or early
-constexpr double kContradiction = 4;             // sigmas of a batch's mean
+constexpr double kBatchContradiction = 4;             // sigmas of a batch's mean
 constexpr double kAgreement = 1.2;               // of halves of the tracks: below, it may be chance
 constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
 constexpr double kMoved = 0.04;                  // share of the tracks: fewer are mistakes
@@ -236,8 +236,8 @@ class Diagnosis {
         add(Severity::kNote, kCodes[k],
             format_text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
       const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
-      if (scene().measured(k) && std::abs(offset) > kContradiction * surprise &&
-          std::abs(offset) > kContradiction * after)
+      if (scene().measured(k) && std::abs(offset) > kBatchContradiction * surprise &&
+          std::abs(offset) > kBatchContradiction * after)
         add(Severity::kError, "prior-contradicted",
             format_text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows",
                         kNames[k], offset, std::abs(offset) / surprise));

@@ -9,8 +9,8 @@
 namespace lf {
 namespace {
 
-constexpr int kSamples = 200;
-constexpr int kRounds = 12;
+constexpr int kDisparitySamples = 200;
+constexpr int kDisparityRounds = 12;
 constexpr int kLeastCommon = 6;  // sights that two cameras must share
 
 double weight_of(double squared_error, double threshold) {
@@ -19,7 +19,7 @@ double weight_of(double squared_error, double threshold) {
 }
 
 // y = offset + slope t, for points of the plane.
-struct Line {
+struct DisparityLine {
   Vec2 offset{0, 0}, slope{0, 0};
   double score = 0;  // how many agree, softly
 };
@@ -30,7 +30,7 @@ struct LinePoint {
   double weight = 1;
 };
 
-double line_score(const std::vector<LinePoint>& points, const Line& line, double threshold) {
+double line_score(const std::vector<LinePoint>& points, const DisparityLine& line, double threshold) {
   double score = 0;
   for (const LinePoint& p : points) {
     const Vec2 e = p.y - line.offset - line.slope * p.t;
@@ -40,7 +40,7 @@ double line_score(const std::vector<LinePoint>& points, const Line& line, double
 }
 
 // Weighted least squares, reweighted from where `line` is.
-void refine_line(const std::vector<LinePoint>& points, double threshold, int rounds, Line& line) {
+void refine_line(const std::vector<LinePoint>& points, double threshold, int rounds, DisparityLine& line) {
   for (int round = 0; round < rounds; round++) {
     double s = 0, st = 0, stt = 0;
     Vec2 sy(0, 0), sty(0, 0);
@@ -57,13 +57,13 @@ void refine_line(const std::vector<LinePoint>& points, double threshold, int rou
   line.score = line_score(points, line, threshold);
 }
 
-Line fit_line(const std::vector<LinePoint>& points, double threshold, std::mt19937& random) {
-  Line best;
-  for (int sample = 0; sample < kSamples; sample++) {
+DisparityLine fit_line(const std::vector<LinePoint>& points, double threshold, std::mt19937& random) {
+  DisparityLine best;
+  for (int sample = 0; sample < kDisparitySamples; sample++) {
     const LinePoint& a = points[random() % points.size()];
     const LinePoint& b = points[random() % points.size()];
     if (a.t == b.t) continue;
-    Line line;
+    DisparityLine line;
     line.slope = (b.y - a.y) / (b.t - a.t);
     line.offset = a.y - line.slope * a.t;
     line.score = line_score(points, line, threshold);
@@ -87,7 +87,7 @@ class Factorisation {
 
   DisparityFactors run() {
     if (!start()) return factors_;
-    for (int round = 0; round < kRounds; round++) {
+    for (int round = 0; round < kDisparityRounds; round++) {
       for (size_t j = 0; j < by_column_.size(); j++) solve_column(j, round <= 1 || !factors_.columns[j].known);
       for (size_t i = 0; i < by_camera_.size(); i++) solve_camera(i, round <= 1);
     }
@@ -119,7 +119,7 @@ class Factorisation {
       if (i == reference || list.size() < kLeastCommon) continue;
       double score = 0;
       Vec2 origin(0, 0), along(0, 0);
-      for (int sample = 0; sample < kSamples; sample++) {
+      for (int sample = 0; sample < kDisparitySamples; sample++) {
         const Vec2 a = list[random_() % list.size()].second, b = list[random_() % list.size()].second;
         const double length = glm::length(b - a);
         if (!(length > threshold_)) continue;
@@ -155,7 +155,7 @@ class Factorisation {
       for (const auto& [column, y] : differences(i))
         if (t[column]) points.push_back({*t[column], y});
       if (points.size() < kLeastCommon) continue;
-      const Line line = fit_line(points, threshold_, random_);
+      const DisparityLine line = fit_line(points, threshold_, random_);
       if (line.score < std::max(4.0, 0.25 * static_cast<double>(points.size()))) continue;
       factors_.cameras[i].centre = -line.slope;
       factors_.cameras[i].turn = line.offset;
@@ -177,7 +177,7 @@ class Factorisation {
       column.known = false;
       if (sights.empty()) return;
       double best = 0;
-      for (int sample = 0; sample < kSamples; sample++) {
+      for (int sample = 0; sample < kDisparitySamples; sample++) {
         const ColumnSight& a = sights[random_() % sights.size()];
         const ColumnSight& b = sights[random_() % sights.size()];
         if (!known_[a.camera] || !known_[b.camera]) continue;
@@ -222,9 +222,9 @@ class Factorisation {
       if (column.known) points.push_back({column.disparity, s.uv - column.direction});
     }
     if (points.size() < kLeastCommon) return;
-    Line line{camera.turn, -camera.centre};
+    DisparityLine line{camera.turn, -camera.centre};
     if (search || !known_[i]) {
-      const Line found = fit_line(points, threshold_, random_);
+      const DisparityLine found = fit_line(points, threshold_, random_);
       if (!known_[i] || found.score > line_score(points, line, threshold_)) line = found;
     }
     refine_line(points, threshold_, 1, line);

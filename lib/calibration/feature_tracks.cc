@@ -15,7 +15,7 @@
 namespace lf {
 namespace {
 
-constexpr int kWindow = 15;            // pixels: larger ones straddle depths, smaller ones are noisier
+constexpr int kFlowWindow = 15;            // pixels: larger ones straddle depths, smaller ones are noisier
 constexpr int kLevels = 3;             // of the pyramid: halvings
 constexpr double kQuality = 0.01;      // of the best corner: what still counts as one
 constexpr double kSpacing = 6;         // pixels between corners
@@ -34,7 +34,7 @@ cv::Mat grey_of(const Image& image) {
 }
 
 // The camera nearest to the middle, then always the one farthest from those chosen.
-std::vector<size_t> spread(const Rig& rig, size_t count) {
+std::vector<size_t> cameras_far_apart(const Rig& rig, size_t count) {
   Vec3 middle(0, 0, 0);
   for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
   std::vector<size_t> chosen;
@@ -52,7 +52,7 @@ std::vector<size_t> spread(const Rig& rig, size_t count) {
 }
 
 // One corner of a reference image on its way through the others.
-struct Track {
+struct FeatureTrack {
   cv::Point2f start;
   std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera, where; the reference first
 
@@ -85,20 +85,20 @@ class Tracker {
       : rig_(rig), options_(options) {
     for (const Image& image : images) {
       Pyramid pyramid;
-      cv::buildOpticalFlowPyramid(grey_of(image), pyramid, {kWindow, kWindow}, kLevels, false);
+      cv::buildOpticalFlowPyramid(grey_of(image), pyramid, {kFlowWindow, kFlowWindow}, kLevels, false);
       pyramids_.push_back(std::move(pyramid));
       smooth_.emplace_back(image);
     }
   }
 
   // Corners of camera `reference`, away from places `taken`, followed into all other cameras, the nearest first.
-  std::vector<Track> follow(size_t reference, const std::vector<cv::Point2f>& taken) const {
+  std::vector<FeatureTrack> follow(size_t reference, const std::vector<cv::Point2f>& taken) const {
     const cv::Mat grey = pyramids_[reference][0];
     cv::Mat mask(grey.size(), CV_8U, cv::Scalar(255));
     for (const cv::Point2f& point : taken) cv::circle(mask, point, static_cast<int>(kSpacing), 0, cv::FILLED);
     std::vector<cv::Point2f> corners;
     cv::goodFeaturesToTrack(grey, corners, options_.features, kQuality, kSpacing, mask);
-    std::vector<Track> tracks;
+    std::vector<FeatureTrack> tracks;
     if (corners.empty()) return tracks;
     cv::cornerSubPix(grey, corners, {3, 3}, {-1, -1}, {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 1e-2});
     for (const cv::Point2f& corner : corners) tracks.push_back({corner, {{reference, corner}}});
@@ -111,18 +111,18 @@ class Tracker {
     std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return distance(a) < distance(b); });
     for (const size_t camera : order)
       if (camera != reference) follow_into(camera, tracks);
-    for (Track& track : tracks) refine(track);
-    std::erase_if(tracks, [&](const Track& track) {
+    for (FeatureTrack& track : tracks) refine(track);
+    std::erase_if(tracks, [&](const FeatureTrack& track) {
       return track.seen.size() < static_cast<size_t>(std::max(options_.least_cameras, 2));
     });
     return tracks;
   }
 
  private:
-  void follow_into(size_t camera, std::vector<Track>& tracks) const {
+  void follow_into(size_t camera, std::vector<FeatureTrack>& tracks) const {
     const size_t reference = tracks[0].seen[0].first;
     std::vector<cv::Point2f> start, there, back;
-    for (const Track& track : tracks) {
+    for (const FeatureTrack& track : tracks) {
       start.push_back(track.start);
       there.push_back(track.foretell(rig_, camera));
     }
@@ -133,7 +133,7 @@ class Tracker {
     std::vector<float> ignored;
     match(camera, reference, there, back, came_back, ignored);
     const cv::Mat& image = pyramids_[camera][0];
-    const cv::Rect inside(kWindow / 2, kWindow / 2, image.cols - kWindow + 1, image.rows - kWindow + 1);
+    const cv::Rect inside(kFlowWindow / 2, kFlowWindow / 2, image.cols - kFlowWindow + 1, image.rows - kFlowWindow + 1);
     std::vector<size_t> kept;
     std::vector<cv::Point2f> from, to;
     for (size_t i = 0; i < tracks.size(); i++) {
@@ -153,7 +153,7 @@ class Tracker {
 
   // Optical flow takes windows for shifted by the same everywhere: good to find a corner, a few tenths of a pixel off
   // where the surface is slanted or the lens bends.
-  void refine(Track& track) const {
+  void refine(FeatureTrack& track) const {
     const auto& [reference, start] = track.seen[0];
     const auto patch = Patch::cut(smooth_[reference], Vec2(start.x, start.y));
     std::vector<std::pair<size_t, cv::Point2f>> seen = {track.seen[0]};
@@ -168,8 +168,9 @@ class Tracker {
 
   void match(size_t from, size_t to, const std::vector<cv::Point2f>& start, std::vector<cv::Point2f>& end,
              std::vector<uint8_t>& found, std::vector<float>& difference) const {
-    cv::calcOpticalFlowPyrLK(pyramids_[from], pyramids_[to], start, end, found, difference, {kWindow, kWindow}, kLevels,
-                             {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-3}, cv::OPTFLOW_USE_INITIAL_FLOW);
+    cv::calcOpticalFlowPyrLK(pyramids_[from], pyramids_[to], start, end, found, difference, {kFlowWindow, kFlowWindow},
+                             kLevels, {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-3},
+                             cv::OPTFLOW_USE_INITIAL_FLOW);
   }
 
   const Rig& rig_;
@@ -188,9 +189,9 @@ Tracks track_features(const Rig& rig, const std::vector<Image>& images, const Fe
   tracks.ordered = false;
   for (const Camera& camera : rig.cameras) tracks.cameras.push_back({camera.id, camera.width, camera.height});
   std::vector<std::vector<cv::Point2f>> taken(rig.cameras.size());
-  for (const size_t reference : spread(rig, static_cast<size_t>(std::max(options.references, 1)))) {
+  for (const size_t reference : cameras_far_apart(rig, static_cast<size_t>(std::max(options.references, 1)))) {
     if (options.progress) options.progress("following corners of camera " + std::to_string(rig.cameras[reference].id));
-    for (const Track& track : tracker.follow(reference, taken[reference])) {
+    for (const FeatureTrack& track : tracker.follow(reference, taken[reference])) {
       for (const auto& [camera, point] : track.seen) {
         tracks.observations.push_back(
             {static_cast<uint32_t>(camera), static_cast<uint32_t>(tracks.num_positions), 0, Vec2(point.x, point.y)});

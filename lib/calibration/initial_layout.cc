@@ -71,8 +71,8 @@ void targets_from_poses(Reconstruction& scene, const Tracks& tracks, double thre
 
 namespace {
 
-constexpr int kLeastPoints = 6;
-constexpr int kSamples = 500;
+constexpr int kLeastPairPoints = 6;
+constexpr int kLayoutSamples = 500;
 constexpr double kLeastAgreeing = 0.4;  // of the points
 
 struct Middle {
@@ -108,7 +108,7 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
       places.push_back(scene.targets[o.position].point(o.light));
       sights.emplace_back(uv->x, uv->y);
     }
-    if (places.size() < kLeastPoints) continue;
+    if (places.size() < kLeastPairPoints) continue;
     // OpenCV takes points for one that are less than some 0.1 apart: around the origin, at unit distance.
     const auto [centre, size] = middle_of(places);
     if (!(size > 0)) continue;
@@ -121,14 +121,14 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
     std::vector<int> fit;
     const double reach = threshold / camera.lens_terms()[kF];
     try {
-      if (!cv::solvePnPRansac(points, sights, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, shift, false, kSamples,
-                              static_cast<float>(reach), 0.999, fit, cv::SOLVEPNP_SQPNP))
+      if (!cv::solvePnPRansac(points, sights, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, shift, false,
+                              kLayoutSamples, static_cast<float>(reach), 0.999, fit, cv::SOLVEPNP_SQPNP))
         continue;
     } catch (const cv::Exception&) {  // the points are nearly one
       continue;
     }
     if (static_cast<double>(fit.size()) <
-        std::max<double>(kLeastPoints, kLeastAgreeing * static_cast<double>(points.size())))
+        std::max<double>(kLeastPairPoints, kLeastAgreeing * static_cast<double>(points.size())))
       continue;
     cv::Rodrigues(turn, rotation);  // camera_from_world
     Mat3 r;
@@ -145,7 +145,7 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
 namespace {
 
 constexpr double kAgree = 0.1;  // radians between a pair and the average
-constexpr int kRounds = 20;
+constexpr int kLayoutRounds = 20;
 constexpr double kStraight = 0.05;   // radians: lines of sight that are farther off count less and less
 constexpr double kDegenerate = 0.3;  // of the next eigenvalue
 
@@ -199,7 +199,7 @@ std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, si
   std::vector<double> weight(lines.size(), 1);
   Eigen::VectorXd places;
   bool open = true;
-  for (int round = 0; round < kRounds; round++) {
+  for (int round = 0; round < kLayoutRounds; round++) {
     Eigen::MatrixXd m = Eigen::MatrixXd::Zero(3 * cameras, 3 * cameras);
     const auto across = [&](const LineOfSight& line) -> Eigen::Matrix3d {
       return weight[&line - lines.data()] * (Eigen::Matrix3d::Identity() - line.along * line.along.transpose());

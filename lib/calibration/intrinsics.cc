@@ -16,7 +16,7 @@ namespace {
 constexpr double kBadView = 3;
 constexpr size_t kLeastViews = 3;
 constexpr size_t kFolds = 4;     // views are held out a quarter at a time
-constexpr double kGain = 0.995;  // of the held-out error that a larger model has to reach
+constexpr double kModelGain = 0.995;  // of the held-out error that a larger model has to reach
 // Above these standard deviations a lens is not calibrated, however small the residuals are.
 constexpr double kMaxFocalDeviation = 0.01;   // of the focal length
 constexpr double kMaxCentreDeviation = 0.01;  // of the image's width
@@ -42,7 +42,7 @@ constexpr LensModel kLenses[] = {LensModel::kSimplePinhole, LensModel::kSimpleRa
 
 // Both must speak for the other model: BIC guards against chance, held-out views against what BIC takes for noise.
 bool is_better(const IntrinsicsResult::Model& a, const IntrinsicsResult::Model& than) {
-  return a.bic < than.bic && !(a.held_out_rms > kGain * than.held_out_rms);
+  return a.bic < than.bic && !(a.held_out_rms > kModelGain * than.held_out_rms);
 }
 
 std::vector<std::string> names_of(LensModel model) {

@@ -24,10 +24,10 @@ constexpr double kTooFar = 0.5;         // of that: it does not
 constexpr double kUsualShift = 0.05;    // of that distance, that arrays are off by
 constexpr double kUsualTurn = 0.0175;   // radians
 constexpr double kUsualCounts = 2;      // as so many cameras
-constexpr double kRobust = 3;           // sigmas where a camera counts less
+constexpr double kAlignmentRobust = 3;           // sigmas where a camera counts less
 constexpr double kClearlyBetter = 1.5;  // cameras that another order must make fit
-constexpr int kRounds = 12;
-constexpr int kSamples = 200;
+constexpr int kAlignmentRounds = 12;
+constexpr int kAlignmentSamples = 200;
 constexpr size_t kSample = 3;  // cameras that a similarity is tried of
 
 Eigen::Vector3d eigen(const Vec3& v) { return {v.x, v.y, v.z}; }
@@ -68,7 +68,7 @@ class LayoutFit {
   // Fits a similarity to cameras at `places`, robustly, from one that is about right.
   LayoutAlignment refine(Similarity start, std::vector<size_t> places) const {
     LayoutAlignment now{start, std::move(places), std::vector<char>(found_.size(), true), usual_shift_, kUsualTurn};
-    for (int round = 0; round < kRounds; round++) {
+    for (int round = 0; round < kAlignmentRounds; round++) {
       judge(now);
       step(now);
     }
@@ -92,7 +92,8 @@ class LayoutFit {
     LayoutAlignment best = refine(similarity_of(own, all()), own);
     double most = score(best);
     std::mt19937 random(1);
-    for (int n = 0; n < kSamples && most < 0.8 * static_cast<double>(found_.size()) && found_.size() > kSample; n++) {
+    const double enough = 0.8 * static_cast<double>(found_.size());
+    for (int n = 0; n < kAlignmentSamples && most < enough && found_.size() > kSample; n++) {
       std::vector<size_t> sample = all();
       std::shuffle(sample.begin(), sample.end(), random);
       sample.resize(kSample);
@@ -109,7 +110,7 @@ class LayoutFit {
   LayoutAlignment as_they_stand(const std::vector<size_t>& own) const {
     LayoutAlignment now{whole(own), own, {}, 0, 0};
     std::vector<size_t> before;
-    for (int round = 0; round < kRounds && before != now.place; round++) {
+    for (int round = 0; round < kAlignmentRounds && before != now.place; round++) {
       before = now.place;
       now.place = nearest_places(now.layout_from_scene, own);
       now = refine(now.layout_from_scene, std::move(now.place));
@@ -219,7 +220,7 @@ class LayoutFit {
     double sum = 0, fitting = 0;
     for (size_t i = 0; i < found_.size(); i++) {
       if (!a.fits[i]) continue;
-      const double e = off(s, i, a.place[i]) / (kRobust * a.position_sigma);
+      const double e = off(s, i, a.place[i]) / (kAlignmentRobust * a.position_sigma);
       weight[i] = 1 / std::pow(1 + e * e, 2);
       from += weight[i] * eigen(found_[i].position), to += weight[i] * eigen(layout_[a.place[i]].position);
       sum += weight[i], fitting++;
@@ -235,7 +236,7 @@ class LayoutFit {
       if (!a.fits[i]) continue;
       const Eigen::Vector3d p = eigen(found_[i].position) - from, q = eigen(layout_[a.place[i]].position) - to;
       centres += weight[i] * q * p.transpose(), squares += weight[i] * p.squaredNorm();
-      const double e = turn(s, i, a.place[i]) / (kRobust * a.turn_sigma);
+      const double e = turn(s, i, a.place[i]) / (kAlignmentRobust * a.turn_sigma);
       // Three axes, of which each turn moves two: a half each.
       looks += 0.5 / std::pow(1 + e * e, 2) * eigen(layout_[a.place[i]].rotation()) *
                eigen(found_[i].rotation()).transpose();

@@ -27,9 +27,9 @@ constexpr double kBusy = 0.05;             // share of a picture that no light f
 constexpr int kMostBlobs = 300;            // of a picture that is not busy
 constexpr int kSaturated = 250;            // of 255: video's white is not always its largest value
 constexpr double kSmallest = 0.6;          // pixels: sigma of the narrowest weight
-constexpr int kRounds = 25;                // the sizes of large images, whose edges are steep, settle slowly
-constexpr double kSettled = 2e-3;          // pixels
-constexpr double kWhole = 2.2;             // sigmas of an image that are in the picture on all sides
+constexpr int kImageRounds = 25;                // the sizes of large images, whose edges are steep, settle slowly
+constexpr double kImageSettled = 2e-3;          // pixels
+constexpr double kWholeImage = 2.2;             // sigmas of an image that are in the picture on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // of the third moment, that the centre is off by; sigmas that are no chance
 constexpr double kWander = 3;              // sigmas that the middle may move from where it was first
 // Pixels that images are off by which are not what they are taken for: any image, and one that is clipped all over.
@@ -192,7 +192,7 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
   LightMoments m;
   Matrix2d step = Matrix2d::Identity();
   bool settled = false;
-  for (int round = 0; round < kRounds && !settled; round++) {
+  for (int round = 0; round < kImageRounds && !settled; round++) {
     m = light_moments(blob.centre, blob.shape, width_, height_, sample);
     if (!(m.weight > 0)) return false;
     m.mean /= m.weight, m.spread /= m.weight;
@@ -206,11 +206,11 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
     if (!(wander.dot(blob.shape.inverse() * wander) < kWander * kWander)) return false;
     // A normal distribution under a weight of its own size has half its covariance.
     const Matrix2d shape = bounded(2 * (m.spread - m.mean * m.mean.transpose()));
-    settled = move.norm() < kSettled && (shape - blob.shape).norm() < 0.02 * shape.norm();
+    settled = move.norm() < kImageSettled && (shape - blob.shape).norm() < 0.02 * shape.norm();
     if (!settled) blob.shape = shape;
   }
   // What the picture's border cuts off would pull the rest inwards.
-  const double rx = kWhole * std::sqrt(blob.shape(0, 0)), ry = kWhole * std::sqrt(blob.shape(1, 1));
+  const double rx = kWholeImage * std::sqrt(blob.shape(0, 0)), ry = kWholeImage * std::sqrt(blob.shape(1, 1));
   if (blob.centre.x() < rx - 0.5 || blob.centre.y() < ry - 0.5 || blob.centre.x() > width_ - 0.5 - rx ||
       blob.centre.y() > height_ - 0.5 - ry)
     return false;

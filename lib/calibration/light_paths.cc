@@ -9,12 +9,12 @@
 namespace lf {
 namespace {
 
-constexpr double kReach = 10;         // pixels that a light may be off where it is expected
-constexpr double kFirstReach = 0.06;  // of the image's width: from the first place to the second
+constexpr double kPathReach = 10;         // pixels that a light may be off where it is expected
+constexpr double kFirstPathReach = 0.06;  // of the image's width: from the first place to the second
 constexpr double kTurn = 0.6;         // of the way from frame to frame: what a change of motion may add
 constexpr double kBrightness = 12;    // pixels that a brightness e times as large counts as
-constexpr double kStill = 4;          // pixels across that no moved light stays within
-constexpr size_t kLeastPoints = 4;
+constexpr double kStillLight = 4;          // pixels across that no moved light stays within
+constexpr size_t kLeastPathPoints = 4;
 constexpr size_t kLeastEven = 20;  // frames that show a rhythm
 constexpr double kJitter = 0.15;   // of the time of a frame
 
@@ -28,14 +28,14 @@ struct Open {
   }
   double reach(double width) const {
     const auto& p = path.points;
-    if (p.size() < 2) return std::max(kReach, kFirstReach * width);
-    return kReach + kTurn * glm::length(p.back().sight.pixel - p[p.size() - 2].sight.pixel);
+    if (p.size() < 2) return std::max(kPathReach, kFirstPathReach * width);
+    return kPathReach + kTurn * glm::length(p.back().sight.pixel - p[p.size() - 2].sight.pixel);
   }
 };
 
 void close(Open& open, std::vector<LightPath>& paths) {
   auto& points = open.path.points;
-  if (points.size() < kLeastPoints) return;
+  if (points.size() < kLeastPathPoints) return;
   std::vector<double> brightness;
   Vec2 least = points[0].sight.pixel, most = least;
   for (const LightPath::Point& point : points) {
@@ -43,7 +43,7 @@ void close(Open& open, std::vector<LightPath>& paths) {
     least = glm::min(least, point.sight.pixel), most = glm::max(most, point.sight.pixel);
   }
   open.path.brightness = median(std::move(brightness));
-  open.path.still = glm::length(most - least) < kStill;
+  open.path.still = glm::length(most - least) < kStillLight;
   paths.push_back(std::move(open.path));
 }
 

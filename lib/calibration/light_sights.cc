@@ -7,15 +7,13 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "calibration/tracks.h"
 #include "rig/rig.h"
 
 namespace lf {
 namespace {
 
 using nlohmann::json;
-
-constexpr char kFormat[] = "lightfield-tracks";
-constexpr int kVersion = 1;
 
 Sight parse_sight(const JsonValue& value, const LightSights::Camera& camera) {
   const std::vector<JsonValue> v = value.elements(4);
@@ -39,7 +37,7 @@ double rounded(double value, double steps) { return std::round(value * steps) / 
 std::optional<LightSights> parse_light_sights(const std::string& text, const std::string& name) {
   const json root = parse_json(text, name);
   const JsonValue file(root, name);
-  file.require_format(kFormat, kVersion);
+  file.require_format(kTracksFormat, kTracksVersion);
   if (file.find("positions")) return std::nullopt;
   LightSights sights;
   if (const auto bar = file.find("bar")) sights.bar = bar->flag();
@@ -64,8 +62,10 @@ std::optional<LightSights> parse_light_sights(const std::string& text, const std
 }
 
 std::string light_sights_to_json(const LightSights& sights) {
-  std::string text = "{\n \"format\": \"" + std::string(kFormat) + "\",\n \"version\": " + std::to_string(kVersion) +
-                     ",\n \"bar\": " + (sights.bar ? "true" : "false") + ",\n \"cameras\": [";
+  std::string text = "{\n \"format\": \"" + std::string(kTracksFormat) +
+                     "\",\n \"version\": " + std::to_string(kTracksVersion) +
+                     ",\n \"bar\": " + (sights.bar ? "true" : "false") +
+                     ",\n \"cameras\": [";
   const char* between = "\n";
   for (const LightSights::Camera& camera : sights.cameras) {
     text += between + std::string("  {\"id\": ") + std::to_string(camera.id) +

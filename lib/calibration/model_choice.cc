@@ -11,35 +11,35 @@ namespace lf {
 namespace {
 
 constexpr double kHeldOut = 0.1;  // share of the observations
-constexpr int kLeastSights = 4;   // of a target that gives one up
-constexpr double kRobust = 2;
-constexpr double kSettled = 0.05;  // change of sigma
+constexpr int kLeastTargetSights = 4;   // of a target that gives one up
+constexpr double kChoiceRobust = 2;
+constexpr double kChoiceSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
 
-struct Fit {
+struct ModelFit {
   Reconstruction scene;
   std::vector<double> lengths;
   double sigma;
 };
 
-Fit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
+ModelFit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
   const Inliers all(tracks.observations.size(), true);
-  options.robust = kRobust, options.tolerance = 3e-4;
+  options.robust = kChoiceRobust, options.tolerance = 3e-4;
   for (int round = 0; round < 2; round++) {
     options.max_iterations = round == 0 ? iterations / 2 : iterations;
     const double sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
-    if (round > 0 && std::abs(sigma / options.sigma - 1) < kSettled) break;
+    if (round > 0 && std::abs(sigma / options.sigma - 1) < kChoiceSettled) break;
     options.sigma = sigma;
     adjust(scene, tracks.observations, all, options);
   }
-  Fit fit{std::move(scene), {}, 0};
+  ModelFit fit{std::move(scene), {}, 0};
   fit.lengths = residual_lengths(fit.scene, tracks.observations);
   fit.sigma = std::max(1e-3, robust_sigma(fit.lengths));
   return fit;
 }
 
 // Sights that seem right, of targets that can do without one: at most one each.
-std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
+std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
   std::vector<int> sights(tracks.num_positions * 2);
   const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };
   const Inliers good = within(best.lengths, kOutlier, best.sigma);
@@ -51,17 +51,17 @@ std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
   std::vector<size_t> held;
   for (const size_t i : order) {
     if (held.size() >= most) break;
-    if (sights[light(i)] < kLeastSights) continue;
+    if (sights[light(i)] < kLeastTargetSights) continue;
     sights[light(i)]--;
     held.push_back(i);
   }
   return held;
 }
 
-double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options, const std::vector<size_t>& held) {
+double transfer(const ModelFit& fit, const Tracks& tracks, AdjustmentOptions options, const std::vector<size_t>& held) {
   Inliers use = within(fit.lengths, 2 * kOutlier, fit.sigma);
   for (const size_t i : held) use[i] = false;
-  options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
+  options.sigma = fit.sigma, options.robust = kChoiceRobust, options.max_iterations = 2, options.tolerance = 1e-3;
   Reconstruction scene = fit.scene;
   adjust(scene, tracks.observations, use, options);
   const auto lengths = residual_lengths(scene, tracks.observations);
@@ -88,7 +88,7 @@ struct Candidate {
 enum class Start { kPrevious, kScene };
 size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Candidate>& candidates, Start from,
               size_t num_observations, std::vector<ModelTrial>& trials) {
-  std::vector<Fit> fits;
+  std::vector<ModelFit> fits;
   for (const Candidate& candidate : candidates) {
     Reconstruction start = fits.empty() || from == Start::kScene ? scene : fits.back().scene;
     for (int k = kK1; k <= kK2; k++) {
@@ -98,8 +98,8 @@ size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Can
     }
     fits.push_back(fit_model(std::move(start), tracks, candidate.options, from == Start::kScene ? 20 : 6));
   }
-  const auto best =
-      std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.sigma < b.sigma; });
+  const auto best = std::min_element(fits.begin(), fits.end(),
+                                     [](const ModelFit& a, const ModelFit& b) { return a.sigma < b.sigma; });
   const std::vector<size_t> held = hold_out(tracks, *best);
   const size_t first = trials.size();
   size_t chosen = 0;

@@ -20,15 +20,15 @@ namespace {
 
 constexpr size_t kMostInstants = 400;    // more tell little more
 constexpr size_t kFirstInstants = 120;   // for a first layout
-constexpr int kMostRounds = 16;          // of clocks and geometry in turn
+constexpr int kMostClockRounds = 16;          // of clocks and geometry in turn
 constexpr int kMostModels = 3;           // of the lenses, that clocks are read with
-constexpr double kSettled = 5e-5;        // seconds
+constexpr double kClockSettled = 5e-5;        // seconds
 constexpr double kNearlySettled = 3e-3;  // seconds: what is off by more is no step yet
-constexpr double kWhole = 0.25;          // of a frame, that a step may differ from whole ones
-constexpr size_t kEnough = 12000;        // observations that clocks are read off in a round
-constexpr double kFirstReach = 8;        // pixels: a frame of time between cameras at first
+constexpr double kWholeStep = 0.25;          // of a frame, that a step may differ from whole ones
+constexpr size_t kEnoughForClocks = 12000;        // observations that clocks are read off in a round
+constexpr double kFirstLightReach = 8;        // pixels: a frame of time between cameras at first
 constexpr double kNearer = 0.7;          // from round to round
-constexpr double kReach = 1.5;           // pixels, or
+constexpr double kLightReach = 1.5;           // pixels, or
 constexpr double kReachSigmas = 6;       // of what is left of errors
 constexpr double kDrifted = 2e-3;        // seconds, from the beginning to the end
 constexpr double kLate = 0.1;            // seconds
@@ -81,12 +81,12 @@ class LightSolver {
     const Solution begun = solve_tracks(first, options_.solve);
     scene_ = begun.scene;
     model_ = begun.model;
-    double first_reach = kFirstReach;
+    double first_reach = kFirstLightReach;
     // Clocks that are only guessed hide what lenses do: where more of that shows with the clocks that come out, these
     // are read again, of lenses that are right.
     for (int turn = 0; turn < kMostModels; turn++) {
       double moved = 1;
-      for (int round = 0; round < kMostRounds && (moved > kSettled || first_reach > reach()); round++) {
+      for (int round = 0; round < kMostClockRounds && (moved > kClockSettled || first_reach > reach()); round++) {
         step("clocks: round " + std::to_string(round + 1));
         moved = read_clocks(std::max(reach(), first_reach));
         // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
@@ -111,7 +111,7 @@ class LightSolver {
   void step(const std::string& what) {
     if (options_.solve.progress) options_.solve.progress(what);
   }
-  double reach() const { return std::max(kReach, kReachSigmas * left_); }
+  double reach() const { return std::max(kLightReach, kReachSigmas * left_); }
 
   // No closer than the slowest camera's frames, so that each has a say of its own.
   void choose_instants(size_t reference) {
@@ -141,7 +141,7 @@ class LightSolver {
     candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
     size_t all = 0;
     for (const LightCandidates& list : candidates_) all += list.size();
-    if (const size_t n = all / kEnough; n > 1)
+    if (const size_t n = all / kEnoughForClocks; n > 1)
       for (size_t j = 0; j < candidates_.size(); j++)
         if (j % n != 0) candidates_[j].clear();
     const LightAssociation now = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach);
@@ -241,7 +241,7 @@ class LightSolver {
   bool add_step(size_t i, const ClockAdjustment::Camera& camera) {
     if (!std::isfinite(camera.step_at) || !(frame_times_[i] > 0)) return false;
     const double frames = std::round(camera.terms[2] / frame_times_[i]);
-    if (frames == 0 || std::abs(camera.terms[2] / frame_times_[i] - frames) > kWhole) return false;
+    if (frames == 0 || std::abs(camera.terms[2] / frame_times_[i] - frames) > kWholeStep) return false;
     std::vector<CameraClock::Step>& steps = result_.clocks[i].steps;
     steps.push_back({camera.step_at, frames * frame_times_[i], static_cast<int>(frames)});
     std::sort(steps.begin(), steps.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });

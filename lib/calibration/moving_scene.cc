@@ -12,27 +12,27 @@
 namespace lf {
 namespace {
 
-constexpr size_t kLeastSights = 5;  // of a track, two of whose numbers its place and its motion take
+constexpr size_t kLeastTrackSights = 5;  // of a track, two of whose numbers its place and its motion take
 constexpr double kMost = 30;        // sigmas that a residual counts as at most
 constexpr double kAlike = 0.7;      // share of a track's squared residuals that a motion must explain
 constexpr double kSure = 25;        // squared sigmas that it explains
 constexpr double kAlone = 0.5;      // share of the squared times that is one camera's: it is wrong, not late
 constexpr int kMostLeftOut = 4;
 
-struct Sight {
+struct MovingSight {
   Eigen::Index camera;
   Vec2 error;  // pixels
 };
-struct Track {
-  std::vector<Sight> sights;
+struct MovingTrack {
+  std::vector<MovingSight> sights;
   bool good = false;  // the solution relies on it
 };
 
-std::vector<Track> tracks_of(const Solution& solution, const Tracks& tracks) {
-  std::vector<Track> list;
+std::vector<MovingTrack> tracks_of(const Solution& solution, const Tracks& tracks) {
+  std::vector<MovingTrack> list;
   const double most = kMost * solution.sigma;
   for (const auto& sights : observations_of_positions(tracks)) {
-    Track track;
+    MovingTrack track;
     size_t good = 0;
     for (const uint32_t index : sights) {
       const Observation& o = tracks.observations[index];
@@ -46,18 +46,18 @@ std::vector<Track> tracks_of(const Solution& solution, const Tracks& tracks) {
       good += solution.inliers[index];
     }
     track.good = 2 * good > track.sights.size();
-    if (track.sights.size() >= kLeastSights) list.push_back(std::move(track));
+    if (track.sights.size() >= kLeastTrackSights) list.push_back(std::move(track));
   }
   return list;
 }
 
 // What the cameras' residuals have in common; nothing where each errs by itself.
-Eigen::VectorXd times_of(const std::vector<Track>& tracks, size_t cameras) {
+Eigen::VectorXd times_of(const std::vector<MovingTrack>& tracks, size_t cameras) {
   const auto n = static_cast<Eigen::Index>(cameras);
   Eigen::MatrixXd common = Eigen::MatrixXd::Zero(n, n);
-  for (const Track& track : tracks)
-    for (const Sight& a : track.sights)
-      for (const Sight& b : track.sights) common(a.camera, b.camera) += glm::dot(a.error, b.error);
+  for (const MovingTrack& track : tracks)
+    for (const MovingSight& a : track.sights)
+      for (const MovingSight& b : track.sights) common(a.camera, b.camera) += glm::dot(a.error, b.error);
   for (int left_out = 0; left_out <= kMostLeftOut; left_out++) {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(common);
     const Eigen::VectorXd times = eigen.eigenvectors().col(n - 1);
@@ -72,15 +72,15 @@ Eigen::VectorXd times_of(const std::vector<Track>& tracks, size_t cameras) {
 
 MovingScene find_motion(const Solution& solution, const Tracks& tracks) {
   MovingScene found;
-  const std::vector<Track> list = tracks_of(solution, tracks);
+  const std::vector<MovingTrack> list = tracks_of(solution, tracks);
   const Eigen::VectorXd times = times_of(list, tracks.cameras.size());
   if (list.empty() || times.size() == 0) return found;
   double moved = 0, good = 0, good_moved = 0, squares = 0, sights = 0;
   const double variance = solution.sigma * solution.sigma;
-  for (const Track& track : list) {
+  for (const MovingTrack& track : list) {
     Vec2 along(0, 0);
     double all = 0, weight = 0;
-    for (const Sight& s : track.sights) {
+    for (const MovingSight& s : track.sights) {
       along += s.error * times[s.camera];
       weight += times[s.camera] * times[s.camera], all += glm::dot(s.error, s.error);
     }

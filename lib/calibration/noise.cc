@@ -122,8 +122,8 @@ void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double
 
 namespace {
 
-constexpr double kReach = 3.8;          // sigmas of the track itself to an outlier
-constexpr size_t kLeastSights = 4;      // that tell a track's noise
+constexpr double kOutlierReach = 3.8;          // sigmas of the track itself to an outlier
+constexpr size_t kLeastNoiseSights = 4;      // that tell a track's noise
 constexpr double kPointParameters = 3;  // that a track's point takes of its residuals
 constexpr double kMedianCounts = 4;     // as so many residuals of x or y
 constexpr double kHopeless = 10;        // times the median: a track that tells nothing of itself
@@ -143,8 +143,8 @@ void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
     std::vector<double> own;
     for (const uint32_t i : positions[j])
       if (lengths[i] >= 0) own.push_back(lengths[i]);
-    if (own.size() < kLeastSights) continue;
-    const double reach = kReach * robust_sigma(own);
+    if (own.size() < kLeastNoiseSights) continue;
+    const double reach = kOutlierReach * robust_sigma(own);
     double sum = 0;
     for (const double l : own)
       if (l <= reach) sum += l * l, noise[j].freedom += 2;

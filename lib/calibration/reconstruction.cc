@@ -112,8 +112,8 @@ namespace {
 
 constexpr const char* kPoseTermNames[PosePrior::kNumTerms] = {"x", "y", "z", "rx", "ry", "rz"};
 constexpr std::array<double, PosePrior::kNumTerms> kLeast = {1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6};  // metres, radians
-constexpr double kContradiction = 5;  // sigmas: far beyond chance
-constexpr size_t kLeastCameras = 3;
+constexpr double kGroupContradiction = 5;  // sigmas: far beyond chance
+constexpr size_t kLeastGroupCameras = 3;
 
 struct Known {
   size_t camera;
@@ -193,18 +193,18 @@ PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const 
   PosePriorUse use;
   std::vector<Known> list = known_poses(scene, tracks, options);
   // One that is far off turns the frame, so that others seem wrong: one after the other.
-  while (list.size() >= kLeastCameras) {
+  while (list.size() >= kLeastGroupCameras) {
     const Similarity s = frame_of(scene, list);
     std::vector<double> sigmas;
     for (const Known& known : list)
       sigmas.push_back(
           contradiction(known, s(scene.cameras[known.camera].pose()), covariance_in_rig(uncertainty, known.camera, s)));
     const auto worst = std::max_element(sigmas.begin(), sigmas.end()) - sigmas.begin();
-    if (!(sigmas[worst] > kContradiction)) break;
+    if (!(sigmas[worst] > kGroupContradiction)) break;
     use.contradicted.push_back(list[worst].camera);
     list.erase(list.begin() + worst);
   }
-  if (list.size() < kLeastCameras) return use;
+  if (list.size() < kLeastGroupCameras) return use;
   const Similarity s = frame_of(scene, list);
   move_scene(scene, s, tracks.bar ? s.scale : 1);
   scene.pose_priors.assign(scene.cameras.size(), std::nullopt);

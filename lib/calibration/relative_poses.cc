@@ -93,11 +93,11 @@ std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Trac
 
 namespace {
 
-constexpr int kRounds = 30;
+constexpr int kPoseRounds = 30;
 constexpr double kClosed = 0.1;      // radians
 constexpr double kFirstScale = 0.3;  // radians: pairs that are farther off count less and less
 constexpr double kScale = 0.03;      // in the end
-constexpr double kSettled = 1e-9;    // radians
+constexpr double kPoseSettled = 1e-9;    // radians
 
 Vec3 turn_of(Quat q) {
   if (q.w < 0) q = -q;
@@ -178,7 +178,7 @@ std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vect
   // exp(step_a) R_a R_ab (exp(step_b) R_b)' = 1: to first order a Laplacian of the graph. The first camera is held.
   const auto n = static_cast<Eigen::Index>(num_cameras);
   double scale = kFirstScale;
-  for (int round = 0; round < kRounds; round++, scale = std::max(kScale, 0.7 * scale)) {
+  for (int round = 0; round < kPoseRounds; round++, scale = std::max(kScale, 0.7 * scale)) {
     Eigen::MatrixXd laplacian = Eigen::MatrixXd::Zero(n, n);
     Eigen::MatrixX3d right = Eigen::MatrixX3d::Zero(n, 3);
     for (const RelativeRotation& pair : pairs) {
@@ -198,7 +198,7 @@ std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vect
     if (!step.allFinite()) break;
     for (Eigen::Index i = 0; i < n; i++)
       if (auto& r = rotations[i]) r = glm::normalize(turned_by({step(i, 0), step(i, 1), step(i, 2)}) * *r);
-    if (scale == kScale && step.cwiseAbs().maxCoeff() < kSettled) break;
+    if (scale == kScale && step.cwiseAbs().maxCoeff() < kPoseSettled) break;
   }
   return rotations;
 }

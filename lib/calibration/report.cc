@@ -193,6 +193,8 @@ struct Figures {
   }
 };
 
+}  // namespace
+
 const char* name_of(Finding::Severity severity) {
   switch (severity) {
     case Finding::Severity::kNote: return "note";
@@ -201,8 +203,6 @@ const char* name_of(Finding::Severity severity) {
   }
   return "error";
 }
-
-}  // namespace
 
 ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                 const std::vector<Finding>& findings) {

@@ -57,6 +57,9 @@ struct Finding {
   std::string text;
 };
 
+// "note", "warning" or "error", as reports say it.
+const char* name_of(Finding::Severity severity);
+
 // {"format": "lightfield-calibration", ..., "mean_px", "median_px", "rms_px": over every observation of a light that
 // was found by a camera that was found; "expected_rms_px": what noise alone would leave; "observations": all given,
 // "unplaced": those of them without a residual; "outliers"; "inliers": {"mean_px", ...}; "model"; "models": trials;

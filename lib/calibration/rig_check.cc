@@ -16,13 +16,13 @@
 namespace lf {
 namespace {
 
-constexpr double kReach = 6;           // pixels within which sights agree on a place
+constexpr double kPlaceReach = 6;           // pixels within which sights agree on a place
 constexpr size_t kFewestSights = 12;   // by which a pose is placed: 24 numbers for 6
 constexpr double kStandsOut = 4;       // times what other cameras have moved by
 constexpr double kCertain = 5;         // sigmas
 constexpr double kLeastFocal = 2e-3;   // of 1
 constexpr double kBetterByLens = 0.8;  // of what is left without
-constexpr int kMostRounds = 8, kSteps = 25;
+constexpr int kMostCheckRounds = 8, kSteps = 25;
 constexpr int kPose = 6, kWithFocal = 7;
 
 // Where a camera sees the light that the others place.
@@ -43,7 +43,7 @@ std::optional<Vec2> projected(const Camera& camera, const Vec3& at, const Change
   return centre + (1 + change[6]) * (*pixel - centre);
 }
 
-struct Fit {
+struct ChangeFit {
   Change change = Change::Zero();
   Change sigma = Change::Zero();
   double left = 0;  // median of the residuals, pixels
@@ -60,8 +60,8 @@ double median_residual(const Camera& camera, const std::vector<Sighting>& sighti
 
 // The pose, and with `terms` = kWithFocal the focal length, under which the camera sees what it did: Gauss and Newton,
 // sights that are far off counting less (Cauchy), on a scale that follows what is left.
-Fit fit_change(const Camera& camera, const std::vector<Sighting>& sightings, int terms) {
-  Fit fit;
+ChangeFit fit_change(const Camera& camera, const std::vector<Sighting>& sightings, int terms) {
+  ChangeFit fit;
   using Information = Eigen::Matrix<double, kWithFocal, kWithFocal>;
   Information information;
   for (int step = 0; step < kSteps; step++) {
@@ -129,7 +129,7 @@ class Checker {
   }
 
   RigCheck run() {
-    for (int round = 0; round < kMostRounds; round++) {
+    for (int round = 0; round < kMostCheckRounds; round++) {
       place_lights();
       for (size_t i = 0; i < cameras_.size(); i++) judge(i);
       if (!leave_out_the_worst()) break;
@@ -142,7 +142,7 @@ class Checker {
     points_.assign(lists_.size(), std::nullopt);
     for (size_t j = 0; j < lists_.size(); j++) {
       // Two cameras always agree on something, nearly: it takes a third to tell.
-      if (const auto found = triangulate(states_, tracks_, lists_[j], kReach); found && found->agreement > 2)
+      if (const auto found = triangulate(states_, tracks_, lists_[j], kPlaceReach); found && found->agreement > 2)
         points_[j] = found->point;
     }
     sightings_.assign(cameras_.size(), {});
@@ -167,8 +167,8 @@ class Checker {
     if (seen.size() < kFewestSights) return;
     result.state = RigCheck::State::kHolds;
     result.residual_px = median_residual(cameras_[i], seen, Change::Zero());
-    Fit fit = fit_change(cameras_[i], seen, kPose);
-    const Fit with_focal = fit_change(cameras_[i], seen, kWithFocal);
+    ChangeFit fit = fit_change(cameras_[i], seen, kPose);
+    const ChangeFit with_focal = fit_change(cameras_[i], seen, kWithFocal);
     const double focal = std::abs(with_focal.change[6]);
     const bool lens =
         with_focal.left < kBetterByLens * fit.left && focal > kLeastFocal && focal > kCertain * with_focal.sigma[6];

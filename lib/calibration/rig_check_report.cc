@@ -62,10 +62,6 @@ std::string name_of(const Rig& rig, uint32_t id) {
   return "camera " + std::to_string(id) + (name.empty() ? "" : " (" + name + ")");
 }
 
-const char* name_of(Severity severity) {
-  return severity == Severity::kNote ? "note" : severity == Severity::kWarning ? "warning" : "error";
-}
-
 }  // namespace
 
 std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, double bar_length) {

@@ -15,13 +15,12 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDegrees = 180 / M_PI;
 constexpr double kOneWay = 0.8;     // length of the mean of the cameras' axes, from which they look about one way
 constexpr double kFlat = 0.1;       // of the array's extent: how far it may reach along an axis and count as nothing
 constexpr double kSoftPercent = 1;  // of depth, and of width beside height
 constexpr double kSoftTurn = 0.5;   // degrees
 constexpr double kSoftPlace = 0.1;  // of the distance of neighbours
-constexpr int kDepths = 12;
+constexpr int kModeDepths = 12;
 
 // The array's own axes, amid its cameras, in the solver's frame and scale.
 struct Frame {
@@ -107,7 +106,7 @@ class Modes {
     for (const Vec3& axis : {frame_.x, frame_.y}) {
       VectorXd w = nothing();
       for (const size_t i : used_) put(w, u_.camera_row[i], axis, 1 / n_);
-      most = std::max(most, u_.sigma_of(w) * kDegrees);
+      most = std::max(most, glm::degrees(u_.sigma_of(w)));
     }
     add("gaze", most, "degrees", kSoftTurn,
         format_text(
@@ -127,7 +126,7 @@ class Modes {
       }
       VectorXd w = nothing();
       for (const size_t i : used_) put(w, u_.camera_row[i], about, widest * along(i, across) / squares);
-      most = std::max(most, u_.sigma_of(w) * kDegrees);
+      most = std::max(most, glm::degrees(u_.sigma_of(w)));
     }
     if (most > 0)
       add("toe-in", most, "degrees", kSoftTurn,
@@ -172,7 +171,7 @@ class Modes {
       place += u_.covariance.diagonal().segment(u_.camera_row[i] + 3, 3).sum() / n_;
       turn += u_.covariance.diagonal().segment(u_.camera_row[i], 3).sum() / n_;
     }
-    const double mm = 1e3 * scale_ * std::sqrt(place), degrees = kDegrees * std::sqrt(turn);
+    const double mm = 1e3 * scale_ * std::sqrt(place), degrees = glm::degrees(std::sqrt(turn));
     add("places", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
         format_text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
     add("directions", degrees, "degrees", kSoftTurn,
@@ -284,8 +283,8 @@ std::vector<ProjectionError> projection_errors(const Solution& solution, const P
   const LightRange range = light_range(solution, placement);
   std::vector<ProjectionError> errors;
   if (!frame.one_way || !(range.near > 0)) return errors;
-  for (int d = 0; d < kDepths; d++) {
-    const double share = d / (kDepths - 1.0);
+  for (int d = 0; d < kModeDepths; d++) {
+    const double share = d / (kModeDepths - 1.0);
     ProjectionError error;
     error.depth = range.near / 2 * std::pow(4 * range.far / range.near, share);
     std::vector<double> cameras;

@@ -18,12 +18,12 @@ namespace lf {
 namespace {
 
 constexpr double kLeastSigma = 1e-3;  // pixels; no light is measured better, and exact data must not divide by zero
-constexpr double kRobust = 2;         // sigmas where the Cauchy loss bends
+constexpr double kSolveRobust = 2;         // sigmas where the Cauchy loss bends
 constexpr double kFits = 4;           // pixels: a first layout that is as near is right
 constexpr double kGoodFit = 0.5;      // share of the observations
 constexpr double kCoarse = 8;         // pixels: how far off sights may be in a first layout
-constexpr double kSettled = 0.05;     // change of sigma
-constexpr size_t kEnough = 4000;      // observations to begin with
+constexpr double kSolveSettled = 0.05;     // change of sigma
+constexpr size_t kEnoughToBegin = 4000;      // observations to begin with
 constexpr size_t kEnoughPositions = 50;
 
 struct PairLayout {
@@ -33,15 +33,15 @@ struct PairLayout {
 constexpr PairLayout kPairLayouts[] = {{"averaged pairs", layout_from_averages}, {"a pair", layout_from_a_pair}};
 
 // Every nth position: poses, and the choice of a lens model, need not look at all of very many.
-Tracks sample_of(Tracks tracks, size_t enough = kEnough) {
+Tracks sample_of(Tracks tracks, size_t enough = kEnoughToBegin) {
   const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kEnoughPositions);
   if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   return tracks;
 }
 
-class Solver {
+class RigSolver {
  public:
-  Solver(const Tracks& tracks, const SolveOptions& options)
+  RigSolver(const Tracks& tracks, const SolveOptions& options)
       : tracks_(tracks), options_(options), sample_(sample_of(tracks)) {
     solution_.scene = make_scene(tracks, options);
   }
@@ -153,12 +153,12 @@ class Solver {
   void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
     AdjustmentOptions o = solution_.model;
     o.free = free;
-    o.robust = kRobust;
+    o.robust = kSolveRobust;
     o.max_iterations = iterations;
     o.tolerance = 1e-3;
     for (int round = 0; round < rounds; round++) {
       const double sigma = sigma_of(tracks);
-      if (round > 0 && std::abs(sigma / o.sigma - 1) < kSettled) break;
+      if (round > 0 && std::abs(sigma / o.sigma - 1) < kSolveSettled) break;
       o.sigma = sigma;
       adjust(scene(), tracks.observations, Inliers(tracks.observations.size(), true), o);
     }
@@ -288,7 +288,7 @@ class Solver {
     finish();
     if (may_be_alike()) {
       const auto shared = solution_.model.shared;
-      choose_alike(scene(), sample_of(tracks_, 3 * kEnough), solution_.model, solution_.trials);
+      choose_alike(scene(), sample_of(tracks_, 3 * kEnoughToBegin), solution_.model, solution_.trials);
       if (solution_.model.shared != shared) finish();
     }
     estimate_track_noise(scene(), tracks_);
@@ -348,6 +348,6 @@ std::string DistortionModel::name() const {
          (shared && !tangential ? ", alike" : ", per camera");
 }
 
-Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { return Solver(tracks, options).run(); }
+Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { return RigSolver(tracks, options).run(); }
 
 }  // namespace lf

@@ -58,9 +58,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr char kFormat[] = "lightfield-tracks";
-constexpr int kVersion = 1;
-
 bool flag(const JsonValue& file, const json& root, const char* key, bool otherwise) {
   const auto value = file.find(key);
   if (!value) return otherwise;
@@ -75,7 +72,7 @@ Tracks load_tracks(const std::string& path) { return parse_tracks(read_text_file
 Tracks parse_tracks(const std::string& text, const std::string& name) {
   const json root = parse_json(text, name);
   const JsonValue file(root, name);
-  file.require_format(kFormat, kVersion);
+  file.require_format(kTracksFormat, kTracksVersion);
   Tracks tracks;
   tracks.bar = flag(file, root, "bar", false);
   tracks.ordered = flag(file, root, "ordered", true);
@@ -116,7 +113,8 @@ std::string tracks_to_json(const Tracks& tracks) {
   json cameras = json::array();
   for (const Tracks::Camera& c : tracks.cameras)
     cameras.push_back({{"id", c.id}, {"width", c.width}, {"height", c.height}});
-  std::string text = "{\n \"format\": \"" + std::string(kFormat) + "\",\n \"version\": " + std::to_string(kVersion) +
+  std::string text = "{\n \"format\": \"" + std::string(kTracksFormat) +
+                     "\",\n \"version\": " + std::to_string(kTracksVersion) +
                      ",\n \"bar\": " + (tracks.bar ? "true" : "false") +
                      ",\n \"ordered\": " + (tracks.ordered ? "true" : "false") + ",\n \"cameras\": " + cameras.dump() +
                      ",\n \"positions\": [\n";

@@ -38,6 +38,10 @@ struct Tracks {
 // finite or far outside of its image, a camera's id or an observation comes twice.
 void check_tracks(const Tracks& tracks, const std::string& name);
 
+// What files of tracks, and of lights (light_sights.h), begin with.
+inline constexpr char kTracksFormat[] = "lightfield-tracks";
+inline constexpr int kTracksVersion = 1;
+
 // {"format": "lightfield-tracks", "version": 1, "bar": false, "ordered": true,
 //  "cameras": [{"id": 0, "width": 320, "height": 240}, ...],
 //  "positions": [{"observations": [[camera id, x, y], ...]}, ...]}

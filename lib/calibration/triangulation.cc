@@ -7,8 +7,8 @@
 namespace lf {
 namespace {
 
-constexpr int kSamples = 30;
-constexpr int kRounds = 6;
+constexpr int kPointSamples = 30;
+constexpr int kPointRounds = 6;
 
 struct Ray {
   const CameraState* camera;
@@ -47,7 +47,7 @@ double agreement(const std::vector<Ray>& rays, const Vec3& point, double thresho
 
 // The point nearest to all rays in angle, reweighted: what is far off counts nothing.
 Vec3 refine(const std::vector<Ray>& rays, Vec3 point, double threshold) {
-  for (int round = 0; round < kRounds; round++) {
+  for (int round = 0; round < kPointRounds; round++) {
     Mat3 a(0.0);
     Vec3 b(0.0);
     for (const Ray& ray : rays) {
@@ -102,11 +102,11 @@ std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras,
     const double score = agreement(rays, *point, threshold);
     if (score > best.agreement) best = {*point, score};
   };
-  if (pairs <= kSamples)
+  if (pairs <= kPointSamples)
     for (size_t i = 0; i < rays.size(); i++)
       for (size_t j = 0; j < i; j++) attempt(i, j);
   else
-    for (int sample = 0; sample < kSamples; sample++) {
+    for (int sample = 0; sample < kPointSamples; sample++) {
       const size_t i = random() % rays.size(), j = random() % rays.size();
       if (i != j) attempt(i, j);
     }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kNearestMeant = 0.3;  // of the focus distance
 constexpr double kAround = 1.5;        // the second stage: by which factor nearer and farther
-constexpr int kPlanes = static_cast<int>(kMaxTrials) - 1;
+constexpr int kSweptPlanes = static_cast<int>(kMaxTrials) - 1;
 constexpr double kFarFocus = 3;  // so much farther than it reaches, a focus says nothing of what is near
 constexpr double kInside = 0.9;  // of that factor
 constexpr double kFarthestApart = FocalMap::kFinestStep / 2.0;  // pixels
@@ -65,13 +65,13 @@ void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<doub
   }
   view.focus.map = std::make_shared<FocalMap>(plane_map(view, from, nearest, farthest));
   request.trials = {{Trial::Kind::kBlurred, 0}};
-  for (int k = 0; k < kPlanes; k++)
-    request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kPlanes)});
+  for (int k = 0; k < kSweptPlanes; k++)
+    request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kSweptPlanes)});
 }
 
 double sweep_reach(const Rig& rig, const View& view) {
   const double pixels = FocusArray(rig).spacing() * view.lens.fx();  // that move from camera to camera for each 1/m
-  return pixels > 0 ? kPlanes * kFarthestApart / pixels : 0;
+  return pixels > 0 ? kSweptPlanes * kFarthestApart / pixels : 0;
 }
 
 bool is_inside_sweep(double distance, double found) {

@@ -12,7 +12,7 @@
 namespace lf {
 namespace {
 
-constexpr size_t kPlanes = kMaxTrials - 2;  // of a sweep's request, beside the surface and the viewer's plane
+constexpr size_t kPlanesOfSweep = kMaxTrials - 2;  // of a sweep's request, beside the surface and the viewer's plane
 
 // Planes of a search: as far apart as trials, which average over 4 x 4 pixels, can miss nothing between; for what is
 // near, and so seen large, farther apart.
@@ -32,7 +32,7 @@ constexpr double kSmallest = 1;
 
 // Planes at these levels in as many requests as they need, each with planes from all over.
 std::deque<std::vector<Trial>> requests_of(const std::vector<int16_t>& levels) {
-  const size_t requests = (levels.size() + kPlanes - 1) / kPlanes;
+  const size_t requests = (levels.size() + kPlanesOfSweep - 1) / kPlanesOfSweep;
   std::deque<std::vector<Trial>> out(requests, {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kFocused, 0}});
   for (size_t i = 0; i < levels.size(); i++) out[i % requests].push_back({Trial::Kind::kPlane, levels[i]});
   return out;
@@ -72,7 +72,7 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
   // What is in focus moves by a node's side from one to the next.
-  others_ = OtherDepths(spacing_ > 0 ? map->step / (spacing_ * view.lens.fx()) : range.nearest / kPlanes);
+  others_ = OtherDepths(spacing_ > 0 ? map->step / (spacing_ * view.lens.fx()) : range.nearest / kPlanesOfSweep);
   settling_ = kSettling;
   if (is_automatic())
     search(*map);
@@ -92,11 +92,11 @@ void FocusControl::search(const FocalMap& map) {
   lost_ = 0;
   votes_.clear();
   others_.clear();
-  const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanes * kSearchStep / reach_;
+  const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanesOfSweep * kSearchStep / reach_;
   std::vector<int16_t> levels;
   for (double at = map.farthest * pixels; at <= map.nearest * pixels; at += std::max(kSearchStep, kSearchPart * at))
     levels.push_back(map.level_of(at / pixels));
-  if (levels.size() > kMostSweeps * kPlanes) levels.resize(kMostSweeps * kPlanes);
+  if (levels.size() > kMostSweeps * kPlanesOfSweep) levels.resize(kMostSweeps * kPlanesOfSweep);
   sweeps_ = requests_of(levels);
   unanswered_ = static_cast<int>(sweeps_.size());
 }
@@ -138,7 +138,7 @@ void FocusControl::sweep(const FocalMap& map) {
   }
   const double pixels = disparity_ > 0 ? (scene.last - scene.first) * per_level * disparity_ : 0;
   const auto count =
-      static_cast<int>(std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanes, static_cast<double>(2 * kPlanes)));
+      static_cast<int>(std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanesOfSweep, 2.0 * kPlanesOfSweep));
   std::vector<int16_t> levels;
   for (int k = 0; k < count; k++)
     levels.push_back(static_cast<int16_t>(scene.first + (scene.last - scene.first) * k / (count - 1)));

@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kNeighbours = 4;
 constexpr int kBlock = 12, kStep = 2;  // pixels: side of a block, distance of its samples
-constexpr int kPlanes = 96;
+constexpr int kTriedPlanes = 96;
 constexpr double kLargestDisparity = 0.25;  // of the image's width, between the two farthest of the cameras used
 constexpr double kLeastTexture = 8;         // mean absolute deviation of a block's luma, 0..255
 constexpr double kDistinct = 0.5;           // the best plane's difference, of the middle one's
@@ -91,8 +91,8 @@ std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImage
   // Equal steps of disparity.
   const double baseline = glm::length(rig.cameras[around.back()].pose.position - camera.pose.position);
   std::vector<double> distances;
-  for (int k = 1; k <= kPlanes; k++)
-    distances.push_back(camera.lens.fx() * baseline / (k * kLargestDisparity * camera.width / kPlanes));
+  for (int k = 1; k <= kTriedPlanes; k++)
+    distances.push_back(camera.lens.fx() * baseline / (k * kLargestDisparity * camera.width / kTriedPlanes));
 
   // Mean difference to the neighbours that see the point; infinite where too few samples are seen at all.
   const auto difference = [&](const std::vector<Sample>& samples, double distance) {
@@ -122,8 +122,8 @@ std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImage
       for (const double distance : distances) differences.push_back(difference(samples, distance));
       const auto best = std::min_element(differences.begin(), differences.end());
       const double least = *best, best_distance = distances[best - differences.begin()];
-      std::nth_element(differences.begin(), differences.begin() + kPlanes / 2, differences.end());
-      if (least < kDistinct * differences[kPlanes / 2]) found.push_back(best_distance);
+      std::nth_element(differences.begin(), differences.begin() + kTriedPlanes / 2, differences.end());
+      if (least < kDistinct * differences[kTriedPlanes / 2]) found.push_back(best_distance);
     }
   if (found.size() < kLeastBlocks) return std::nullopt;
   std::sort(found.begin(), found.end());

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kPixelCentre = 0.5;           // where COLMAP has the centre of the top-left pixel
+constexpr double kColmapPixelCentre = 0.5;           // where COLMAP has the centre of the top-left pixel
 constexpr uint32_t kMaxColmapId = 2147483646;  // COLMAP's database checks id < 2147483647
 
 // The lens as it is in the model: its parameters are COLMAP's but for where pixels have their centre.
@@ -29,8 +29,8 @@ Lens lens_of(const ColmapCamera& camera) {
   if (!model) throw Error("no lens of ours equals its " + camera.model + " without loss");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
-  params[camera.num_focal] -= kPixelCentre;
-  params[camera.num_focal + 1] -= kPixelCentre;
+  params[camera.num_focal] -= kColmapPixelCentre;
+  params[camera.num_focal + 1] -= kColmapPixelCentre;
   return Lens(*model, params);
 }
 
@@ -38,7 +38,7 @@ Lens undistorted_lens(const ColmapCamera& camera, int width, int height) {
   const double fx = camera.params[0], fy = camera.params[camera.num_focal - 1];
   const double cx = camera.params[camera.num_focal] * width / camera.width;
   const double cy = camera.params[camera.num_focal + 1] * height / camera.height;
-  return Lens(LensModel::kPinhole, {fx, fy, cx - kPixelCentre, cy - kPixelCentre});
+  return Lens(LensModel::kPinhole, {fx, fy, cx - kColmapPixelCentre, cy - kColmapPixelCentre});
 }
 
 Pose pose_of(const ColmapImage& image) {
@@ -149,8 +149,8 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
                     camera.height,
                     {lens.params().begin(), lens.params().begin() + lens.num_params()},
                     num_focal};
-    to.params[num_focal] += kPixelCentre;
-    to.params[num_focal + 1] += kPixelCentre;
+    to.params[num_focal] += kColmapPixelCentre;
+    to.params[num_focal + 1] += kColmapPixelCentre;
     cameras.emplace(camera.id, to);
     const Quat q = glm::conjugate(glm::normalize(camera.pose.orientation));
     images.push_back({camera.id, camera.id, q, -(glm::mat3_cast(q) * camera.pose.position), name});

@@ -31,7 +31,7 @@ void require(const JsonValue& value, std::initializer_list<std::string> known) {
   value.fail("no lens of ours equals \"" + text + "\"");
 }
 
-Lens parse_own_lens(const JsonValue& camera) {
+Lens parse_kalibr_lens(const JsonValue& camera) {
   require(camera.at("camera_model"), {"pinhole"});
   const JsonValue model = camera.at("distortion_model");
   require(model, {"radtan", "none"});
@@ -51,7 +51,7 @@ Lens parse_own_lens(const JsonValue& camera) {
   }
 }
 
-Rig parse(const std::string& text, const std::string& path) {
+Rig parse_kalibr(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   Rig rig;
@@ -60,7 +60,7 @@ Rig parse(const std::string& text, const std::string& path) {
     if (rig.cameras.size() >= kMaxCameras) file.fail("at most " + std::to_string(kMaxCameras) + " cameras");
     Camera camera;
     camera.id = static_cast<uint32_t>(rig.cameras.size());
-    camera.lens = parse_own_lens(*value);
+    camera.lens = parse_kalibr_lens(*value);
     const std::vector<JsonValue> size = value->at("resolution").elements(2);
     camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
     camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
@@ -83,7 +83,7 @@ std::string list(std::initializer_list<double> values) {
   return text + "]";
 }
 
-std::string text_of(const Rig& rig) {
+std::string kalibr_text(const Rig& rig) {
   std::string text;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const Camera& camera = rig.cameras[i];
@@ -114,11 +114,11 @@ std::string text_of(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_kalibr(const std::string& path) { return {parse(read_text_file(path), path), {}}; }
+RigImport import_kalibr(const std::string& path) { return {parse_kalibr(read_text_file(path), path), {}}; }
 
 RigExport export_kalibr(const Rig& rig, const std::string& path) {
-  const std::string text = text_of(rig);
-  const RigExport result = describe_export(rig, parse(text, path), {.images = false, .ids = false});
+  const std::string text = kalibr_text(rig);
+  const RigExport result = describe_export(rig, parse_kalibr(text, path), {.images = false, .ids = false});
   write_text_file(text, path);
   return result;
 }

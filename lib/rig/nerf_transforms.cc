@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-constexpr double kPixelCentre = 0.5;  // where NeRF has the centre of the top-left pixel
+constexpr double kNerfPixelCentre = 0.5;  // where NeRF has the centre of the top-left pixel
 
 // Between its axes (y up, z back) and ours, both ways.
 Mat3 turned(const Mat3& rotation) { return {rotation[0], -rotation[1], -rotation[2]}; }
@@ -57,7 +57,8 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {
     return lens_of_opencv_terms(
-        {fx, fy, frame.number("cx", width / 2.0) - kPixelCentre, frame.number("cy", height / 2.0) - kPixelCentre},
+        {fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
+         frame.number("cy", height / 2.0) - kNerfPixelCentre},
         {frame.number("k1", 0), frame.number("k2", 0), frame.number("p1", 0), frame.number("p2", 0)});
   } catch (const Error& e) {
     place.fail(e.what());
@@ -92,7 +93,7 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
   return camera;
 }
 
-Rig parse(const std::string& text, const std::string& path) {
+Rig parse_nerf(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_json(text, path);
   const JsonValue file(root, path);
   Rig rig;
@@ -106,7 +107,7 @@ Rig parse(const std::string& text, const std::string& path) {
   return rig;
 }
 
-std::string text_of(const Rig& rig) {
+std::string nerf_text(const Rig& rig) {
   ordered_json frames = ordered_json::array();
   for (const Camera& camera : rig.cameras) {
     const Lens& lens = camera.lens;
@@ -115,8 +116,8 @@ std::string text_of(const Rig& rig) {
                           {"h", camera.height},
                           {"fl_x", lens.fx()},
                           {"fl_y", lens.fy()},
-                          {"cx", lens.cx() + kPixelCentre},
-                          {"cy", lens.cy() + kPixelCentre}};
+                          {"cx", lens.cx() + kNerfPixelCentre},
+                          {"cy", lens.cy() + kNerfPixelCentre}};
     if (lens.has_distortion())
       frame.update(ordered_json{{"k1", lens.k1()}, {"k2", lens.k2()}, {"p1", lens.p1()}, {"p2", lens.p2()}});
     const Mat3 rotation = turned(camera.pose.rotation());
@@ -134,8 +135,8 @@ std::string text_of(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_nerf(const std::string& path) { return {parse(read_text_file(path), path), {}}; }
+RigImport import_nerf(const std::string& path) { return {parse_nerf(read_text_file(path), path), {}}; }
 
-RigExport export_nerf(const Rig& rig, const std::string& path) { return export_text(rig, path, text_of, parse); }
+RigExport export_nerf(const Rig& rig, const std::string& path) { return export_text(rig, path, nerf_text, parse_nerf); }
 
 }  // namespace lf

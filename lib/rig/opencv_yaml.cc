@@ -40,7 +40,7 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-Lens parse_own_lens(const JsonValue& camera) {
+Lens parse_opencv_lens(const JsonValue& camera) {
   const JsonValue place = camera.at("camera_matrix");
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
@@ -70,7 +70,7 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
   Camera camera;
   camera.width = static_cast<int>(value.at("image_width").integer(1, kMaxImageSize));
   camera.height = static_cast<int>(value.at("image_height").integer(1, kMaxImageSize));
-  camera.lens = parse_own_lens(value);
+  camera.lens = parse_opencv_lens(value);
   RigidMotion motion;
   if (const auto rotation = value.find("R")) {
     const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
@@ -87,7 +87,7 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
   return camera;
 }
 
-Rig parse(const std::string& text, const std::string& path) {
+Rig parse_opencv_yaml(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
@@ -106,7 +106,7 @@ Rig parse(const std::string& text, const std::string& path) {
   return rig;
 }
 
-std::string text_of(const Rig& rig) {
+std::string opencv_yaml_text(const Rig& rig) {
   cv::FileStorage file(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   file << "cameras"
        << "[";
@@ -132,9 +132,11 @@ std::string text_of(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_opencv_yaml(const std::string& path) { return {parse(read_text_file(path), path), {}}; }
+RigImport import_opencv_yaml(const std::string& path) { return {parse_opencv_yaml(read_text_file(path), path), {}}; }
 
-RigExport export_opencv_yaml(const Rig& rig, const std::string& path) { return export_text(rig, path, text_of, parse); }
+RigExport export_opencv_yaml(const Rig& rig, const std::string& path) {
+  return export_text(rig, path, opencv_yaml_text, parse_opencv_yaml);
+}
 
 namespace {
 

@@ -18,8 +18,8 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr char kFormat[] = "lightfield-rig";
-constexpr int kVersion = 1;
+constexpr char kRigFormat[] = "lightfield-rig";
+constexpr int kRigVersion = 1;
 
 // Members that are not there are as they are in a camera without faults.
 ColourModel parse_colour(const JsonValue& value, const Camera& camera) {
@@ -86,7 +86,7 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
 
 Rig rig_from_json(const json& root, const std::string& name) {
   const JsonValue file(root, name);
-  file.require_format(kFormat, kVersion);
+  file.require_format(kRigFormat, kRigVersion);
   Rig rig;
   const JsonValue cameras = file.at("cameras");
   const std::vector<JsonValue> values = cameras.elements();
@@ -171,7 +171,8 @@ std::string rig_to_json(const Rig& rig, const json* original) {
     for (const json& camera : (*original)["cameras"]) original_cameras.emplace(camera["id"].get<uint32_t>(), &camera);
 
   // One line per camera: small enough to read, and a change to one camera is a change to one line.
-  std::string text = "{\n \"format\": \"" + std::string(kFormat) + "\",\n \"version\": " + std::to_string(kVersion) +
+  std::string text = "{\n \"format\": \"" + std::string(kRigFormat) +
+                     "\",\n \"version\": " + std::to_string(kRigVersion) +
                      ",\n \"cameras\": [\n";
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     ordered_json camera = to_json(rig.cameras[i]);

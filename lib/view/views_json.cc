@@ -18,8 +18,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr char kFormat[] = "lightfield-views";
-constexpr int kVersion = 1;
+constexpr char kViewsFormat[] = "lightfield-views";
+constexpr int kViewsVersion = 1;
 constexpr double kMaxTime = 1e9;  // seconds; in nanoseconds it fits 64 bits with room to add
 
 std::string default_name(size_t index) {
@@ -87,7 +87,7 @@ std::vector<NamedView> load_views(const std::string& path) { return parse_views(
 std::vector<NamedView> parse_views(const std::string& text, const std::string& name) {
   const nlohmann::json root = parse_json(text, name);
   const JsonValue file(root, name);
-  file.require_format(kFormat, kVersion);
+  file.require_format(kViewsFormat, kViewsVersion);
   std::vector<NamedView> views;
   std::map<std::string, size_t> index_of_name;
   for (const JsonValue& value : file.at("views").elements()) {
@@ -107,7 +107,8 @@ void save_views(const std::vector<NamedView>& views, const std::string& path) {
 }
 
 std::string views_to_json(const std::vector<NamedView>& views) {
-  std::string text = "{\n \"format\": \"" + std::string(kFormat) + "\",\n \"version\": " + std::to_string(kVersion) +
+  std::string text = "{\n \"format\": \"" + std::string(kViewsFormat) +
+                     "\",\n \"version\": " + std::to_string(kViewsVersion) +
                      ",\n \"views\": [\n";
   for (size_t i = 0; i < views.size(); i++) {
     const View& view = views[i].view;

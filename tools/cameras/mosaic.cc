@@ -20,7 +20,7 @@ constexpr double kLooksOn = 3;        // seconds for which they are made after s
 constexpr double kSilent = 2;         // seconds without a frame
 constexpr double kRateMemory = 1;     // seconds
 constexpr int kPartColumns = 8, kPartRows = 6;
-constexpr int kQuality = 75;
+constexpr int kMosaicQuality = 75;
 
 // The mean over the pixels that each pixel of the smaller image covers.
 Image shrink(const Image& rgb, int width, int height) {
@@ -120,7 +120,7 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
                     3 * static_cast<size_t>(width_));
     }
   }
-  return encode_jpeg(all, kQuality);
+  return encode_jpeg(all, kMosaicQuality);
 }
 
 nlohmann::json Mosaic::state(double now, const std::function<std::string(uint32_t id)>& problem) const {
