@@ -7,10 +7,15 @@
 
 namespace lf {
 
+void CameraFrames::wake_all() {
+  room_.notify_all();
+  arrived_.notify_all();
+}
+
 void CameraFrames::set_mode(Mode mode) {
   std::lock_guard lock(mutex_);
   mode_ = mode;
-  changed_.notify_all();
+  wake_all();
 }
 
 void CameraFrames::start_stream(bool live) {
@@ -18,7 +23,7 @@ void CameraFrames::start_stream(bool live) {
   started_ = true;
   live_ = live;
   ended_ = lost_ = false;
-  changed_.notify_all();
+  wake_all();
 }
 
 void CameraFrames::note_arrival(int64_t late) {
@@ -38,16 +43,18 @@ void CameraFrames::drop_passed() {
   while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
-// "The newest" must not make a file run through: there it is the frame that stands now.
+// "The newest" must not make a file run through: there it is the frame that stands now. Many views ask for one moment:
+// the camera's thread is woken where that makes room for a frame, and not by each of them.
 void CameraFrames::want(uint64_t time) {
   if (time != kNoTime) wanted_ = time;
-  if (!live_) drop_passed();
+  if (live_) return;
+  drop_passed();
+  if (frames_.size() < kFileFrames) room_.notify_all();
 }
 
 void CameraFrames::advance(uint64_t time) {
   std::lock_guard lock(mutex_);
   want(time);
-  changed_.notify_all();
 }
 
 CameraFrames::Pushed CameraFrames::push(CameraFrame frame) {
@@ -67,7 +74,7 @@ bool CameraFrames::has_too_many() const {
 CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
   std::unique_lock lock(mutex_);
   if (!live_)
-    changed_.wait(lock, [this] {
+    room_.wait(lock, [this] {
       drop_passed();
       return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
     });
@@ -82,7 +89,7 @@ CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFr
   frame->behind = behind_;
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
-  changed_.notify_all();
+  arrived_.notify_all();
   return Pushed::kTaken;
 }
 
@@ -112,13 +119,13 @@ std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* da
 void CameraFrames::end_stream() {
   std::lock_guard lock(mutex_);
   ended_ = true;
-  changed_.notify_all();
+  arrived_.notify_all();
 }
 
 void CameraFrames::lose_stream() {
   std::lock_guard lock(mutex_);
   lost_ = true;
-  changed_.notify_all();
+  arrived_.notify_all();
 }
 
 void CameraFrames::set_flushing(bool flushing) {
@@ -128,7 +135,7 @@ void CameraFrames::set_flushing(bool flushing) {
   before_ = {};
   ended_ = lost_ = false;
   wanted_ = 0;  // what comes may be from before
-  changed_.notify_all();
+  wake_all();
 }
 
 void CameraFrames::clear() {
@@ -161,14 +168,13 @@ void CameraFrames::look_back(uint64_t time) {
 
 void CameraFrames::wake() {
   std::lock_guard lock(mutex_);
-  changed_.notify_all();
+  arrived_.notify_all();
 }
 
 std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled) {
   std::unique_lock lock(mutex_);
   want(time);
-  changed_.notify_all();
-  changed_.wait(lock, [&] {
+  arrived_.wait(lock, [&] {
     if (!live_) drop_passed();
     return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
   });

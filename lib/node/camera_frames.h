@@ -79,6 +79,7 @@ class CameraFrames {
   void drop_oldest();                                        // locked
   void look_back(uint64_t time);                             // locked
   bool has_too_many() const;                                 // locked
+  void wake_all();                                           // locked
 
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
 
@@ -88,7 +89,8 @@ class CameraFrames {
     std::shared_ptr<CameraPicture> damaged = {};  // the picture in whose place `frame` serves: others may still hold it
   };
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable room_;     // for push()
+  std::condition_variable arrived_;  // for find()
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;  // ascending time
   CameraFrame before_;       // a compressed frame that was held before those of frames_
