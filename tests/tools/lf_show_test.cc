@@ -125,6 +125,10 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   const Outcome out = run("difference --rig rig.json --left-out 5 --out left.png");
   ASSERT_EQ(out.status, 0) << out.output;
   EXPECT_THAT(out.output, HasSubstr("PSNR "));
+  // A camera of a corner sees what is beside the view of all others.
+  const Outcome corner = run("difference --rig rig.json --left-out 0 --out corner.png");
+  EXPECT_EQ(corner.status, 0) << corner.output;
+  EXPECT_THAT(corner.output, HasSubstr("left out: nothing compared: the cameras cover no pixel of it\n"));
   // At a camera, what it saw: no difference.
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));

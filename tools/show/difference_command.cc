@@ -63,9 +63,11 @@ void show_difference(const Options& options) {
     const lf::Still still = picture_of(scene, mesh, options.view.focused(scene, mesh, named.view));
     const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
     const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
-    const std::vector<std::string> texts{
-        text_of("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
-        text_of("at most %d of 255, %.1f %% compared", quality.max_error, 100 * quality.coverage)};
+    const std::vector<std::string> texts =
+        quality.coverage > 0
+            ? std::vector{text_of("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
+                          text_of("at most %d of 255, %.1f %% compared", quality.max_error, 100 * quality.coverage)}
+            : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel of it"};
     std::printf("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
     return with_scale(
         lf::heat_map(off, named.view.width, named.view.height, options.full),
