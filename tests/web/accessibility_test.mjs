@@ -12,8 +12,10 @@ const browser = await launchBrowser();
 const kTags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
 
 async function check(page, what) {
-  const { violations, passes } = await page.evaluate(tags => axe.run(document, { runOnly: tags }), kTags);
-  const told = violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target, failureSummary }) => `${target} ${failureSummary}`).join('; ')}`);
+  const { violations, incomplete, passes } = await page.evaluate(tags => axe.run(document, { runOnly: tags }), kTags);
+  // Of elements with text axe-core is not sure that a label which their role does not allow is ignored.
+  const unsure = incomplete.filter(({ id }) => id === 'aria-prohibited-attr');
+  const told = [...violations, ...unsure].map(({ id, nodes }) => `${id}: ${nodes.map(({ target, failureSummary }) => `${target} ${failureSummary}`).join('; ')}`);
   console.log(`# ${what}: ${passes.length} rules pass`);
   expect(passes.length > 10, `${what}: only ${passes.length} rules apply`);
   expect(!told.length, `${what}: ${told.join('\n')}`);

@@ -21,8 +21,8 @@ export const markup = `<div class="stage">
   <button class="start" part="start" aria-label="Watch" hidden>${icon('<path d="M8 5l12 7-12 7z"/>')}</button>
   <div class="hint" part="hint" aria-hidden="true"></div>
   <p class="trouble" part="trouble" hidden aria-hidden="true"></p>
-  <pre class="makers" hidden aria-label="Cameras that make the pixel at the pointer"></pre>
-  <pre class="figures" part="figures" hidden aria-label="Figures"></pre>
+  <pre class="makers" hidden role="group" aria-label="Cameras that make the pixel at the pointer"></pre>
+  <pre class="figures" part="figures" hidden role="group" aria-label="Figures"></pre>
   <div class="monitor" part="quality" hidden role="group" aria-label="Quality of the cameras"><canvas aria-hidden="true"></canvas>
     <pre></pre></div>
   <div class="said" role="log" aria-label="What happened"></div>
