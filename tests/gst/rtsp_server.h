@@ -64,11 +64,23 @@ class RtspServer {
   int port() const { return gst_rtsp_server_get_bound_port(server_); }
 
  private:
-  // No report is due for hours.
+  // None that the session makes leaves it.
   static void leave_out_reports(GstRTSPMedia* media, gpointer) {
-    GObject* session = gst_rtsp_stream_get_rtpsession(gst_rtsp_media_get_stream(media, 0));
-    g_object_set(session, "rtcp-min-interval", guint64{10'000 * GST_SECOND}, nullptr);
-    g_object_unref(session);
+    GstElement* element = gst_rtsp_media_get_element(media);
+    GstObject* pipeline = gst_object_get_parent(GST_OBJECT(element));
+    GstIterator* bins = gst_bin_iterate_all_by_element_factory_name(GST_BIN(pipeline), "rtpbin");
+    GValue bin = G_VALUE_INIT;
+    if (gst_iterator_next(bins, &bin) == GST_ITERATOR_OK) {
+      GstPad* reports = gst_element_get_static_pad(GST_ELEMENT(g_value_get_object(&bin)), "send_rtcp_src_0");
+      gst_pad_add_probe(
+          reports, GST_PAD_PROBE_TYPE_BUFFER,
+          [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; }, nullptr, nullptr);
+      gst_object_unref(reports);
+      g_value_unset(&bin);
+    }
+    gst_iterator_free(bins);
+    gst_object_unref(pipeline);
+    gst_object_unref(element);
   }
 
   void mount(const char* path, const std::string& coder, bool reports = true) {
