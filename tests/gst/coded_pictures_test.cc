@@ -52,7 +52,9 @@ TEST(CodedPicturesTest, CaptureTimesGoOn) {
     const GstClockTime time = pictures.in_order(i * kPeriod, captured);
     EXPECT_GT(time, before) << i;
     EXPECT_LT(time, captured + kJump + kPeriod) << i;
-    if (i < 10 || i > 17) EXPECT_EQ(time, captured) << i;
+    if (i < 10 || i > 17) {
+      EXPECT_EQ(time, captured) << i;
+    }
     before = time;
   }
 }

@@ -19,6 +19,7 @@
 
 namespace lf::test {
 namespace recording_test {
+namespace {
 
 constexpr GstClockTime kPeriod = GST_SECOND / 30;
 
@@ -364,5 +365,6 @@ TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
   }
 }
 
+}  // namespace
 }  // namespace recording_test
 }  // namespace lf::test
