@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-constexpr int kSizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}};
+constexpr int kSizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}, {3840, 2160}};
 
 struct Scene {
   Scene(int side, int width, int height, bool distorted, PixelFamily family) {
@@ -154,24 +154,30 @@ BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGri
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 
 // Of a card, or of what computes in place of one: with images on their way there and sums on their way back.
-void DrawnSum(benchmark::State& state, PixelFamily family, bool surface) {
+template <gl::SumDrawer::Shaders shaders>
+void drawn_sum(benchmark::State& state, PixelFamily family, bool surface) {
   static std::string why;
-  static const std::unique_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  static const auto card = gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
   Sum(state, family, true, Coordinates::kGrid, surface, Resampling::kBilinear, card.get());
 }
+constexpr auto DrawnSum = drawn_sum<gl::SumDrawer::Shaders::kFitting>;
+constexpr auto ComputedSum = drawn_sum<gl::SumDrawer::Shaders::kCompute>;
+constexpr auto FragmentSum = drawn_sum<gl::SumDrawer::Shaders::kFragment>;
 BENCHMARK_CAPTURE(DrawnSum, i420_plane, PixelFamily::kI420, false)
-    ->ArgsProduct({{0, 1, 2, 3}, {8}})
+    ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 BENCHMARK_CAPTURE(DrawnSum, i420_surface, PixelFamily::kI420, true)
-    ->ArgsProduct({{0, 1, 2, 3}, {8}})
+    ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 BENCHMARK_CAPTURE(DrawnSum, rgb_plane, PixelFamily::kRgb, false)
     ->ArgsProduct({{0, 3}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
+BENCHMARK_CAPTURE(ComputedSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
+BENCHMARK_CAPTURE(FragmentSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 
 }  // namespace
 }  // namespace lf

@@ -11,23 +11,13 @@ namespace {
 
 int even(int size) { return (size + 1) & ~1; }
 
-// Pixels of as many bytes as the atlas has them, of an image that has others.
-void repack(const ImageView& image, const Rect& part, int bytes, std::vector<uint8_t>& out) {
-  out.assign(static_cast<size_t>(part.width()) * part.height() * static_cast<size_t>(bytes), 0);
-  uint8_t* to = out.data();
-  const int offset[3] = {image.layout.r, image.layout.g, image.layout.b};
-  for (int y = part.y0; y < part.y1; y++)
-    for (int x = part.x0; x < part.x1; x++, to += bytes)
-      for (const int c : offset)
-        to[c] = image.plane[0][y * image.stride[0] + ptrdiff_t{x} * image.layout.pixel_stride + c];
-}
-
 }  // namespace
 
 bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sources, int max_size) {
   pieces_.clear();
   offsets_.assign(task.slots.size(), {});
   bytes_ = 1;
+  has_chroma_ = task.family == PixelFamily::kI420;
   double area = 0;
   int widest = 2;
   for (const Source& source : sources) {
@@ -55,54 +45,54 @@ bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sour
     x += width;
   }
   height_ = std::max(y + shelf, 2);
-  return std::max(width_, height_) <= max_size;
+  return std::max(width_, has_chroma_ ? height_ + height_ / 2 : height_) <= max_size;
 }
 
-void ImageAtlas::send(const Piece& piece) {
+// To where it is in the texture's memory.
+void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   const auto& [image, part, slot] = piece;
-  const GLenum format = bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA;
-  const ptrdiff_t stride = image->stride[0];
-  const uint8_t* from = image->plane[0] + part.y0 * stride + ptrdiff_t{part.x0} * bytes_;
-  int row_pixels = 0;
-  if (image->family == PixelFamily::kRgb && image->layout.pixel_stride != bytes_) {
-    repack(*image, part, bytes_, packed_);
-    from = packed_.data();
-  } else if (stride > 0 && stride % bytes_ == 0) {
-    row_pixels = static_cast<int>(stride / bytes_);
-  } else {
-    const size_t row = static_cast<size_t>(part.width()) * static_cast<size_t>(bytes_);
-    packed_.resize(row * static_cast<size_t>(part.height()));
-    for (int y = 0; y < part.height(); y++) std::copy_n(from + y * stride, row, &packed_[static_cast<size_t>(y) * row]);
-    from = packed_.data();
-  }
-  glPixelStorei(GL_UNPACK_ROW_LENGTH, row_pixels);
   const Offset& at = offset(slot);
-  glTexSubImage2D(GL_TEXTURE_2D, 0, at.x + part.x0, at.y + part.y0, part.width(), part.height(), format,
-                  GL_UNSIGNED_BYTE, from);
+  const auto bytes = static_cast<size_t>(bytes_), row = static_cast<size_t>(width_) * bytes;
+  const size_t count = static_cast<size_t>(part.width()) * bytes;
+  uint8_t* out = to + static_cast<size_t>(at.y + part.y0) * row + static_cast<size_t>(at.x + part.x0) * bytes;
+  const RgbLayout& layout = image->layout;
+  const int offsets[3] = {layout.r, layout.g, layout.b};
+  for (int y = part.y0; y < part.y1; y++, out += row) {
+    const uint8_t* from = image->plane[0] + y * image->stride[0];
+    if (has_chroma_ || layout.pixel_stride == bytes_) {
+      std::copy_n(from + ptrdiff_t{part.x0} * bytes_, count, out);
+      continue;
+    }
+    uint8_t* pixel = out;  // of fewer bytes than others
+    for (int x = part.x0; x < part.x1; x++, pixel += bytes)
+      for (const int c : offsets) pixel[c] = from[x * layout.pixel_stride + c];
+  }
+  if (!has_chroma_) return;
+  const Rect half{part.x0 / 2, part.y0 / 2, chroma_size(part.x1), chroma_size(part.y1)};
+  for (const int plane : {1, 2}) {
+    const Offset origin = chroma_offset(plane);
+    out = to + static_cast<size_t>(origin.y + at.y / 2 + half.y0) * row +
+          static_cast<size_t>(origin.x + at.x / 2 + half.x0);
+    for (int y = half.y0; y < half.y1; y++, out += row)
+      std::copy_n(image->plane[plane] + y * image->stride[plane] + half.x0, half.width(), out);
+  }
 }
 
 void ImageAtlas::upload() {
-  pixels_.bind(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8, width_, height_);
-  for (const Piece& piece : pieces_) send(piece);
-  glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
-}
-
-void ImageAtlas::upload_chroma() {
-  chroma_.bind(kChromaImages, GL_R16UI, width_ / 2, height_ / 2);
-  for (const auto& [image, part, slot] : pieces_) {
-    const Rect half{part.x0 / 2, part.y0 / 2, chroma_size(part.x1), chroma_size(part.y1)};
-    const int width = half.width();
-    packed_chroma_.resize(static_cast<size_t>(width) * half.height());
-    uint16_t* __restrict to = packed_chroma_.data();
-    for (int y = half.y0; y < half.y1; y++, to += width) {
-      const uint8_t* __restrict const cb = image->plane[1] + y * image->stride[1] + half.x0;
-      const uint8_t* __restrict const cr = image->plane[2] + y * image->stride[2] + half.x0;
-      for (int x = 0; x < width; x++) to[x] = static_cast<uint16_t>(cb[x] | cr[x] << 8);
-    }
-    const Offset& at = offset(slot);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, at.x / 2 + half.x0, at.y / 2 + half.y0, width, half.height(), GL_RED_INTEGER,
-                    GL_UNSIGNED_SHORT, packed_chroma_.data());
+  const int height = has_chroma_ ? height_ + height_ / 2 : height_;
+  const size_t bytes = static_cast<size_t>(width_) * height * static_cast<size_t>(bytes_);
+  buffer_.reserve(bytes);
+  uint8_t* to = buffer_.memory();
+  if (!to) {
+    memory_.resize(bytes);
+    to = memory_.data();
   }
+  for (const Piece& piece : pieces_) copy(piece, to);
+  texture_.bind(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8, width_, height);
+  if (buffer_.memory()) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, buffer_.name());
+  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height, bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA,
+                  GL_UNSIGNED_BYTE, buffer_.memory() ? nullptr : to);
+  glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
 }
 
 }  // namespace lf::gl

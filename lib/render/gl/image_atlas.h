@@ -12,9 +12,11 @@
 
 namespace lf::gl {
 
-// What a view needs of cameras' images, side by side in one texture (one of pixels, one of chroma), which is a few
-// times as large as the view, however many and however large the images are. Calls of upload...() while the context is
-// current.
+// What a view needs of cameras' images, side by side in one texture, which is a few times as large as the view, however
+// many and however large the images are. It is sent in one piece: cards are slow with many small ones.
+//
+// Samples are bytes. In kI420 luma's pieces are above; below are Cb's and, to their right, Cr's, in the same order at
+// half the size.
 class ImageAtlas {
  public:
   // Gives each of the sources that has an image and a slot in the task its place, in a texture of at most `max_size`
@@ -27,10 +29,12 @@ class ImageAtlas {
     int x = 0, y = 0;
   };
   const Offset& offset(int32_t slot) const { return offsets_[static_cast<size_t>(slot)]; }
+  // kI420: where Cb (1) and Cr (2) of what is at (0, 0) are.
+  Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
-  // Sends what was laid out, and binds it: RGB or luma, and then chroma.
+  // Sends what was laid out, and binds it. While the context is current, and after what was drawn from it has been
+  // read.
   void upload();
-  void upload_chroma();
 
  private:
   struct Piece {
@@ -38,14 +42,16 @@ class ImageAtlas {
     Rect part;  // of it
     int32_t slot;
   };
-  void send(const Piece& piece);
+  void copy(const Piece& piece, uint8_t* to) const;
 
   std::vector<Piece> pieces_;
   std::vector<Offset> offsets_;  // by slot
-  int width_ = 0, height_ = 0, bytes_ = 1;
-  Texture pixels_, chroma_;
-  std::vector<uint8_t> packed_;
-  std::vector<uint16_t> packed_chroma_;
+  int width_ = 0, height_ = 0;   // of what is RGB or luma
+  int bytes_ = 1;                // a pixel
+  bool has_chroma_ = false;
+  Texture texture_;
+  Buffer buffer_{Buffer::Use::kSent};
+  std::vector<uint8_t> memory_;  // in its place, where the driver has none that is in both
 };
 
 }  // namespace lf::gl

@@ -107,27 +107,38 @@ void mend_chroma(const simd::SumTask& task, const Rect& rect, int x, int y, uint
 
 }  // namespace
 
+// Whether any of them is that; without a branch for each.
+static bool has(const uint16_t* values, int count, int step, uint16_t value) {
+  unsigned any = 0;
+  for (int i = 0; i < count; i++) any |= values[i * step] == value;
+  return any;
+}
+
 size_t mend(const simd::SumTask& task, DrawnSum& sum) {
   const Rect &rect = sum.rect, &part = sum.lost_rect;
   const int values = sum.family == PixelFamily::kRgb ? 4 : 1;
   size_t mended = 0;
-  uint16_t* lost = sum.lost.data();
-  for (int y = part.y0; y < part.y1; y++)
+  for (int y = part.y0; y < part.y1; y++) {
+    uint16_t* lost = &sum.lost[static_cast<size_t>(y - part.y0) * sum.lost_pitch];
+    if (!has(lost, part.width(), 1, kDoubt)) continue;
     for (int x = part.x0; x < part.x1; x++, lost++) {
       if (*lost != kDoubt) continue;
-      const size_t pixel = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
+      const size_t pixel = static_cast<size_t>(y - rect.y0) * sum.pitch + (x - rect.x0);
       mend_pixel(task, x, y, &sum.pixels[pixel * values], *lost);
       mended++;
     }
+  }
   if (sum.family != PixelFamily::kI420) return mended;
-  for (int y = part.y0; y < part.y1; y += 2)
-    for (int x = part.x0; x < part.x1; x += 2) {
-      const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
-      uint16_t* chroma = &sum.chroma[2 * (row + (x - rect.x0) / 2)];
+  for (int y = part.y0; y < part.y1; y += 2) {
+    const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
+    uint16_t* chroma = &sum.chroma[2 * (row + (part.x0 - rect.x0) / 2)];
+    if (!has(chroma, chroma_size(part.width()), 2, kChromaDoubt)) continue;
+    for (int x = part.x0; x < part.x1; x += 2, chroma += 2) {
       if (chroma[0] != kChromaDoubt) continue;
       mend_chroma(task, rect, x, y, chroma);
       mended++;
     }
+  }
   return mended;
 }
 
@@ -143,7 +154,7 @@ bool DrawnSum::copy_rows(int y0, int y1, const SumPlanes& out) const {
       if (!any || part.width() < out.rect.width()) std::fill_n(row, out.rect.width(), 0);
       return row - out.rect.x0;
     };
-    const size_t first = static_cast<size_t>(y - rect.y0) * rect.width() + (part.x0 - rect.x0);
+    const size_t first = static_cast<size_t>(y - rect.y0) * pitch + (part.x0 - rect.x0);
     for (int c = 0; c < (rgb ? 3 : 1); c++) {
       int16_t* __restrict const to = row_of(out.plane[c], out.stride[c]) + part.x0;
       if (!any) continue;
@@ -158,7 +169,7 @@ bool DrawnSum::copy_rows(int y0, int y1, const SumPlanes& out) const {
     if (out.lost) std::fill_n(out.lost + (y - out.rect.y0) * out.lost_stride, out.rect.width(), uint16_t{0});
     if (with_loss.empty()) continue;
     const uint16_t* from =
-        &lost[static_cast<size_t>(y - lost_rect.y0) * lost_rect.width() + (with_loss.x0 - lost_rect.x0)];
+        &lost[static_cast<size_t>(y - lost_rect.y0) * lost_pitch + (with_loss.x0 - lost_rect.x0)];
     any_lost = any_lost || std::any_of(from, from + with_loss.width(), [](uint16_t v) { return v != 0; });
     if (out.lost)
       std::copy_n(from, with_loss.width(),

@@ -3,6 +3,8 @@
 
 #include <GLES3/gl31.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <map>
 #include <string>
 
@@ -48,24 +50,41 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// Textures' units.
-enum Unit {
-  kOwners,
-  kBlockOwners,
-  kTables,
-  kLevels,
-  kRays,
-  kCentreRays,
-  kImages,
-  kChromaImages,
-  kChromaSums,
-  kTargets
+// A buffer that keeps its memory as long as it is large enough. Where the driver can (GL_EXT_buffer_storage) a buffer
+// of kSent or kRead lies in this process's memory, too, as long as it is there.
+class Buffer {
+ public:
+  // What it is for: numbers that are replaced now and then, bytes that textures are made from, what the card computes,
+  // and what of it is read.
+  enum class Use { kNumbers, kSent, kComputed, kRead };
+  explicit Buffer(Use use) : use_(use) {}
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+  ~Buffer() {
+    if (name_) glDeleteBuffers(1, &name_);
+  }
+  // Room for as much; what was in it is lost if there was less.
+  void reserve(size_t bytes);
+  // kNumbers: replaces what is in it.
+  void set(const void* from, size_t bytes);
+  GLuint name() const { return name_; }
+  // Null: reach it by OpenGL's functions.
+  uint8_t* memory() const { return memory_; }
+
+ private:
+  const Use use_;
+  GLuint name_ = 0;
+  size_t bytes_ = 0;
+  uint8_t* memory_ = nullptr;
 };
+
+// Textures' units.
+enum Unit { kOwners, kBlockOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaSums, kTargets };
 
 // Where a program's numbers are.
 struct Program {
   GLuint name = 0;
-  GLint origin = -1, size = -1, extent = -1, map_scale = -1;
+  GLint origin = -1, size = -1, extent = -1, map_scale = -1, chroma_places = -1, parts = -1;
 };
 
 // All programs that have been asked for.

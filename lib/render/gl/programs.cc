@@ -21,27 +21,33 @@ GLuint compile(GLenum kind, const std::string& text, std::string& why) {
 
 // 0 with the reason in `why` if that can't be done.
 GLuint link(const SumProgram& what, std::string& why) {
-  const GLuint vertex = compile(GL_VERTEX_SHADER, vertex_shader(what), why);
-  const GLuint fragment = vertex ? compile(GL_FRAGMENT_SHADER, fragment_shader(what), why) : 0;
-  GLuint name = 0;
-  if (fragment) {
-    name = glCreateProgram();
-    glAttachShader(name, vertex);
-    glAttachShader(name, fragment);
-    glLinkProgram(name);
-    GLint linked = 0;
-    glGetProgramiv(name, GL_LINK_STATUS, &linked);
-    if (!linked) {
-      char text[512] = "";
-      glGetProgramInfoLog(name, sizeof text, nullptr, text);
-      why = std::string("a shader does not link: ") + text;
-      glDeleteProgram(name);
-      name = 0;
+  GLuint shaders[2] = {};
+  if (is_of_blocks(what)) {
+    shaders[0] = compile(GL_COMPUTE_SHADER, compute_shader(what), why);
+    if (!shaders[0]) return 0;
+  } else {
+    shaders[0] = compile(GL_VERTEX_SHADER, vertex_shader(what), why);
+    shaders[1] = shaders[0] ? compile(GL_FRAGMENT_SHADER, fragment_shader(what), why) : 0;
+    if (!shaders[1]) {
+      glDeleteShader(shaders[0]);
+      return 0;
     }
   }
-  glDeleteShader(vertex);
-  glDeleteShader(fragment);
-  return name;
+  GLuint name = glCreateProgram();
+  for (const GLuint shader : shaders) {
+    if (!shader) continue;
+    glAttachShader(name, shader);
+    glDeleteShader(shader);  // with the program
+  }
+  glLinkProgram(name);
+  GLint linked = 0;
+  glGetProgramiv(name, GL_LINK_STATUS, &linked);
+  if (linked) return name;
+  char text[512] = "";
+  glGetProgramInfoLog(name, sizeof text, nullptr, text);
+  why = std::string("a shader does not link: ") + text;
+  glDeleteProgram(name);
+  return 0;
 }
 
 }  // namespace
@@ -54,14 +60,14 @@ const Program* Programs::use(const SumProgram& what, std::string& why) {
   const GLuint name = link(what, why);
   if (!name) return nullptr;
   glUseProgram(name);
-  const bool is_chroma = what.output == SumProgram::Output::kChroma || what.output == SumProgram::Output::kMixedChroma;
   const auto at = [&](const char* uniform) { return glGetUniformLocation(name, uniform); };
   for (const auto& [sampler, unit] :
        {std::pair("owners", kOwners), std::pair("tables", kTables), std::pair("levels", kLevels),
-        std::pair("rays", kRays), std::pair("centre_rays", kCentreRays),
-        std::pair("images", is_chroma ? kChromaImages : kImages), std::pair("chroma_sums", kChromaSums)})
+        std::pair("rays", kRays), std::pair("centre_rays", kCentreRays), std::pair("images", kImages),
+        std::pair("chroma_sums", kChromaSums)})
     glUniform1i(at(sampler), unit);
-  return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("map_scale")});
+  return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("map_scale"), at("chroma_places"),
+                              at("parts")});
 }
 
 }  // namespace lf::gl

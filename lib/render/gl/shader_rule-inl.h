@@ -9,22 +9,30 @@ namespace lf::gl {
 inline constexpr std::string_view kRule = R"(
 precision highp float;
 precision highp int;
-uniform highp sampler2D owners;      // of each pixel: its face's depth, 0: none
-uniform highp usampler2D levels;     // of the focal map: of four nodes each
+uniform highp usampler2D levels;     // of the focal map: of its nodes
 uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
 uniform highp sampler2D centre_rays; // and of the middle of four
 uniform ivec2 origin;     // of the target in the view
 uniform ivec2 size;       // of the sum, pixels
 uniform vec4 map_scale;   // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 
+#ifdef BLOCKS
+layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
+int face_row; // of the face that is looked at now
+#define FACE(texel) tables[face_row * FACE_TEXELS + texel]
+#else
+uniform highp sampler2D owners; // of each pixel: its face's depth, 0: none
 flat in vec4 face[FACE_TEXELS];
-
-vec4 edge(int k) { return face[FACE_EDGE + k]; }
-vec4 corner(int k, int texel) { return face[FACE_CORNERS + k * CORNER_TEXELS + texel]; }
+#define FACE(texel) face[texel]
+#endif
+vec4 edge(int k) { return FACE(FACE_EDGE + k); }
+vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
 
 bool doubt = false;
 
+#ifndef BLOCKS
 bool is_owner(ivec2 at) { return abs(texelFetch(owners, at, 0).r - face[0].z) < 0.25 / OWNERS; }
+#endif
 
 // Of the face's cameras, 0 for those of others. `d`: from the anchor.
 vec3 weights_at(vec2 d) {
@@ -45,16 +53,21 @@ vec3 weights_at(vec2 d) {
   return clamp(e / sum, 0.0, 1.0) * ours;
 }
 
+// Of what textureGather() has of four neighbours: (0, 1), (1, 1), (1, 0) and (0, 0), if it is asked for what is between
+// them, from a texture's pixel (1, 1) / size on.
+float bilinear(vec4 gathered, vec2 part) {
+  vec2 column = mix(gathered.wx, gathered.zy, part.x);
+  return mix(column.x, column.y, part.y);
+}
+
 #ifdef MAP
 // From the face's level.
 float level_at(vec2 pixel) {
-  ivec2 cells = textureSize(levels, 0);
-  vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(cells));
-  ivec2 cell = min(ivec2(at), cells - 1);
-  vec2 part = at - vec2(cell);
-  vec4 node = vec4(texelFetch(levels, cell, 0));
-  vec2 row = mix(node.xz, node.yw, part.x);
-  return mix(row.x, row.y, part.y) - face[0].w;
+  ivec2 nodes = textureSize(levels, 0);
+  vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(nodes - 1));
+  ivec2 cell = min(ivec2(at), max(nodes - 2, 0));
+  vec4 around = vec4(textureGather(levels, vec2(cell + 1) / vec2(nodes)));
+  return bilinear(around, at - vec2(cell)) - FACE(0).w;
 }
 #else
 float level_at(vec2 pixel) { return 0.0; }
@@ -93,7 +106,7 @@ int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
   float nearer = 0.0;
 #ifdef MAP
   nearer = level * map_scale.z;
-  float eye = (map_scale.y + (level + face[0].w) * map_scale.z) * map_scale.w;
+  float eye = (map_scale.y + (level + FACE(0).w) * map_scale.z) * map_scale.w;
   if (abs(1.0 - eye) <= EYE_DOUBT * (1.0 + abs(eye))) return kUnknown;
   if (eye > 1.0) return kLost; // the surface is behind the eye
   terms += abs(nearer) * (abs(corner(k, CORNER_PER_FROM).xyz) + abs(d.x * corner(k, CORNER_PER_ALONG).xyz) +
@@ -142,15 +155,8 @@ ivec2 pixel_before(inout vec2 position, vec2 image_size) {
   return first;
 }
 
-// Where the camera's image begins in the atlas.
+// Where the camera's image, or its luma, begins in the atlas.
 ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
-
-// Where textureGather() has the pixels (at.x, at.y + 1), (at.x + 1, at.y + 1), (at.x + 1, at.y) and (at.x, at.y).
-vec2 gathered(ivec2 at, ivec2 atlas_size) { return vec2(at + 1) / vec2(atlas_size); }
-float bilinear(vec4 gathered, vec2 part) {
-  vec2 column = mix(gathered.wx, gathered.zy, part.x);
-  return mix(column.x, column.y, part.y);
-}
 
 // What is lost is looked up as well, anywhere.
 #if defined(CAREFUL) || defined(CUBIC)
@@ -159,49 +165,62 @@ float bilinear(vec4 gathered, vec2 part) {
 #define IN_ATLAS(at) (at)
 #endif
 
+uniform highp sampler2D images; // the atlas
+uniform ivec4 chroma_places;    // kI420: where its Cb and Cr begin
+
+// 0..1, at a position in an image of that size, which begins in the atlas at `place`.
+#define TEXEL(at) texelFetch(images, IN_ATLAS(place + (at)), 0)
+#ifdef CUBIC
+#define SAMPLED(T, name, texel_of) \
+  T name(int k, ivec2 place, vec2 image_size, vec2 position) { \
+    bool is_cubic = (int(corner(k, CORNER_ALONG).w) & IS_CUBIC) != 0; \
+    ivec2 first = pixel_before(position, image_size), last = ivec2(image_size) - 1; \
+    vec4 across = cubic_weights(position.x, is_cubic), down = cubic_weights(position.y, is_cubic); \
+    T sum = T(0.0); \
+    for (int j = 0; j < 4; j++) \
+      for (int i = 0; i < 4; i++) \
+        sum += down[j] * across[i] * texel_of(k, TEXEL(clamp(first + ivec2(i, j) - 1, ivec2(0), last))); \
+    return clamp(sum, 0.0, 1.0); \
+  }
+#else
+#define SAMPLED(T, name, texel_of) \
+  T name(int k, ivec2 place, vec2 image_size, vec2 position) { \
+    ivec2 first = pixel_before(position, image_size); \
+    T upper = mix(texel_of(k, TEXEL(first)), texel_of(k, TEXEL(first + ivec2(1, 0))), position.x); \
+    T lower = mix(texel_of(k, TEXEL(first + ivec2(0, 1))), texel_of(k, TEXEL(first + 1)), position.x); \
+    return mix(upper, lower, position.y); \
+  }
+#endif
+
 #ifdef RGB
-uniform highp sampler2D images;
-#define PLACE(k) place_of(k)
-#define TEXEL(at) texel_of(k, texelFetch(images, IN_ATLAS(at), 0))
-vec3 texel_of(int k, vec4 bytes) {
+vec3 rgb_of(int k, vec4 bytes) {
   int order = int(corner(k, CORNER_DOWN).w);
   return vec3(bytes[order & 3], bytes[(order >> 2) & 3], bytes[order >> 4]);
 }
-#elif defined(CHROMA)
-uniform highp usampler2D images; // Cb, and Cr in the next eight bits
-#define PLACE(k) (place_of(k) / 2)
-#define TEXEL(at) texel_of(texelFetch(images, IN_ATLAS(at), 0).r)
-vec3 texel_of(uint both) { return vec3(both & 255u, both >> 8, 0) / 255.0; }
+SAMPLED(vec3, sampled_rgb, rgb_of)
+vec3 colour_at(int k, vec2 position) { return sampled_rgb(k, place_of(k), corner(k, CORNER_IMAGE).xy, position); }
 #else
-uniform highp sampler2D images;
-#define PLACE(k) place_of(k)
-#define TEXEL(at) vec3(texelFetch(images, IN_ATLAS(at), 0).r)
-#endif
-
-// 0..1, at a position in camera k's image of that size.
-vec3 sampled(int k, vec2 image_size, vec2 position) {
-  ivec2 first = pixel_before(position, image_size), place = PLACE(k);
 #ifdef CUBIC
-  bool is_cubic = (int(corner(k, CORNER_ALONG).w) & IS_CUBIC) != 0;
-  vec4 across = cubic_weights(position.x, is_cubic), down = cubic_weights(position.y, is_cubic);
-  ivec2 last = ivec2(image_size) - 1;
-  vec3 sum = vec3(0.0);
-  for (int j = 0; j < 4; j++)
-    for (int i = 0; i < 4; i++)
-      sum += down[j] * across[i] * TEXEL(place + clamp(first + ivec2(i, j) - 1, ivec2(0), last));
-  return clamp(sum, 0.0, 1.0);
-#elif defined(RGB)
-  first += place;
-  vec3 upper = mix(TEXEL(first), TEXEL(first + ivec2(1, 0)), position.x);
-  vec3 lower = mix(TEXEL(first + ivec2(0, 1)), TEXEL(first + ivec2(1, 1)), position.x);
-  return mix(upper, lower, position.y);
-#elif defined(CHROMA)
-  uvec4 both = textureGather(images, gathered(place + first, textureSize(images, 0)));
-  return vec3(bilinear(vec4(both & 255u), position), bilinear(vec4(both >> 8), position), 0) / 255.0;
+#define BYTE_OF(k, bytes) bytes.r
+SAMPLED(float, sampled_byte, BYTE_OF)
 #else
-  return vec3(bilinear(textureGather(images, gathered(place + first, textureSize(images, 0))), position));
-#endif
+float sampled_byte(int k, ivec2 place, vec2 image_size, vec2 position) {
+  ivec2 first = pixel_before(position, image_size);
+  return bilinear(textureGather(images, vec2(place + first + 1) / vec2(textureSize(images, 0))), position);
 }
+#endif
+vec3 colour_at(int k, vec2 position) {
+  return vec3(sampled_byte(k, place_of(k), corner(k, CORNER_IMAGE).xy, position));
+}
+// `position`: in the image of luma. Cb and Cr, in levels from grey on.
+vec2 chroma_at(int k, vec2 position) {
+  vec2 image_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
+  ivec2 place = place_of(k) / 2;
+  position = (position - 0.5) / 2.0;
+  return 255.0 * vec2(sampled_byte(k, place + chroma_places.xy, image_size, position),
+                      sampled_byte(k, place + chroma_places.zw, image_size, position)) - 128.0;
+}
+#endif
 
 uint bits(float value) { return uint(int(floor(value + 0.5))) & 0xffffu; }
 )";

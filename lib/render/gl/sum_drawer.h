@@ -6,9 +6,7 @@
 #include <memory>
 #include <span>
 #include <string>
-#include <vector>
 
-#include "base/byte_buffer.h"
 #include "base/rect.h"
 #include "render/gl/context.h"
 #include "render/simd/band_data.h"
@@ -17,29 +15,37 @@
 
 namespace lf::gl {
 
-struct FaceCover;
-
 // A sum as it came from the card.
 struct DrawnSum {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;
-  UninitializedVector<uint16_t> pixels;  // kRgb: R, G, B and 0 of each; kI420: Y. As in SumPlanes
-  UninitializedVector<uint16_t> chroma;  // kI420: Cb, Cr of each two by two
-  Rect lost_rect;                        // where weight may be lost
-  UninitializedVector<uint16_t> lost;    // lost weight there
+  int pitch = 0;               // pixels from one row to the next
+  uint16_t* pixels = nullptr;  // kRgb: R, G, B and 0 of each; kI420: Y. As in SumPlanes
+  uint16_t* chroma = nullptr;  // kI420: Cb, Cr of each two by two, without a gap between rows
+  Rect lost_rect;              // where weight may be lost
+  int lost_pitch = 0;
+  uint16_t* lost = nullptr;      // lost weight there
+  std::shared_ptr<void> memory;  // what all of them are in; the drawer outlives it
 
   // Rows [y0, y1) as SumRenderer::render_rows() has them. True if any weight was lost in them.
   bool copy_rows(int y0, int y1, const SumPlanes& out) const;
 };
 
 // Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
-// from the CPU, in double; it also proves of most of a view that float is good enough there, and where neither it nor
-// float can tell whether a sample is lost, or where exactly it is, the pixel is computed there, too. So its bounds are
-// SumRenderer's in every view.
+// from the CPU, in double, and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
+// computed there, too. So its bounds are SumRenderer's in every view.
 class SumDrawer {
  public:
+  enum class Shaders {
+    kFitting,   // kCompute, but kFragment where the CPU computes
+    kCompute,   // see BlockSums
+    kFragment,  // see FaceSums
+  };
   // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
-  static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why);
+  static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why) {
+    return create_with(Shaders::kFitting, drivers, why);
+  }
+  static std::unique_ptr<SumDrawer> create_with(Shaders shaders, Context::Drivers drivers, std::string& why);
   ~SumDrawer();
 
   const std::string& device() const { return context_->device(); }
@@ -67,9 +73,6 @@ class SumDrawer {
   explicit SumDrawer(std::unique_ptr<Context> context);
   bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
                 std::string& why);
-  bool draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why);
-  bool draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why);
-  void read(const FaceCover& cover, DrawnSum& out);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // what the context holds

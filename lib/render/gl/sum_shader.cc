@@ -3,6 +3,7 @@
 
 #include <string_view>
 
+#include "render/gl/block_shader-inl.h"
 #include "render/gl/shader_rule-inl.h"
 
 namespace lf::gl {
@@ -64,7 +65,7 @@ void main() {
     vec3 x = camera_point(k, d, level * map_scale.z);
     vec2 position = through_lens(k, x.xy / x.z);
 #endif
-    sum += w[k] * sampled(k, corner(k, CORNER_IMAGE).xy, position);
+    sum += w[k] * colour_at(k, position);
   }
   sum *= 255.0 * 128.0;
 #ifdef RGB
@@ -149,8 +150,7 @@ void main() {
     vec3 x = camera_point(k, centre, level * map_scale.z);
     vec2 position = through_lens(k, x.xy / x.z);
 #endif
-    vec2 chroma_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
-    sum += w[k] * (255.0 * sampled(k, chroma_size, (position - 0.5) / 2.0).xy - 128.0);
+    sum += w[k] * chroma_at(k, position);
   }
 #ifdef MIXED
   result = doubt ? vec2(FLOAT_DOUBT, 0.0) : sum;
@@ -180,15 +180,19 @@ void define(std::string& text, std::string_view name, auto value) {
 
 std::string head(const SumProgram& program) {
   std::string text = "#version 310 es\n";
-  if (program.output == SumProgram::Output::kRgb) text += "#define RGB\n";
-  if (program.output == SumProgram::Output::kChroma || program.output == SumProgram::Output::kMixedChroma)
-    text += "#define CHROMA\n";
+  using Output = SumProgram::Output;
+  if (program.output == Output::kRgb || program.output == Output::kBlocksRgb) text += "#define RGB\n";
   if (program.output == SumProgram::Output::kMixedChroma) text += "#define MIXED\n";
+  if (is_of_blocks(program)) text += "#define BLOCKS\n";
   if (program.careful) text += "#define CAREFUL\n";
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
   if (program.is_distorted) text += "#define DISTORTED\n";
   if (program.is_cubic) text += "#define CUBIC\n";
+  define(text, "RUNS", int{kRunsBinding});
+  define(text, "TABLES", int{kTablesBinding});
+  define(text, "RESULT", int{kResultBinding});
+  define(text, "GROUP", kGroup);
   define(text, "FACE_TEXELS", face_texels(program.has_map));
   define(text, "FACE_EDGE", int{kFaceEdge});
   define(text, "FACE_CORNERS", int{kFaceCorners});
@@ -220,6 +224,8 @@ std::string head(const SumProgram& program) {
 std::string vertex_shader(const SumProgram& program) {
   return head(program).append(program.output == SumProgram::Output::kChromaBits ? kWholeTarget : kVertex);
 }
+
+std::string compute_shader(const SumProgram& program) { return head(program).append(kRule).append(kBlocks); }
 
 std::string fragment_shader(const SumProgram& program) {
   std::string text = head(program);

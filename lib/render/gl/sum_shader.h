@@ -18,7 +18,8 @@ struct SumProgram {
   //   kChroma: Cb and Cr of two by two pixels, as 16 bits.
   //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
   //   kChromaBits: such sums as 16 bits.
-  enum class Output { kRgb, kLuma, kChroma, kMixedChroma, kChromaBits } output = Output::kRgb;
+  //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
+  enum class Output { kRgb, kLuma, kChroma, kMixedChroma, kChromaBits, kBlocksRgb, kBlocksI420 } output = Output::kRgb;
   // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
   bool careful = false;
@@ -68,7 +69,16 @@ inline constexpr double kMaxWeightError = 2e-5;
 // How near to the eye a focal surface may be for float not to tell on which side of it.
 inline constexpr double kEyeDoubt = 1e-5;
 
+// Buffers of a compute shader, and blocks a side that a group of it computes.
+enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding };
+inline constexpr int kGroup = 8;
+
+inline bool is_of_blocks(const SumProgram& program) {
+  return program.output == SumProgram::Output::kBlocksRgb || program.output == SumProgram::Output::kBlocksI420;
+}
+
 std::string vertex_shader(const SumProgram& program);
 std::string fragment_shader(const SumProgram& program);
+std::string compute_shader(const SumProgram& program);
 
 }  // namespace lf::gl

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "render/camera_projection.h"
-#include "render/gl/sum_shader.h"
 
 namespace lf::gl {
 namespace {
@@ -92,6 +91,17 @@ void add_no_corner(Tables& tables, bool has_map) {
 }
 
 }  // namespace
+
+SumProgram program_of(const simd::SumTask& task) {
+  SumProgram program;
+  program.has_map = task.plan->view().focus.map != nullptr;
+  program.has_rays = !task.plan->rays().separable();
+  for (const simd::Slot& slot : task.slots) {
+    program.is_distorted = program.is_distorted || slot.radial || slot.tangential;
+    program.is_cubic = program.is_cubic || slot.is_cubic();
+  }
+  return program;
+}
 
 Vec2 anchor_of(const FacePlan& face) {
   return Vec2((face.rect.x0 + face.rect.x1) / 2, (face.rect.y0 + face.rect.y1) / 2);

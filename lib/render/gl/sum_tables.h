@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "render/gl/image_atlas.h"
+#include "render/gl/sum_shader.h"
 #include "render/simd/band_data.h"
 
 namespace lf::gl {
@@ -11,6 +12,9 @@ namespace lf::gl {
 // The numbers that programs draw a task by, as sum_shader.h lays them out: a row of face_texels() for each face of the
 // plan. `atlas`: where the task's images are. `values`: four of each texel.
 void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values);
+
+// What a program for all of a task's faces has to have; its output is to be set.
+SumProgram program_of(const simd::SumTask& task);
 
 // What a face's pixels are counted from: the middle of its rectangle.
 Vec2 anchor_of(const FacePlan& face);

@@ -19,13 +19,32 @@ namespace {
 using reference::Random;
 using test::Sum;
 
+struct Difference {
+  double level = 0, lost = 0;  // the largest of all samples and pixels, in levels of 255 and of weight 1
+  size_t mended = 0;
+};
+
+using Shaders = gl::SumDrawer::Shaders;
+
 // Any driver will do for its pictures. setup.sh installs one that computes on the CPU.
-gl::SumDrawer& card() {
+gl::SumDrawer& card_with(Shaders shaders) {
   static std::string why;
-  static const std::unique_ptr<gl::SumDrawer> drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  const auto open = [](Shaders of) { return gl::SumDrawer::create_with(of, gl::Context::Drivers::kAny, why); };
+  static const std::unique_ptr<gl::SumDrawer> drawers[] = {open(Shaders::kCompute), open(Shaders::kFragment)};
+  const auto& drawer = drawers[shaders == Shaders::kFragment];
   if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
   return *drawer;
 }
+
+class SumDrawer : public testing::TestWithParam<Shaders> {
+ protected:
+  gl::SumDrawer& card() const { return card_with(GetParam()); }
+  // Of the card's sums from the CPU's. `change`: what is special about the sources.
+  Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                        Resampling resampling, const std::function<void(std::vector<Source>&)>& change = {}) const;
+};
+INSTANTIATE_TEST_SUITE_P(, SumDrawer, testing::Values(Shaders::kCompute, Shaders::kFragment),
+                         [](const auto& of) { return of.param == Shaders::kCompute ? "Compute" : "Fragment"; });
 
 Image checkerboard(Random&, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
@@ -35,14 +54,9 @@ Image checkerboard(Random&, int width, int height) {
   return image;
 }
 
-struct Difference {
-  double level = 0, lost = 0;  // the largest of all samples and pixels, in levels of 255 and of weight 1
-  size_t mended = 0;
-};
-
-// Of the card's sums from the CPU's. `change`: what is special about the sources.
-Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                      Resampling resampling, const std::function<void(std::vector<Source>&)>& change = {}) {
+Difference SumDrawer::difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                                 Resampling resampling,
+                                 const std::function<void(std::vector<Source>&)>& change) const {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
@@ -73,7 +87,7 @@ Difference difference(const Rig& rig, const View& view, const std::vector<Image>
   return worst;
 }
 
-TEST(SumDrawer, DrawsWhatTheCpuDoes) {
+TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
   std::printf("%s\n", card().device().c_str());
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
@@ -103,7 +117,7 @@ TEST(SumDrawer, DrawsWhatTheCpuDoes) {
 
 // Planes and surfaces through eyes, arrays behind them, meshes that fold, slivers: what is proved of a face's pixels on
 // the CPU, and what is left to doubts on the card.
-TEST(SumDrawer, DrawsTheHardCases) {
+TEST_P(SumDrawer, DrawsTheHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
       Difference worst;
@@ -126,7 +140,7 @@ TEST(SumDrawer, DrawsTheHardCases) {
 }
 
 // Views with a lens, images of other layouts, cameras without a picture, and those of other nodes.
-TEST(SumDrawer, DrawsWhateverSourcesThereAre) {
+TEST_P(SumDrawer, DrawsWhateverSourcesThereAre) {
   constexpr int kSide = 4, kWidth = 161, kHeight = 121;
   Random random(5);
   const Rig rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.2);
@@ -178,7 +192,7 @@ TEST(SumDrawer, DrawsWhateverSourcesThereAre) {
 }
 
 // Samples right on the border of the images: (-0.5, y) is inside, and float can't tell.
-TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
+TEST_P(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
     const Lens lens = Lens::pinhole(200, 79.5, 59.5);
@@ -203,7 +217,7 @@ TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
 
 // A face may reach blocks of two by two pixels where it reaches no pixel: what is lost there is nothing, and not what
 // the sum before has lost. Here one node of the map, beside the array's right border, is too near to be proved calm.
-TEST(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
+TEST_P(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
   constexpr int kWidth = 128, kHeight = 96;
   Random random(1);
   Rig rig;
@@ -250,9 +264,9 @@ TEST(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
   EXPECT_LE(one.lost, 1e-4);
 }
 
-TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
+TEST_P(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
   std::string why;
-  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  const auto drawer = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
   Random random(2);
   const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
@@ -277,7 +291,7 @@ TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
     ASSERT_NEAR(before.memory[0][i], after.memory[0][i], 128 / 5) << i;
 }
 
-TEST(SumDrawer, HardwareIsNeverTheCpu) {
+TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
   std::string why;
   const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kHardware, why);
   if (drawer)

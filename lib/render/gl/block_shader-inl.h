@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string_view>
+
+namespace lf::gl {
+
+// What follows the rule in a compute shader: an invocation computes two by two pixels and their chroma.
+inline constexpr std::string_view kBlocks = R"(
+layout(local_size_x = GROUP, local_size_y = GROUP) in;
+
+// For each row of the sum where its runs begin, and where the last one's end, counted in runs; then of each run its
+// ends, the first in the low 16 bits, and its face.
+layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
+// For each row of blocks `draw` if it has lost weight or doubts, else anything; then pixels, chroma and lost weight as
+// in DrawnSum, two samples in 32 bits, at `parts`.
+layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
+uniform uvec4 parts; // of pixels, chroma and lost weight; draw
+
+int face_at(ivec2 at) {
+  uint first = runs[at.y], end = runs[at.y + 1], last = end, rows = uint(size.y) + 1u;
+  while (first < last) {
+    uint middle = (first + last) / 2u;
+    if (int(runs[rows + 2u * middle] >> 16) <= at.x)
+      first = middle + 1u;
+    else
+      last = middle;
+  }
+  if (first == end || int(runs[rows + 2u * first] & 0xffffu) > at.x) return -1;
+  return int(runs[rows + 2u * first + 1u]);
+}
+
+// Of a pixel: what its face's cameras weigh in it that see it. Its sum, and lost weight or DOUBT.
+vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
+  vec2 pixel = vec2(at + origin);
+#ifdef RAYS
+  vec2 d = texelFetch(rays, at, 0).xy;
+#else
+  vec2 d = pixel - FACE(0).xy;
+#endif
+  doubt = false;
+  vec3 w = weights_at(d);
+  float level = level_at(pixel), lost = 0.0;
+  sum = vec3(0.0);
+  for (int k = 0; k < 3; k++) {
+    vec2 position = vec2(0.0);
+    int sight = w[k] > 0.0 ? project(k, d, level, false, position) : kSeen;
+    doubt = doubt || sight == kUnknown;
+    if (sight == kLost) lost += w[k];
+    if (sight != kSeen) w[k] = 0.0;
+    if (w[k] > 0.0) sum += w[k] * colour_at(k, position);
+  }
+  sum *= 255.0 * 128.0;
+  lost_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
+  return w;
+}
+
+void main() {
+  ivec2 block = ivec2(gl_GlobalInvocationID.xy), first = 2 * block;
+  if (any(greaterThanEqual(first, size))) return;
+  int owner[4];
+  vec3 sums[4];
+  uint lost_of[4];
+  for (int n = 0; n < 4; n++) {
+    ivec2 at = first + ivec2(n & 1, n >> 1);
+    owner[n] = all(lessThan(at, size)) ? face_at(at) : -1;
+    sums[n] = vec3(0.0);
+    lost_of[n] = 0u;
+  }
+#ifndef RGB
+  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+  float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
+  vec2 chroma = vec2(0.0);
+  bool chroma_doubt = false;
+#endif
+  for (int n = 0; n < 4; n++) {
+    face_row = owner[n];
+    bool is_first = face_row >= 0;
+    for (int m = 0; m < n; m++) is_first = is_first && owner[m] != face_row;
+    if (!is_first) continue;
+    vec3 weights = vec3(0.0);
+    for (int m = n; m < 4; m++)
+      if (owner[m] == face_row) {
+        weights += weights_of(first + ivec2(m & 1, m >> 1), sums[m], lost_of[m]);
+#ifndef RGB
+        chroma_doubt = chroma_doubt || doubt;
+#endif
+      }
+#ifndef RGB
+    // A camera's chroma is sampled in the middle of four pixels and weighs the mean of what it gives to them.
+#ifdef RAYS
+    vec2 centre = texelFetch(centre_rays, block, 0).xy;
+#else
+    vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
+#endif
+    float level = level_at(vec2(first + origin) + 0.5);
+    for (int k = 0; k < 3; k++) {
+      if (!(weights[k] > 0.0)) continue;
+      vec2 position = vec2(0.0);
+      if (project(k, centre, level, true, position) == kSeen)
+        chroma += weights[k] / pixels * chroma_at(k, position);
+      else
+        chroma_doubt = true;
+    }
+#endif
+  }
+
+  uint row_words = uint(size.x + 1) / 2u;
+  uint any_lost = 0u;
+  for (int j = 0; j < 2; j++) {
+    int y = first.y + j, left = 2 * j;
+    if (y >= size.y) break;
+    uint word = uint(y) * row_words + uint(block.x);
+#ifdef RGB
+    for (int i = 0; i < 2; i++) {
+      vec3 sum = sums[left + i];
+      uint at = parts.x + 4u * word + 2u * uint(i);
+      result[at] = bits(sum.r) | bits(sum.g) << 16;
+      result[at + 1u] = bits(sum.b);
+    }
+#else
+    result[parts.x + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
+#endif
+    result[parts.z + word] = lost_of[left] | lost_of[left + 1] << 16;
+    any_lost |= lost_of[left] | lost_of[left + 1];
+  }
+#ifndef RGB
+  uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
+  result[parts.y + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
+  if (chroma_doubt) any_lost = 1u;
+#endif
+  if (any_lost != 0u) result[block.y] = parts.w;
+}
+)";
+
+}  // namespace lf::gl

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <EGL/egl.h>
+#include <GLES3/gl31.h>
+#include <GLES2/gl2ext.h>
+
+#include <string_view>
+
+#include "render/gl/objects.h"
+
+namespace lf::gl {
+
+// Null without GL_EXT_buffer_storage.
+static PFNGLBUFFERSTORAGEEXTPROC buffer_storage() {
+  static const auto function =
+      reinterpret_cast<PFNGLBUFFERSTORAGEEXTPROC>(eglGetProcAddress("glBufferStorageEXT"));
+  const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
+  return extensions && std::string_view(extensions).find("GL_EXT_buffer_storage") != std::string_view::npos ? function
+                                                                                                            : nullptr;
+}
+
+void Buffer::reserve(size_t bytes) {
+  if (bytes <= bytes_) return;
+  if (name_) glDeleteBuffers(1, &name_);
+  glGenBuffers(1, &name_);
+  // A binding that nothing else depends on.
+  glBindBuffer(GL_COPY_WRITE_BUFFER, name_);
+  bytes_ = bytes + bytes / 8;
+  memory_ = nullptr;
+  const auto size = static_cast<GLsizeiptr>(bytes_);
+  const auto storage = use_ == Use::kSent || use_ == Use::kRead ? buffer_storage() : nullptr;
+  if (storage) {
+    const GLbitfield access = (use_ == Use::kSent ? 0 : GL_MAP_READ_BIT) | GL_MAP_WRITE_BIT |
+                              GL_MAP_PERSISTENT_BIT_EXT | GL_MAP_COHERENT_BIT_EXT;
+    storage(GL_COPY_WRITE_BUFFER, size, nullptr, access | (use_ == Use::kRead ? GL_CLIENT_STORAGE_BIT_EXT : 0));
+    memory_ = static_cast<uint8_t*>(glMapBufferRange(GL_COPY_WRITE_BUFFER, 0, size, access));
+    return;
+  }
+  glBufferData(GL_COPY_WRITE_BUFFER, size, nullptr,
+               use_ == Use::kComputed ? GL_DYNAMIC_COPY : use_ == Use::kRead ? GL_STREAM_READ : GL_STREAM_DRAW);
+}
+
+void Buffer::set(const void* from, size_t bytes) {
+  reserve(bytes);
+  glBindBuffer(GL_COPY_WRITE_BUFFER, name_);
+  glBufferSubData(GL_COPY_WRITE_BUFFER, 0, static_cast<GLsizeiptr>(bytes), from);
+}
+
+}  // namespace lf::gl
