@@ -5,6 +5,7 @@
 #include "bins/rtp_link.h"
 #include "bins/view_split.h"
 #include "rtp/host_lookup.h"
+#include "viewrequest/lfviewrequest.h"
 
 namespace lf {
 namespace {
@@ -30,6 +31,7 @@ class CamerasHere : public ViewerCameras {
 
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
     auto pads = std::make_unique<RequestedPads>();
+    lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), TRUE);
     std::string ending;
     GstPad* request = nullptr;
     if (viewer.view_id() == 0) {
@@ -71,6 +73,7 @@ class CamerasOnHosts : public ViewerCameras {
 
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
     auto pads = std::make_unique<RequestedPads>();
+    lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), FALSE);
     GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
     link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
     for (size_t i = 0; i < splits_.size(); i++) {

@@ -96,6 +96,8 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_N
                                       GST_DEBUG_CATEGORY_INIT(lf_view_request_debug, "lfviewrequest", 0,
                                                               "source of view requests"))
 
+void lf_view_request_set_in_process(LfViewRequest* self, gboolean in_process) { self->state->in_process = in_process; }
+
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);

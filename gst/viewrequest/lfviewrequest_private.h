@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
@@ -42,6 +43,7 @@ struct _LfViewRequest {
     lf::AutoCaptureDelay auto_delay;
     lf::RequestRelay relay;
     lf::RelayedFocus relayed_focus;
+    std::atomic<bool> in_process = false;
 
     // Under the object lock.
     lf::ViewRequestSettings settings;

@@ -108,7 +108,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   request.rig_hash = self->state->stream->rig_hash();
   const std::shared_ptr<const lf::Rig> rig = self->state->stream->rig();
   request.view_id = self->state->settings.view_id;
-  request.quality = static_cast<uint8_t>(self->state->settings.quality);
+  request.quality = self->state->in_process ? 0 : static_cast<uint8_t>(self->state->settings.quality);
   request.out_of_service =
       self->state->out_of_service.with_announced(request.view_id, self->state->stream->out_of_service());
   const lf::ViewSet set = self->state->settings;

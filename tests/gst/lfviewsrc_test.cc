@@ -7,6 +7,7 @@
 
 #include "gst/lfviewsrc_fixture.h"
 #include "gst/other_rig.h"
+#include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
@@ -107,6 +108,25 @@ TEST_F(LfViewSrcTest, EndsWithItsViews) {
                                      " is-live=false num-buffers=20 name=v ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
   for (int i = 0; i < 2; i++) EXPECT_EQ(run(pipeline.get(), kPatience), "") << i;
+}
+
+// Nothing compresses what stays here: of a quilt's processor time that would be a tenth.
+TEST_F(LfViewSrcTest, RequestsAreNotCompressedForCamerasOfThisMachine) {
+  const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
+                                     " is-live=false num-buffers=3 quality=90 name=v ! fakesink sync=false");
+  ASSERT_TRUE(pipeline);
+  const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "view"));
+  const PadPtr requests(gst_element_get_static_pad(view.get(), "src"));
+  std::atomic<int> qualities[101] = {};  // of requests
+  const auto count = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
+    const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
+    static_cast<std::atomic<int>*>(of)[request.value().quality]++;
+    return GST_PAD_PROBE_OK;
+  };
+  gst_pad_add_probe(requests.get(), GST_PAD_PROBE_TYPE_BUFFER, count, qualities, nullptr);
+  EXPECT_EQ(run(pipeline.get(), kPatience), "");
+  EXPECT_GE(qualities[0], 3);
+  EXPECT_EQ(qualities[90], 0);
 }
 
 TEST_F(LfViewSrcTest, FliesByNavigation) {
