@@ -12,6 +12,7 @@
 #include "bins/viewer_cameras.h"
 #include "bins/viewer_requests.h"
 #include "common/properties.h"
+#include "node/card.h"
 
 #define LF_TYPE_VIEW_SRC (lf_view_src_get_type())
 G_DECLARE_FINAL_TYPE(LfViewSrc, lf_view_src, LF, VIEW_SRC, GstBin)
@@ -38,6 +39,7 @@ struct LfViewSrcSettings : LfViewSrcHosts {
   std::string rig;
   bool is_live = true;
   std::string record;
+  lf::RendererChoice renderer = lf::RendererChoice::kCpu;
 
   static lf::PropertyTable<LfViewSrcSettings>& properties();
 };

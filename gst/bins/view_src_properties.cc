@@ -6,6 +6,7 @@
 #include "bins/lfviewsrc_private.h"
 #include "bins/property_copy.h"
 #include "compositor/lfcompositor.h"
+#include "fragment/lffragment.h"
 #include "viewrequest/lfviewrequest.h"
 #include "viewrequest/view_control.h"
 
@@ -34,9 +35,10 @@ static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_B
 void lf_view_src_set_node(LfViewSrc* self) {
   GstElement* node = find_node(self);
   if (!node) return;
-  const std::string rig = lf_view_src_rig(self), record = lf_view_src_record(self);
-  g_object_set(node, "is-live", lf_view_src_is_live(self), "rig", rig.empty() ? nullptr : rig.c_str(), "record",
-               record.empty() ? nullptr : record.c_str(), nullptr);
+  const LfViewSrcSettings settings = Properties::now(self);
+  const auto text_or_null = [](const std::string& text) { return text.empty() ? nullptr : text.c_str(); };
+  g_object_set(node, "is-live", settings.is_live, "rig", text_or_null(settings.rig), "record",
+               text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), nullptr);
   gst_object_unref(node);
 }
 
@@ -81,7 +83,7 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
   Properties::set(object, id, value, pspec);
   if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
   if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
-  if (lf::is_named(pspec, "record")) lf_view_src_set_node(self);
+  if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer")) lf_view_src_set_node(self);
 }
 
 static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -211,6 +213,9 @@ lf::PropertyTable<LfViewSrcSettings>& LfViewSrcSettings::properties() {
           lf::kWhileReady, "record", "Record",
           "Folder that the cameras are recorded into from the start to the stop, with a rig.json to play them by; it "
           "must not have one already. Of nodes: see lfnodesink (none: not recorded)"),
+      lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
+                                 "What draws the sums of cameras of this machine, as of lfcameranode",
+                                 LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
 }

@@ -7,6 +7,7 @@
 
 #include "gst/lfviewsrc_fixture.h"
 #include "gst/other_rig.h"
+#include "node/card.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -98,6 +99,10 @@ TEST_F(LfViewSrcTest, PropertiesReachTheChildrenAndBack) {
     gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), name, &live, nullptr);
     EXPECT_FALSE(live) << name;
   }
+  gst_util_set_object_arg(G_OBJECT(bin.get()), "renderer", "auto");
+  gint renderer = 0;
+  gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "node::renderer", &renderer, nullptr);
+  EXPECT_EQ(renderer, static_cast<gint>(RendererChoice::kAuto));
   gst_element_release_request_pad(bin.get(), pad);
   gst_object_unref(pad);
   EXPECT_EQ(gst_element_get_static_pad(bin.get(), "src_7"), nullptr);
