@@ -176,6 +176,45 @@ BENCHMARK_CAPTURE(DrawnSum, rgb_plane, PixelFamily::kRgb, false)
     ->ArgsProduct({{0, 3}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
+// A display's 45 views of 512x512 through a surface, of one moment, one after the other.
+void DrawnSet(benchmark::State& state) {
+  static std::string why;
+  static const auto card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!card) return state.SkipWithError(why.c_str());
+  constexpr int kViews = 45, kSide = 512;
+  Scene scene(8, kSide, kSide, true, PixelFamily::kI420);
+  struct Eye {
+    Eye(const Scene& scene, const View& view)
+        : plan(scene.rig, scene.mesh, view), runs(plan, {0, 0, kSide, kSide}), sources(scene.sources(plan)) {}
+    ViewPlan plan;
+    OwnerRuns runs;
+    std::vector<Source> sources;
+  };
+  std::vector<std::unique_ptr<Eye>> eyes;
+  for (int i = 0; i < kViews; i++) {
+    View view = scene.view;
+    view.pose.position.x += 0.1 * (i / (kViews - 1.0) - 0.5);
+    view.focus.map = room(view);
+    eyes.push_back(std::make_unique<Eye>(scene, view));
+  }
+  double drawn_ns = 0;
+  for (auto _ : state)
+    for (const auto& eye : eyes) {
+      const SumRenderer renderer(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid, card.get());
+      if (!renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
+      drawn_ns += static_cast<double>(card->drawn_ns());
+      SumPlanes out{.family = PixelFamily::kI420, .rect = renderer.rect()};
+      for (int c = 0; c < 3; c++) {
+        out.plane[c] = scene.sum[c].data();
+        out.stride[c] = c > 0 ? chroma_size(out.rect.width()) : out.rect.width();
+      }
+      benchmark::DoNotOptimize(renderer.render_rows(out.rect.y0, out.rect.y1, out));
+    }
+  state.SetLabel(card->device());
+  state.SetItemsProcessed(state.iterations());
+  state.counters["drawn_ms_per_set"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
+}
+BENCHMARK(DrawnSet)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK_CAPTURE(ComputedSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 BENCHMARK_CAPTURE(FragmentSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 

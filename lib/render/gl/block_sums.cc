@@ -29,7 +29,7 @@ void BlockSums::upload_runs(const simd::SumTask& task, const Rect& rect) {
 }
 
 bool BlockSums::begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-                      std::string& why) {
+                      Stopwatch& stopwatch, std::string& why) {
   const bool rgb = task.family == PixelFamily::kRgb;
   SumProgram what = program_of(task);
   what.output = rgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
@@ -52,7 +52,9 @@ bool BlockSums::begin(const simd::SumTask& task, const ViewTextures& view, Progr
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kRunsBinding, runs_.name());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kTablesBinding, tables_.name());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, result_.name());
+  stopwatch.begin();
   glDispatchCompute((columns + kGroup - 1) / kGroup, (blocks + kGroup - 1) / kGroup, 1);
+  stopwatch.end();
   glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
   return true;
 }

@@ -22,7 +22,7 @@ class BlockSums {
   // Has the card begin with the sum of a task in `rect`, whose view's textures are there. False with the reason in
   // `why`.
   bool begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-             std::string& why);
+             Stopwatch& stopwatch, std::string& why);
   // Waits for it. False if the card does not answer.
   bool read(DrawnSum& out);
 

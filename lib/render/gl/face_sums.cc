@@ -164,7 +164,7 @@ bool FaceSums::draw_chroma(std::string& why) {
 }
 
 bool FaceSums::begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-                     std::string& why) {
+                     Stopwatch& stopwatch, std::string& why) {
   job_ = {&task, &view, &programs, rect, cover_faces(task, rect)};
   upload_owners(task, rect);
   make_tables(task, view.atlas(), table_memory_);
@@ -176,11 +176,17 @@ bool FaceSums::begin(const simd::SumTask& task, const ViewTextures& view, Progra
   glDepthFunc(GL_EQUAL);
   glDepthMask(GL_FALSE);
   glEnable(GL_DEPTH_TEST);
-  if (!draw_pixels(why)) return false;
+  stopwatch.begin();
+  const bool drawn = draw_pixels(why);
+  stopwatch.end();
+  if (!drawn) return false;
   glFlush();  // while the card draws those, the rest goes up
   if (task.family != PixelFamily::kI420) return true;
   upload_block_owners(rect);
-  return draw_chroma(why);
+  stopwatch.begin();
+  const bool has_chroma = draw_chroma(why);
+  stopwatch.end();
+  return has_chroma;
 }
 
 void FaceSums::read(DrawnSum& out) {

@@ -25,7 +25,7 @@ class FaceSums {
 
   // Has the card draw the sum of a task in `rect`, whose view's textures are there. False with the reason in `why`.
   bool begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-             std::string& why);
+             Stopwatch& stopwatch, std::string& why);
   // Waits for it.
   void read(DrawnSum& out);
 

@@ -81,6 +81,41 @@ class Buffer {
 // Textures' units.
 enum Unit { kOwners, kBlockOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaSums, kTargets };
 
+// What the card takes for what it is given between begin() and end(), if its driver tells
+// (GL_EXT_disjoint_timer_query).
+class Stopwatch {
+ public:
+  explicit Stopwatch(bool works) : works_(works) { glGenQueries(kMost, names_); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() { glDeleteQueries(kMost, names_); }
+  void reset() { used_ = 0; }
+  // At most kMost times between two resets.
+  void begin() {
+    if (works_) glBeginQuery(kTimeElapsed, names_[used_++]);
+  }
+  void end() {
+    if (works_) glEndQuery(kTimeElapsed);
+  }
+  // Of all since reset(); waits for it. 0: the driver does not tell.
+  uint64_t nanoseconds() const {
+    uint64_t sum = 0;
+    for (int i = 0; i < used_; i++) {
+      GLuint ns = 0;
+      glGetQueryObjectuiv(names_[i], GL_QUERY_RESULT, &ns);
+      sum += ns;
+    }
+    return sum;
+  }
+
+ private:
+  static constexpr int kMost = 2;
+  static constexpr GLenum kTimeElapsed = 0x88bf;  // GL_TIME_ELAPSED_EXT
+  const bool works_;
+  GLuint names_[kMost] = {};
+  int used_ = 0;
+};
+
 // Where a program's numbers are.
 struct Program {
   GLuint name = 0;

@@ -10,24 +10,19 @@
 
 namespace lf::gl {
 
-constexpr GLenum kTimeElapsed = 0x88bf;  // GL_EXT_disjoint_timer_query: GL_TIME_ELAPSED_EXT
-
 struct SumDrawer::Objects {
   ViewTextures view;
   Programs programs;
   std::unique_ptr<FaceSums> faces;    // one of
   std::unique_ptr<BlockSums> blocks;  // the two
-  GLuint timer = 0;
-  bool has_timer = false;
+  Stopwatch stopwatch;
   GLint max_size = 0;
 
-  Objects() {
-    glGenQueries(1, &timer);
+  explicit Objects(bool has_timer) : stopwatch(has_timer) {
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &max_size);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
   }
-  ~Objects() { glDeleteQueries(1, &timer); }
 };
 
 SumDrawer::SumDrawer(std::unique_ptr<Context> context) : context_(std::move(context)) {}
@@ -65,11 +60,13 @@ std::unique_ptr<SumDrawer> SumDrawer::create_with(Shaders shaders, Context::Driv
   std::unique_ptr<SumDrawer> drawer(new SumDrawer(std::move(context)));
   const Context::Current current(*drawer->context_);
   if (!current) return nullptr;
-  drawer->objects_ = std::make_unique<Objects>();
-  Objects& o = *drawer->objects_;
-  o.has_timer = drawer->context_->has_extension("GL_EXT_disjoint_timer_query");
-  // Unfit drivers are told from others before there is anything to draw.
   if (shaders == Shaders::kFitting) shaders = drawer->is_software() ? Shaders::kFragment : Shaders::kCompute;
+  // llvmpipe says of every compute shader that it took a second.
+  const bool tells_time = shaders == Shaders::kFragment || !drawer->is_software();
+  drawer->objects_ =
+      std::make_unique<Objects>(tells_time && drawer->context_->has_extension("GL_EXT_disjoint_timer_query"));
+  Objects& o = *drawer->objects_;
+  // Unfit drivers are told from others before there is anything to draw.
   if (shaders == Shaders::kFragment)
     return prepare_faces(*drawer->context_, o.programs, o.faces, why) ? std::move(drawer) : nullptr;
   o.blocks = std::make_unique<BlockSums>();
@@ -108,10 +105,9 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   out.family = task.family;
   out.rect = rect;
   o.view.upload(task, rect);
-  if (o.has_timer) glBeginQuery(kTimeElapsed, o.timer);
-  const bool begun = o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, why)
-                              : o.faces->begin(task, o.view, o.programs, rect, why);
-  if (o.has_timer) glEndQuery(kTimeElapsed);
+  o.stopwatch.reset();
+  const bool begun = o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
+                              : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);
   if (!begun) return false;
   if (o.faces) {
     o.faces->read(out);
@@ -119,11 +115,7 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
     lost_ = true;
     return refuse(why, "the card does not answer");
   }
-  if (o.has_timer) {
-    GLuint ns = 0;
-    glGetQueryObjectuiv(o.timer, GL_QUERY_RESULT, &ns);
-    drawn_ns_ = ns;
-  }
+  drawn_ns_ = o.stopwatch.nanoseconds();
   if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
     lost_ = error == GL_OUT_OF_MEMORY || lost_;
     return refuse(why, "OpenGL error " + std::to_string(error));
