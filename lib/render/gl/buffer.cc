@@ -45,4 +45,20 @@ void Buffer::set(const void* from, size_t bytes) {
   glBufferSubData(GL_COPY_WRITE_BUFFER, 0, static_cast<GLsizeiptr>(bytes), from);
 }
 
+uint8_t* SentTexture::begin(size_t bytes) {
+  buffer_.reserve(bytes);
+  if (buffer_.memory()) return buffer_.memory();
+  memory_.resize(bytes);
+  return memory_.data();
+}
+
+void SentTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact) {
+  texture_.bind(unit, internal_format, width, height, exact);
+  const bool is_mapped = buffer_.memory() != nullptr;
+  if (is_mapped) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, buffer_.name());
+  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_UNSIGNED_BYTE,
+                  is_mapped ? nullptr : memory_.data());
+  glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+}
+
 }  // namespace lf::gl

@@ -80,19 +80,10 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
 
 void ImageAtlas::upload() {
   const int height = has_chroma_ ? height_ + height_ / 2 : height_;
-  const size_t bytes = static_cast<size_t>(width_) * height * static_cast<size_t>(bytes_);
-  buffer_.reserve(bytes);
-  uint8_t* to = buffer_.memory();
-  if (!to) {
-    memory_.resize(bytes);
-    to = memory_.data();
-  }
+  uint8_t* to = texture_.begin(static_cast<size_t>(width_) * height * static_cast<size_t>(bytes_));
   for (const Piece& piece : pieces_) copy(piece, to);
-  texture_.bind(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8, width_, height);
-  if (buffer_.memory()) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, buffer_.name());
-  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height, bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA,
-                  GL_UNSIGNED_BYTE, buffer_.memory() ? nullptr : to);
-  glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+  texture_.send(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
+                bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA, width_, height, false);
 }
 
 }  // namespace lf::gl

@@ -49,9 +49,7 @@ class ImageAtlas {
   int width_ = 0, height_ = 0;   // of what is RGB or luma
   int bytes_ = 1;                // a pixel
   bool has_chroma_ = false;
-  Texture texture_;
-  Buffer buffer_{Buffer::Use::kSent};
-  std::vector<uint8_t> memory_;  // in its place, where the driver has none that is in both
+  SentTexture texture_;
 };
 
 }  // namespace lf::gl

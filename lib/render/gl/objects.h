@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "render/gl/sum_shader.h"
 
@@ -76,6 +77,22 @@ class Buffer {
   GLuint name_ = 0;
   size_t bytes_ = 0;
   uint8_t* memory_ = nullptr;
+};
+
+// A texture whose pixels this process makes anew for each sum: all of them are sent at once, from memory that the
+// driver need not copy where it has such. What was drawn from it before has been read by then.
+class SentTexture {
+ public:
+  // Room for so many bytes, to be filled before send().
+  uint8_t* begin(size_t bytes);
+  // Sends what is in the room now, rows of bytes in that format without gaps, and binds the texture, which may be
+  // larger but where `exact`.
+  void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact);
+
+ private:
+  Texture texture_;
+  Buffer buffer_{Buffer::Use::kSent};
+  std::vector<uint8_t> memory_;  // in its place, where the driver has none that is in both
 };
 
 // Textures' units.

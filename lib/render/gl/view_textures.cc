@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/gl/view_textures.h"
 
+#include <algorithm>
+
 namespace lf::gl {
 
 void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool centres) {
@@ -25,9 +27,8 @@ void ViewTextures::upload(const simd::SumTask& task, const Rect& rect) {
     if (task.family == PixelFamily::kI420) upload_rays(plan.rays(), rect, true);
   }
   if (const FocalMap* map = plan.view().focus.map.get()) {
-    levels_.bind(kLevels, GL_R8UI, map->columns, map->rows, true);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, map->columns, map->rows, GL_RED_INTEGER, GL_UNSIGNED_BYTE,
-                    map->levels.data());
+    std::ranges::copy(map->levels, levels_.begin(map->levels.size()));
+    levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, map->columns, map->rows, true);
   }
   atlas_.upload();
 }

@@ -26,7 +26,8 @@ class ViewTextures {
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
   ImageAtlas atlas_;
-  Texture levels_, rays_, centre_rays_;
+  SentTexture levels_;
+  Texture rays_, centre_rays_;
   std::vector<float> ray_memory_;
 };
 
