@@ -70,6 +70,7 @@ static GstBuffer* make_output(LfCompositor* self, GstFlowReturn* flow) {
   const lf::Background background{static_cast<uint8_t>(argb >> 16), static_cast<uint8_t>(argb >> 8),
                                   static_cast<uint8_t>(argb)};
   bool dropped = false;
+  state.output.show(settings.show, state.rig);
   GstBuffer* picture = state.output.make_picture(state.assembly, *state.current, background, flow, &dropped);
   if (dropped) state.stats.count(lf::CompositorStats::kDroppedPictures);
   return picture;

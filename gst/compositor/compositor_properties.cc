@@ -87,4 +87,5 @@ void lf_compositor_install_properties(GObjectClass* klass) {
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_GAINS, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_SHOW, GstPluginAPIFlags(0));
 }

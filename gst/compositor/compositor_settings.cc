@@ -23,6 +23,16 @@ GType lf_compositor_focus_get_type(void) {
   return type;
 }
 
+GType lf_compositor_show_get_type(void) {
+  static const GType type = lf::register_enum<lf::ShownWeights>(
+      "LfCompositorShow",
+      {{lf::ShownWeights::kNone, "What the cameras see", "picture"},
+       {lf::ShownWeights::kContributions, "Over it in colours which cameras make each pixel, and the mesh between them",
+        "contributions"},
+       {lf::ShownWeights::kCoverage, "Over it how much of each pixel's weight is lost", "coverage"}});
+  return type;
+}
+
 GType lf_compositor_gains_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
@@ -61,6 +71,8 @@ std::string CompositorSettings::without_effect() const {
       "focus-near and focus-far: on a plane no depth is looked for.");
   say(gains == LF_COMPOSITOR_GAINS_TRUE && view_focus().mode == FocusMode::kPlane,
       "gains: cameras match their brightness where a surface is looked for, not on a plane.");
+  say(show != ShownWeights::kNone && (partial || rig.empty()),
+      "show: only pictures have colours of weights, and only with a rig.");
   return text;
 }
 
@@ -120,6 +132,9 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "Let cameras match their brightness to that of the others; with focus surface or auto. auto: as long as "
           "`rig` does not say how their colours are to be corrected. The lffragments' stats have each camera's gain",
           LF_TYPE_COMPOSITOR_GAINS),
+      property<&S::show>(kWhilePlaying, "show", "Show",
+                         "What pictures show: what the cameras see, or over it who makes what of it. Needs `rig`",
+                         LF_TYPE_COMPOSITOR_SHOW),
   };
   return table;
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/properties.h"
+#include "composite/weight_overlay.h"
 #include "compositor/lfcompositor.h"
 #include "focus/focus_control.h"
 #include "node/answer_form.h"
@@ -28,6 +29,7 @@ struct CompositorSettings {
   guint monitor_interval = 0;
   guint trial_interval = 1;
   LfCompositorGains gains = LF_COMPOSITOR_GAINS_AUTO;
+  ShownWeights show = ShownWeights::kNone;
 
   // What a view is focused on: `auto` is for arrays that are known, and a compositor inside a tree leaves it to the
   // root.

@@ -24,6 +24,10 @@ GType lf_compositor_incomplete_get_type(void);
 #define LF_TYPE_COMPOSITOR_FOCUS (lf_compositor_focus_get_type())
 GType lf_compositor_focus_get_type(void);
 
+// Property "show": lf::ShownWeights.
+#define LF_TYPE_COMPOSITOR_SHOW (lf_compositor_show_get_type())
+GType lf_compositor_show_get_type(void);
+
 // Property "gains": whether cameras match their brightness. A truth value sets it, too.
 typedef enum {
   LF_COMPOSITOR_GAINS_FALSE = 0,

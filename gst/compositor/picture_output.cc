@@ -152,6 +152,12 @@ bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const B
   const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
   assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
   if (!assembly.complete()) conceal(assembly, request, planes);
+  if (shown_ != ShownWeights::kNone && rig_) {
+    WeightOverlay::Picture picture{.family = family_of(info_), .layout = layout, .levels = levels};
+    std::ranges::copy(planes.data, picture.plane);
+    std::ranges::copy(planes.stride, picture.stride);
+    overlay_.draw(shown_, *rig_, request, assembly.seeing(), picture);
+  }
   gst_video_frame_unmap(&frame);
   sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
   sheet_.complete = sheet_.complete && assembly.complete();

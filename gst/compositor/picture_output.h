@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <gst/base/gstaggregator.h>
@@ -10,6 +11,7 @@
 
 #include "common/gst_wire.h"
 #include "composite/assembly.h"
+#include "composite/weight_overlay.h"
 #include "compositor/lfcompositor.h"
 #include "compositor/picture_pool.h"
 #include "node/answer_form.h"
@@ -37,6 +39,14 @@ class PictureOutput {
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
+
+  // What pictures show from now on of their cameras' weights; nothing without a rig.
+  void show(ShownWeights what, std::shared_ptr<const Rig> rig) {
+    shown_ = what;
+    if (rig_ == rig) return;
+    rig_ = std::move(rig);
+    overlay_ = {};
+  }
 
   // The picture of what was added for a request, with those of the other views of its set. Null if there is none: *flow
   // says why, and is GST_FLOW_OK where other views are still to come. *dropped becomes true where another set has begun
@@ -94,6 +104,9 @@ class PictureOutput {
     bool complete = true;         // all views that were drawn were complete
   } sheet_;
   void drop_sheet() { gst_clear_buffer(&sheet_.buffer); }
+  ShownWeights shown_ = ShownWeights::kNone;
+  std::shared_ptr<const Rig> rig_;
+  WeightOverlay overlay_;
   std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // what partial answers are made in
   bool root_is_near_ = false;          // the compositor that partial answers go to is in this process
   GstBuffer* last_picture_ = nullptr;  // what an incomplete picture may be replaced or mended with

@@ -104,6 +104,7 @@ TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
         Case{rig + " codec=jpeg", "node and codec: "}, Case{rig + " focus=plane focus-far=3", "on a plane no depth"},
         Case{rig + " partial=true focus=surface", "focus: inside a tree"},
         Case{"monitor-interval=8", "monitor-interval: without a rig"}, Case{"gains=true", "gains: "},
+        Case{"show=coverage", "show: only"}, Case{rig + " show=coverage", ""},
         Case{rig + " gains=true focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
     const ElementPtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
     ASSERT_TRUE(pipeline);

@@ -134,6 +134,31 @@ TEST_F(LfViewSrcTest, RequestsAreNotCompressedForCamerasOfThisMachine) {
   EXPECT_EQ(qualities[90], 0);
 }
 
+// The eye looks away from the array: nobody makes anything of that.
+TEST_F(LfViewSrcTest, ShowsWhoMakesThePicture) {
+  const auto red_of = [&](const std::string& show) {
+    const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
+                                       " is-live=false num-buffers=2 width=64 height=48 yaw=180 keep-visible=false " +
+                                       show + " ! video/x-raw,format=RGB ! fakesink name=s sync=false");
+    EXPECT_TRUE(pipeline);
+    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+    const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
+    std::atomic<int> red = -1;  // of the latest picture's first pixel
+    const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
+      *static_cast<std::atomic<int>*>(of) = to_bytes(GST_PAD_PROBE_INFO_BUFFER(info))[0];
+      return GST_PAD_PROBE_OK;
+    };
+    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &red, nullptr);
+    EXPECT_EQ(run(pipeline.get(), kPatience), "");
+    return red.load();
+  };
+  const int black = red_of("background=0xff000000");
+  EXPECT_EQ(black, 0);
+  EXPECT_EQ(red_of("show=contributions background=0xffffffff"), black);
+  EXPECT_GT(red_of("show=picture background=0xffffffff"), 200);
+  EXPECT_NEAR(red_of("show=coverage background=0xffffffff"), 96, 3) << "the grey of what has no weight";
+}
+
 TEST_F(LfViewSrcTest, FliesByNavigation) {
   play("width=64 height=48 keep-visible=false v.src ! videoconvert ! fakesink name=s sync=false",
        "v.src_0 ! queue ! fakesink name=t sync=false");

@@ -46,7 +46,7 @@ class SumDrawer : public testing::TestWithParam<Shaders> {
 INSTANTIATE_TEST_SUITE_P(, SumDrawer, testing::Values(Shaders::kCompute, Shaders::kFragment),
                          [](const auto& of) { return of.param == Shaders::kCompute ? "Compute" : "Fragment"; });
 
-Image checkerboard(Random&, int width, int height) {
+Image checkered(Random&, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
   for (int y = 0; y < height; y++)
     for (int x = 0; x < width; x++)
@@ -100,7 +100,7 @@ TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
             const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
             View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
             if (map) view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
-            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+            const auto images = images_of(rig, random, hard ? checkered : reference::smooth_image);
             const Difference one = difference(rig, view, images, family, resampling);
             worst.level = std::max(worst.level, one.level);
             worst.lost = std::max(worst.lost, one.lost);

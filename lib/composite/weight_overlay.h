@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "composite/levels.h"
+#include "image/image.h"
+#include "render/contribution_map.h"
+#include "rig/camera_ranges.h"
+#include "rig/mesh.h"
+#include "rig/rig.h"
+#include "view/view_request.h"
+
+namespace lf {
+
+// What a picture shows of its cameras' weights, over what they see.
+//   kContributions: each pixel in the colours of the cameras that make it, mixed by their weights, as
+//     contribution_map() has them; lines are the edges between faces of the mesh.
+//   kCoverage: the weight that is lost, on the scale of heat_map().
+enum class ShownWeights { kNone, kContributions, kCoverage };
+
+// Draws weights over pictures while they are made: contribution_map.h, for many pictures a second. Weights are found at
+// every fourth pixel of every fourth row and are linear in between. Not thread-safe.
+class WeightOverlay {
+ public:
+  // A picture as resolve() makes it, of the request's view.
+  struct Picture {
+    PixelFamily family = PixelFamily::kNone;
+    RgbLayout layout;
+    Levels levels;
+    uint8_t* plane[3] = {};
+    ptrdiff_t stride[3] = {};
+  };
+  // `seeing`: the cameras that have given something to the picture; the weight of others is lost. Cameras that the
+  // request has out of service are none of the array's. Throws Error as build_mesh() does.
+  void draw(ShownWeights what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
+            const Picture& picture);
+
+ private:
+  static constexpr int kStep = 4;  // pixels between nodes
+  struct Node {
+    float r = 0, g = 0, b = 0;  // 0..255: colours times weights
+    float seen = 0;             // weight that is not lost
+    float owned = 0;            // 1: the array has a face there
+  };
+  void find_nodes(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners, const CameraRanges& seeing);
+  Node at(int x, int y) const;
+
+  MeshCache mesh_;
+  std::vector<CameraColour> colours_;
+  int columns_ = 0;  // of nodes
+  std::vector<Node> nodes_;
+};
+
+}  // namespace lf
