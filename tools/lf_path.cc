@@ -67,5 +67,8 @@ int main(int argc, char** argv) {
       ->check(cli::Range(0, lf::kMaxImageSize));
   app.add_option("--height", o.tour.height, "of the views, pixels (0: as the cameras)")
       ->check(cli::Range(0, lf::kMaxImageSize));
+  app.add_option("--room", o.tour.room, "metres between the outermost eyes of sets of views that will fly it")
+      ->capture_default_str()
+      ->check(cli::NonNegativeNumber);
   return cli::run_tool(app, argc, argv, [&] { run(o); });
 }

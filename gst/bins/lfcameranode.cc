@@ -123,7 +123,7 @@ static bool open_cameras(LfCameraNode* self) {
   const Settings settings = current_settings(self);
   try {
     if (!self->fragment) throw lf::Error("element lffragment is not installed");
-    if (settings.rig.empty()) throw lf::Error("rig: not set");
+    if (settings.rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     if (!g_file_test(settings.rig.c_str(), G_FILE_TEST_EXISTS)) throw lf::Error(settings.rig + ": no such file");
     const std::shared_ptr<const lf::Rig> rig = lf::shared_rig(settings.rig);
     std::vector<lf::CameraIndex> indices;

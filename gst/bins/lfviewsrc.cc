@@ -160,7 +160,7 @@ static bool prepare(LfViewSrc* self) {
   const std::string rig = lf_view_src_rig(self);
   const LfViewSrcHosts hosts = lf_view_src_hosts(self);
   try {
-    if (rig.empty()) throw lf::Error("rig: not set");
+    if (rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !lf_view_src_is_live(self))

@@ -11,7 +11,7 @@ namespace {
 using Kind = lf::CameraSource::Kind;
 
 std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
-  if (path.empty()) throw lf::Error("rig: not set");
+  if (path.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
   if (!g_file_test(path.c_str(), G_FILE_TEST_EXISTS)) throw lf::MissingFile(path + ": no such file");
   return lf::shared_rig(path);
 }

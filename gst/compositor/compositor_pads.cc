@@ -122,6 +122,14 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
   } else if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP) {
     lf::NodeInput::of(pad).flushed();
   }
+  // Whoever writes a file would have an empty one, and be told that all went well.
+  const uint64_t refused = self->guard->refused();
+  if (ended && refused > 0 && !self->state->output.has_begun() && !lf_compositor_is_live(self))
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("There is no picture: of all requests %" G_GUINT64_FORMAT
+                       " were refused. A warning before says which of the limits (max-pixels, ...) they are beyond.",
+                       refused),
+                      (nullptr));
   const gboolean ok = parent_class()->sink_event(agg, pad, event);
   // Before the first picture the source pad has no segment to end yet.
   if (ended && self->state->output.has_begun()) {

@@ -40,6 +40,14 @@ void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& 
 static void note_unseen(LfCompositor* self, double coverage) {
   auto& state = *self->state;
   if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
+  if (state.current->place.count() > 1) {
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("No camera sees anything of some of the %d views of view %u: their eyes are outside of the "
+                         "array, which is %.2f m across. A smaller eye-distance or view-cone keeps them inside.",
+                         state.current->place.count(), state.current->view_id, state.extent.load()),
+                        (nullptr));
+    return;
+  }
   GST_ELEMENT_WARNING(self, STREAM, FAILED,
                       ("No camera sees anything of view %u: the eye, or all that it looks at, is outside of the array, "
                        "which is %.2f m across. Such pictures are counted as unseen in stats.",
@@ -52,9 +60,13 @@ void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
   const bool post = state.settings.post_messages;
-  const double coverage =
-      state.rig ? state.coverage.share(*state.rig, request, state.health.out_of_service(), post, g_get_monotonic_time())
-                : -1;
+  // Views of a set differ, so that each of the first one is looked at.
+  const uint32_t set = request.sequence - static_cast<uint32_t>(request.place.turn());
+  if (!state.first_set) state.first_set = set;
+  const bool exact = post || (request.place.count() > 1 && set == *state.first_set);
+  const double coverage = state.rig ? state.coverage.share(*state.rig, request, state.health.out_of_service(), exact,
+                                                           g_get_monotonic_time())
+                                    : -1;
   GstStructure* description = state.stats.record(
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},

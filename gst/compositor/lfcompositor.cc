@@ -113,6 +113,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.current.reset();
   state.request_flushed = state.over = false;
   state.warned_unseen = state.warned_unlinked = false;
+  state.first_set.reset();
   state.latency_asked_at = 0;
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();

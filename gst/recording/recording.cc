@@ -70,6 +70,7 @@ void Recording::save(const Rig& rig, const std::string& rig_file) const {
   relocate(recorded, error ? folder_ : whole.string());
   for (Camera& camera : recorded.cameras) {
     camera.source = file_name(camera);
+    camera.image.clear();  // of another time, and where this folder is not taken along
     camera.time_offset = 0;
   }
   save_rig_like(rig_file, recorded, rig_path(folder_));

@@ -153,7 +153,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     share = lf_view_request_visible_share(settings, stream->rig());
     if (share && !stream->from_file()) {
       const double width = settings.width > 0 ? settings.width : stream->default_width();
-      home = share->home(width / (settings.height > 0 ? settings.height : stream->default_height()));
+      home = share->home(width / (settings.height > 0 ? settings.height : stream->default_height()), 0, settings);
     }
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));

@@ -78,8 +78,8 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                                "zooms, with ctrl it focuses; keys are arrows, w s a d q e, + -, [ ], r"),
       property<&S::keep_visible>(
           kWhilePlaying, "keep-visible", "Keep visible",
-          "Mouse and keys, but with shift, lose sight of no more than a twentieth of what is seen from "
-          "the start: the view is held back. Needs rig"),
+          "The view begins inside the array's mesh and no wider than its cameras see, and mouse and keys, but with "
+          "shift, lose sight of no more than a twentieth of that: the view is held back. Needs rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
                             "Quality of the JPEG in which answers come over links (0: uncompressed)", 0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",

@@ -262,34 +262,46 @@ double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const
 
 // The middles of the outermost pixels of the raster lie a pixel of it outside of the view, so that no corner between
 // them is dark.
-bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect) const {
+bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const {
   const int rows = raster_rows(kFineRows, kMaxFineColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround((rows - 1) * aspect)) + 1, 2);
-  // What is near is farther aside for cameras beside the eye.
-  for (Viewpoint v : {far_from(viewpoint), viewpoint}) {
-    const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
-    v.fov_y_deg = std::atan(edge) * (360 / M_PI);
-    const ViewPlan plan(rig_, mesh_, make_view(clamped(v), columns, rows));
-    const std::vector<float> seen = view_coverage(rig_, plan, OwnerMap(plan, {0, 0, columns, rows}));
-    if (std::ranges::any_of(seen, [](float share) { return share < kBright; })) return false;
+  Viewpoint v = viewpoint;
+  const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
+  v.fov_y_deg = std::atan(edge) * (360 / M_PI);
+  const View near = make_view(clamped(v), columns, rows), far = make_view(clamped(far_from(v)), columns, rows);
+  // The outermost of a set see the least.
+  const int last = set.place(0).count() - 1;
+  for (const int eye : {0, last / 2, last}) {
+    View view = set.view(near, set.place(eye));
+    // What is near is farther aside for cameras beside the eye.
+    for (const View* focused : {&far, &near}) {
+      view.focus = focused->focus;
+      view.blending = focused->blending;
+      const ViewPlan plan(rig_, mesh_, view);
+      const std::vector<float> seen = view_coverage(rig_, plan, OwnerMap(plan, {0, 0, columns, rows}));
+      if (std::ranges::any_of(seen, [](float share) { return share < kBright; })) return false;
+    }
+    if (last == 0) break;
   }
   return true;
 }
 
-Viewpoint VisibleShare::home(double aspect, double focus_distance) const {
+Viewpoint VisibleShare::home(double aspect, double focus_distance, const ViewSet& set) const {
   Viewpoint v = default_viewpoint(rig_, focus_distance);
-  v.pose.position = inside_of_a_face(rig_, mesh_, v.pose.position);
+  const Vec3 inside = inside_of_a_face(rig_, mesh_, v.pose.position) - v.pose.position, right = v.pose.right();
+  const bool is_set = set.place(0).count() > 1;
+  v.pose.position += is_set ? inside - glm::dot(inside, right) * right : inside;
   const auto with_fov = [&v](double fov_y_deg) {
     Viewpoint other = v;
     other.fov_y_deg = fov_y_deg;
     return other;
   };
-  if (sees_all(v, aspect)) return v;
+  if (sees_all(v, aspect, set)) return v;
   double seen = kMinFovDeg, dark = v.fov_y_deg;
-  if (!sees_all(with_fov(seen), aspect)) return v;  // a ring of cameras, and the like
+  if (!sees_all(with_fov(seen), aspect, set)) return v;  // a ring of cameras, and the like
   for (int i = 0; i < kHalvings; i++) {
     const double middle = (seen + dark) / 2;
-    (sees_all(with_fov(middle), aspect) ? seen : dark) = middle;
+    (sees_all(with_fov(middle), aspect, set) ? seen : dark) = middle;
   }
   return with_fov(seen);
 }

@@ -9,6 +9,7 @@
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/navigator.h"
+#include "view/view_set.h"
 
 namespace lf {
 
@@ -75,11 +76,12 @@ class VisibleShare {
   // The viewpoint to begin with: default_viewpoint(), but inside of the nearest triangle of cameras, of which three
   // make each pixel, rather than on an edge between two; and with the widest field of view, up to that of
   // default_viewpoint(), that leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen
-  // ViewPlans.
-  Viewpoint home(double aspect, double focus_distance = 0) const;
+  // ViewPlans. `set`: what is put in place of the view; none of its eyes then looks into the dark, and they stand as
+  // far to the left of the array's middle as to the right.
+  Viewpoint home(double aspect, double focus_distance = 0, const ViewSet& set = {}) const;
 
  private:
-  bool sees_all(const Viewpoint& viewpoint, double aspect) const;
+  bool sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const;
 
   Rig rig_;
   Mesh mesh_;

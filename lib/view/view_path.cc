@@ -150,6 +150,7 @@ struct Key {
 constexpr Key kKeys[] = {{0, 0, 0, 0},         {-0.6, -0.4, 0, 0}, {-0.35, 0.35, 0.35, 0.4}, {0.35, 0.35, 0.5, 1},
                          {0.55, -0.3, 0.2, 1}, {0, 0, -0.5, 1},    {-0.3, -0.2, -0.3, 0.4},  {0, 0, 0, 0}};
 constexpr int kNumKeys = std::size(kKeys);
+constexpr double kFarthest = 0.85;  // of |x| + |z|
 
 }  // namespace
 
@@ -180,15 +181,19 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
   if (extent_y > tiny) reach = std::min(reach, extent_y / half_y);
   if (!std::isfinite(reach)) reach = 0;  // a single camera
 
+  if (!(options.room >= 0)) throw Error("room: must not be negative");
+  const double aside = extent_x > tiny ? std::min(options.room / 2 / extent_x, 1.0) : 0;
+  const double part = std::max(1 - aside / kFarthest, 0.0);  // of the way
+
   const double seconds = (options.frames - 1) / options.rate_hz;
   std::vector<NamedView> keys;
   for (int i = 0; i < (options.frames > 1 ? kNumKeys : 1); i++) {
     const Key& key = kKeys[i];
     Viewpoint v = home;
     // Never more than half-way to what is in focus, however large the array.
-    const double forward = std::min(key.z * reach, focus.near / 2);
-    v.pose.position +=
-        key.x * extent_x * home.pose.right() + key.y * extent_y * home.pose.down() + forward * home.pose.forward();
+    const double forward = std::min(part * key.z * reach, focus.near / 2);
+    v.pose.position += part * key.x * extent_x * home.pose.right() + part * key.y * extent_y * home.pose.down() +
+                       forward * home.pose.forward();
     v.fov_y_deg = 2 * std::atan(half_y) * (180 / M_PI);
     v.focus_distance = focus.near * std::pow(focus.far / focus.near, key.focus) - forward;
     keys.push_back({"", seconds * i / (kNumKeys - 1), make_view(clamped(v), width, height)});

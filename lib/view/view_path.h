@@ -42,6 +42,7 @@ struct TourOptions {
   int frames = 1;             // views of the path, at least 1
   double rate_hz = 15;        // views per second
   bool still = false;         // all views at time 0, for a scene that stands still
+  double room = 0;            // metres between the outermost eyes of sets of views that will fly it
 };
 
 // The view focused on one plane after the other, from the nearest to the farthest: `planes` of them that face it, even
@@ -53,7 +54,7 @@ std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& rang
 // A smooth closed path that shows what an array can do: from its middle to both sides, forward and back, as far as the
 // array still covers the whole view, while the focus moves from near to far and back. It begins at the middle with the
 // near focus and reaches the far one half-way. Views look along the mean of the cameras' axes and are a little narrower
-// than a camera. Requires at least one camera; throws Error if the options are out of range.
+// than a camera. Where sets of views are to have room for their eyes it goes less far. Requires at least one camera; throws Error if the options are out of range.
 std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const TourOptions& options);
 
 }  // namespace lf

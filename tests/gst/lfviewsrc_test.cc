@@ -211,6 +211,21 @@ TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)128"));
 }
 
+TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
+  play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=0.5");
+  ASSERT_TRUE(more("s", 1));
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
+  EXPECT_THAT(warnings_on(bus), HasSubstr("some of the 8 views of view 0: their eyes are outside"));
+}
+
+// Who writes pictures to a file has to learn that there are none.
+TEST_F(LfViewSrcTest, ThatAllIsRefusedIsAnError) {
+  const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
+                                     " is-live=false num-buffers=3 max-pixels=100 ! fakesink sync=false");
+  ASSERT_TRUE(pipeline);
+  EXPECT_THAT(run(pipeline.get(), kPatience), HasSubstr("There is no picture"));
+}
+
 TEST_F(LfViewSrcTest, ActionsSetTheView) {
   play("");
   ASSERT_TRUE(more("s"));

@@ -230,6 +230,31 @@ TEST(VisibleShare, HomeFitsTheShapeOfTheView) {
   }
 }
 
+TEST(VisibleShare, HomeOfASetHasNoDarkEye) {
+  const Rig rig = array(4, 6);
+  const Mesh mesh = build_mesh(rig);
+  const VisibleShare share(rig);
+  for (const SetLayout layout : {SetLayout::kStereo, SetLayout::kRow, SetLayout::kQuilt})
+    for (const bool converged : {false, true})
+      for (const double aspect : {0.75, kAspect}) {
+        ViewSet set;
+        set.layout = layout;
+        set.columns = 5;
+        set.rows = 2;
+        set.eye_distance = layout == SetLayout::kStereo ? 0.2 : 0.04;
+        set.converged = converged;
+        const Viewpoint home = share.home(aspect, 0, set);
+        EXPECT_LE(home.fov_y_deg, share.home(aspect).fov_y_deg);
+        EXPECT_NEAR(home.pose.position.x, default_viewpoint(rig).pose.position.x, 1e-9);
+        const int height = 120, width = static_cast<int>(std::lround(height * aspect));
+        for (int eye = 0; eye < set.place(0).count(); eye++) {
+          const ViewPlan plan(rig, mesh, set.view(make_view(home, width, height), set.place(eye)));
+          const std::vector<float> seen = view_coverage(rig, plan, OwnerMap(plan, {0, 0, width, height}));
+          EXPECT_EQ(std::ranges::count_if(seen, [](float s) { return s <= 0; }), 0) << eye << " " << aspect;
+        }
+      }
+}
+
 // Where home looks into the dark nothing is gained by a narrow view.
 TEST(VisibleShare, HomeOfARingIsTheDefault) {
   Rig ring = array(1, 4);

@@ -187,6 +187,30 @@ TEST(Tour, TheArrayCoversEveryView) {
   }
 }
 
+TEST(Tour, TheArrayCoversTheEyesOfASet) {
+  for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}}) {
+    const Rig rig = grid(rows, columns);
+    const Mesh mesh = build_mesh(rig);
+    const double width = glm::distance(rig.cameras.front().pose.position, rig.cameras[columns - 1].pose.position);
+    for (const double share : {0.2, 0.5}) {
+      ViewSet set;
+      set.layout = SetLayout::kStereo;
+      set.eye_distance = share * width;
+      set.converged = false;
+      double farthest = 0;
+      for (const NamedView& view : make_tour(rig, {50, 80}, {.frames = 15, .room = set.eye_distance})) {
+        farthest = std::max(farthest, std::abs(view.view.pose.position.x - rig.cameras[columns / 2].pose.position.x));
+        for (const int eye : {0, 1}) {
+          const ViewPlan plan(rig, mesh, set.view(view.view, set.place(eye)));
+          const std::vector<float> coverage = view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 48}));
+          for (const float c : coverage) ASSERT_GT(c, 0.999f) << rows << "x" << columns << " at " << view.time;
+        }
+      }
+      EXPECT_GT(farthest, 0.1 * width) << "it still goes somewhere";
+    }
+  }
+}
+
 TEST(Tour, ASingleCameraOnlyRefocuses) {
   for (const NamedView& view : make_tour(grid(1, 1), {2, 6}, {.frames = 9}))
     EXPECT_EQ(view.view.pose.position, Vec3(0, 0, 0));
@@ -205,6 +229,7 @@ TEST(Tour, RefusesImpossibleOptions) {
   EXPECT_ERROR(make_tour(grid(2, 2), {3, 2}, {}), "focus: must be 0 < near <= far");
   EXPECT_ERROR(make_tour(grid(2, 2), {1, 2}, {.frames = 0}), "frames: must be at least 1");
   EXPECT_ERROR(make_tour(grid(2, 2), {1, 2}, {.rate_hz = 0}), "rate: must be positive");
+  EXPECT_ERROR(make_tour(grid(2, 2), {1, 2}, {.room = -1}), "room: must not be negative");
 }
 
 TEST(FocusSweep, GoesFromNearToFarEvenInInverseDistance) {
