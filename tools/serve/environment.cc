@@ -3,6 +3,7 @@
 
 #include <gst/gst.h>
 #include <malloc.h>
+#include <openssl/crypto.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -52,6 +53,9 @@ void prepare_process() {
   // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
   mallopt(M_ARENA_MAX, 2);
   raise_file_limit();
+  // GStreamer's threads may still be at work on DTLS while the process ends: they would use what OpenSSL has cleaned up
+  // by then, and what each of them has of it, as random generators, would never be freed.
+  OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
 }
 
 void prepare_elements() {
