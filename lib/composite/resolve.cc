@@ -22,15 +22,6 @@ void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
   for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
 }
 
-// BT.601, full range; chroma without the 128 offset.
-struct YCbCr {
-  float y, cb, cr;
-};
-YCbCr to_ycbcr(const Background& b) {
-  return {0.299f * b.r + 0.587f * b.g + 0.114f * b.b, -0.168736f * b.r - 0.331264f * b.g + 0.5f * b.b,
-          0.5f * b.r - 0.418688f * b.g - 0.081312f * b.b};
-}
-
 // Rows are made in parts of so many pixels: few parts of a view that is not covered whole need more than rounding.
 constexpr int kPart = 128;
 constexpr int kChromaPart = kPart / 2;
@@ -197,7 +188,7 @@ void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Backgrou
              uint8_t* const plane[3], const ptrdiff_t stride[3], const Levels& levels) {
   const Weights weights(sum, uncovered);
   if (sum.family == PixelFamily::kRgb) resolve_rgb(sum, weights, background, layout, plane[0], stride[0]);
-  if (sum.family == PixelFamily::kI420) resolve_i420({sum, weights, to_ycbcr(background), levels, plane, stride});
+  if (sum.family == PixelFamily::kI420) resolve_i420({sum, weights, ycbcr_of(background.r, background.g, background.b), levels, plane, stride});
 }
 
 namespace {

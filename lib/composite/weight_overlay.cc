@@ -12,18 +12,11 @@
 namespace lf {
 namespace {
 
-// As contribution_map() has them: colours stay readable over black, the picture over white; a line is nearly black.
-constexpr float kDark = 0.35f, kLine = 20;
-constexpr float kUnderlay = 0.4f;  // of a picture's luma, that a heat map's black lets through
-
 struct Colour {
   float r = 0, g = 0, b = 0;  // 0..255
 };
 
-float luma(const Colour& c) { return 0.299f * c.r + 0.587f * c.g + 0.114f * c.b; }
-// JFIF.
-float cb(const Colour& c) { return -0.168736f * c.r - 0.331264f * c.g + 0.5f * c.b; }
-float cr(const Colour& c) { return 0.5f * c.r - 0.418688f * c.g - 0.081312f * c.b; }
+float luma(const Colour& c) { return ycbcr_of(c.r, c.g, c.b).y; }
 
 uint8_t byte(float value) { return static_cast<uint8_t>(std::clamp(value + 0.5f, 0.f, 255.f)); }
 
@@ -59,8 +52,9 @@ void repaint(const WeightOverlay::Picture& picture, int width, int height, const
           sum = {sum.r + now.r, sum.g + now.g, sum.b + now.b};
         }
       const ptrdiff_t at = x / 2 * step;
-      row(1, y / 2)[at] = byte(128 + levels.chroma_gain * cb(sum) / count);
-      row(2, y / 2)[at] = byte(128 + levels.chroma_gain * cr(sum) / count);
+      const YCbCr mean = ycbcr_of(sum.r / count, sum.g / count, sum.b / count);
+      row(1, y / 2)[at] = byte(128 + levels.chroma_gain * mean.cb);
+      row(2, y / 2)[at] = byte(128 + levels.chroma_gain * mean.cr);
     }
 }
 
@@ -133,7 +127,7 @@ void WeightOverlay::draw(ShownWeights what, const Rig& rig, const ViewRequest& r
     for (int i = 0; i < kShades; i++) heats[i] = heat_colour(i / (kShades - 1.0));
     repaint(picture, view.width, view.height, [&](int x, int y, float light) {
       if (owners.at(x, y) == OwnerMap::kNone) return Colour{kNoHeat, kNoHeat, kNoHeat};
-      const float lost = std::clamp(1 - at(x, y).seen, 0.f, 1.f), through = kUnderlay * (1 - lost) * light;
+      const float lost = std::clamp(1 - at(x, y).seen, 0.f, 1.f), through = kHeatUnderlay * (1 - lost) * light;
       const std::array<uint8_t, 3>& heat = heats[static_cast<size_t>(lost * (kShades - 1) + 0.5f)];
       return Colour{heat[0] + through, heat[1] + through, heat[2] + through};
     });
@@ -144,9 +138,9 @@ void WeightOverlay::draw(ShownWeights what, const Rig& rig, const ViewRequest& r
     if (owner == OwnerMap::kNone) return Colour();
     const bool is_line = !plan.blend() && ((x > 0 && owners.at(x - 1, y) != owner) ||
                                            (y > 0 && owners.at(x, y - 1) != owner));
-    if (is_line) return Colour{kLine, kLine, kLine};
+    if (is_line) return Colour{kMapLine, kMapLine, kMapLine};
     const Node node = at(x, y);
-    const float scale = kDark + (1 - kDark) * light / 255;
+    const float scale = map_light(light);
     return Colour{scale * node.r, scale * node.g, scale * node.b};
   });
 }

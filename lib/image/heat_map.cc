@@ -23,7 +23,6 @@ constexpr std::array<Colour, 11> kScale{{{0, 0, 4},
                                          {252, 165, 10},
                                          {246, 215, 70},
                                          {252, 255, 164}}};
-constexpr double kUnderlay = 0.4;  // of a picture's luma, that black lets through
 
 double luma(const uint8_t* rgb) { return 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2]; }
 
@@ -54,7 +53,7 @@ Image heat_map(std::span<const float> values, int width, int height, double full
     }
     const double share = std::clamp(values[i] / full, 0.0, 1.0);
     const Colour colour = heat_colour(share);
-    const double through = underlay ? kUnderlay * (1 - share) * luma(&underlay->data()[3 * i]) : 0;
+    const double through = underlay ? kHeatUnderlay * (1 - share) * luma(&underlay->data()[3 * i]) : 0;
     for (size_t c = 0; c < 3; c++) out[c] = static_cast<uint8_t>(std::min(255.0, colour[c] + through + 0.5));
   }
   return map;

@@ -201,10 +201,9 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
       const int32_t owner = owners.at(x, y);
       if (owner == OwnerMap::kNone) continue;
       const float line = outline(plan, plan.faces()[owner], x, y);
-      // The colours stay readable over black, the picture over white.
-      const float light = underlay ? 0.35f + 0.65f * luma(*underlay, x, y) / 255 : 1.f;
+      const float light = underlay ? map_light(luma(*underlay, x, y)) : 1.f;
       for (int c = 0; c < 3; c++) {
-        const float v = in[c] * light * (1 - line) + 20 * line;
+        const float v = in[c] * light * (1 - line) + kMapLine * line;
         map.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f));
       }
     }

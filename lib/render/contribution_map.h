@@ -57,6 +57,11 @@ struct CameraColour {
 // more, all of other colours). A function of the mesh alone.
 std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras);
 
+// The level of lines in a contribution map, and how bright its colours are over a picture of that luma, 0..255: they
+// stay readable over black, the picture over white.
+inline constexpr float kMapLine = 20;
+inline float map_light(float luma) { return 0.35f + 0.65f * luma / 255; }
+
 // The overlay of the paper's Figure 10: every pixel of the view in the colours of the cameras that make it, mixed by
 // their weights; faces outlined. Weight that is lost and pixels without an owner are dark. `underlay` (RGB, of the
 // view's size) shows through by its luma where it is given.
