@@ -8,13 +8,13 @@
 namespace lf {
 
 BlendGrid::BlendGrid(int width, int height, size_t num_cameras)
-    : width_(width), height_(height), columns_(nodes(width)), rows_(nodes(height)), rects_(num_cameras) {
+    : width_(width), height_(height), columns_(points(width)), rows_(points(height)), rects_(num_cameras) {
   first_.reserve(static_cast<size_t>(columns_) * rows_ + 1);
 }
 
-void BlendGrid::add_node(std::span<const Share> shares) {
-  const auto node = static_cast<int>(first_.size() - 1);
-  const int x = node % columns_ * kStep, y = node / columns_ * kStep;
+void BlendGrid::add_point(std::span<const Share> shares) {
+  const auto point = static_cast<int>(first_.size() - 1);
+  const int x = point % columns_ * kStep, y = point / columns_ * kStep;
   double total = 0;
   for (const Share& share : shares) total += share.weight;
   double sum = 0;
@@ -31,10 +31,10 @@ void BlendGrid::add_node(std::span<const Share> shares) {
   first_.push_back(entries_.size());
 }
 
-// Of a camera without a weight at the node: what those before it sum to.
-BlendGrid::Entry BlendGrid::lookup(size_t node, CameraIndex camera) const {
-  const auto begin = entries_.begin() + static_cast<ptrdiff_t>(first_[node]),
-             end = entries_.begin() + static_cast<ptrdiff_t>(first_[node + 1]);
+// Of a camera without a weight at the point: what those before it sum to.
+BlendGrid::Entry BlendGrid::lookup(size_t point, CameraIndex camera) const {
+  const auto begin = entries_.begin() + static_cast<ptrdiff_t>(first_[point]),
+             end = entries_.begin() + static_cast<ptrdiff_t>(first_[point + 1]);
   const auto found = std::ranges::lower_bound(begin, end, camera, {}, &Entry::camera);
   if (found != end && found->camera == camera) return *found;
   const int32_t sum = found == begin ? 0 : (found - 1)->with;
@@ -42,8 +42,8 @@ BlendGrid::Entry BlendGrid::lookup(size_t node, CameraIndex camera) const {
 }
 
 bool BlendGrid::find(CameraIndex camera, int i, int j, Cell& cell) const {
-  const size_t node = static_cast<size_t>(j) * columns_ + i;
-  const size_t at[4] = {node, node + 1, node + columns_, node + columns_ + 1};
+  const size_t point = static_cast<size_t>(j) * columns_ + i;
+  const size_t at[4] = {point, point + 1, point + columns_, point + columns_ + 1};
   bool any = false;
   for (size_t k = 0; k < 4; k++) {
     const Entry entry = lookup(at[k], camera);
@@ -230,7 +230,7 @@ std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mes
     for (int i = 0; i < grid->columns(); i++) {
       const Vec2 pixel = Vec2(i, j) * double{BlendGrid::kStep}, ray = ray_at(view.lens, pixel);
       weights.at(ray, focus_along(plan, ray, pixel), shares);
-      grid->add_node(shares);
+      grid->add_point(shares);
     }
   return grid;
 }

@@ -14,19 +14,20 @@
 
 namespace lf {
 
-// Weights of any number of cameras over a view: nodes every `step` pixels that carry the weights of several cameras,
-// bilinear in between. Node (i, j) stands at pixel (i step, j step); the last ones are at or beyond the view's border.
+// Weights of any number of cameras over a view: grid points every kStep pixels that carry the weights of several
+// cameras, bilinear in between. Point (i, j) stands at pixel (i kStep, j kStep); the last ones are at or beyond the
+// view's border.
 //
 // All in integers: a weight is a number of units of 1 / kOne, and those of all cameras in a pixel sum to kOne, to the
-// bit, though each camera computes its own alone. What is rounded, at nodes and between them, are the running sums over
-// the cameras in the order of their indices; a camera's weight is what its own share adds to that. Immutable once made;
-// share between threads.
+// bit, though each camera computes its own alone. What is rounded, at points and between them, are the running sums
+// over the cameras in the order of their indices; a camera's weight is what its own share adds to that. Immutable once
+// made; share between threads.
 class BlendGrid {
  public:
   static constexpr int kOne = 32768;
-  // Pixels from node to node; a multiple of a SIMD block of the renderer.
+  // Pixels from point to point; a multiple of a SIMD block of the renderer.
   static constexpr int kStep = 16, kStepBits = 4;
-  static constexpr size_t kMaxShares = 64;  // cameras that have weight at a node
+  static constexpr size_t kMaxShares = 64;  // cameras that have weight at a point
 
   struct Share {
     CameraIndex camera;
@@ -34,15 +35,15 @@ class BlendGrid {
   };
 
   BlendGrid(int width, int height, size_t num_cameras);
-  static int nodes(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
+  static int points(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // Adds the next node, row after row. `shares`: ascending by camera, at most kMaxShares, at least one with a weight.
-  void add_node(std::span<const Share> shares);
+  // Adds the next point, row after row. `shares`: ascending by camera, at most kMaxShares, at least one with a weight.
+  void add_point(std::span<const Share> shares);
 
-  // One camera in the cell of pixels between four nodes: running sums without and with it at nodes (i, j), (i + 1, j),
-  // (i, j + 1), (i + 1, j + 1).
+  // One camera in the cell of pixels between four points: running sums without and with it at points (i, j), (i + 1,
+  // j), (i, j + 1), (i + 1, j + 1).
   struct Cell {
     std::array<int32_t, 4> before, with;
 
@@ -55,7 +56,7 @@ class BlendGrid {
       return (left * kStep + (right - left) * x + (1 << (2 * kStepBits - 1))) >> (2 * kStepBits);
     }
   };
-  // Finds the camera's cell; false where the camera has no weight at any of its four nodes. i < columns() - 1, j <
+  // Finds the camera's cell; false where the camera has no weight at any of its four points. i < columns() - 1, j <
   // rows() - 1.
   bool find(CameraIndex camera, int i, int j, Cell& cell) const;
   // The camera's weight in a pixel of the view, in units of 1 / kOne.
@@ -71,10 +72,10 @@ class BlendGrid {
     CameraIndex camera;
     int32_t before, with;
   };
-  Entry lookup(size_t node, CameraIndex camera) const;
+  Entry lookup(size_t point, CameraIndex camera) const;
 
   int width_, height_, columns_, rows_;
-  std::vector<size_t> first_{0};  // for each node its first of entries_, and the end
+  std::vector<size_t> first_{0};  // for each point its first of entries_, and the end
   std::vector<Entry> entries_;
   std::vector<Rect> rects_;
 };
@@ -130,7 +131,7 @@ class CameraWeights {
   std::vector<double> weights_;  // weights of candidates_
 };
 
-// The weights of a view that is not blended by its mesh, at the nodes of a grid over it. Cost: nodes x cameras.
+// The weights of a view that is not blended by its mesh, at the points of a grid over it. Cost: points x cameras.
 std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan);
 
 }  // namespace lf

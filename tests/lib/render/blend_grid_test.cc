@@ -14,8 +14,8 @@ TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
   constexpr CameraIndex kCameras = 100;
   reference::Random random(1);
   BlendGrid grid(kWidth, kHeight, kCameras);
-  std::vector<std::vector<double>> nodes;  // of all cameras, normalised
-  while (nodes.size() < static_cast<size_t>(grid.columns()) * grid.rows()) {
+  std::vector<std::vector<double>> points;  // of all cameras, normalised
+  while (points.size() < static_cast<size_t>(grid.columns()) * grid.rows()) {
     std::vector<double> weights(kCameras);
     std::vector<BlendGrid::Share> shares;
     double sum = 0;
@@ -25,8 +25,8 @@ TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
       sum += weights[i] = shares.back().weight;
     }
     for (double& w : weights) w /= sum;
-    nodes.push_back(weights);
-    grid.add_node(shares);
+    points.push_back(weights);
+    grid.add_point(shares);
   }
   for (int y = 0; y < kHeight; y++)
     for (int x = 0; x < kWidth; x++) {
@@ -38,9 +38,9 @@ TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
         const size_t at = static_cast<size_t>(y / BlendGrid::kStep) * grid.columns() + x / BlendGrid::kStep;
         const double right = x % BlendGrid::kStep / 16., down = y % BlendGrid::kStep / 16.;
         const double expected =
-            (1 - down) * ((1 - right) * nodes[at][i] + right * nodes[at + 1][i]) +
-            down * ((1 - right) * nodes[at + grid.columns()][i] + right * nodes[at + grid.columns() + 1][i]);
-        // Two running sums, each rounded at the nodes and once more.
+            (1 - down) * ((1 - right) * points[at][i] + right * points[at + 1][i]) +
+            down * ((1 - right) * points[at + grid.columns()][i] + right * points[at + grid.columns() + 1][i]);
+        // Two running sums, each rounded at the points and once more.
         ASSERT_NEAR(weight, expected * BlendGrid::kOne, 2);
         if (weight > 0) {
           const Rect rect = grid.camera_rect(i);
@@ -54,18 +54,18 @@ TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
 TEST(BlendGrid, OneCameraHasItAll) {
   BlendGrid grid(1, 1, 3);
   const BlendGrid::Share share{2, 1e-300};
-  for (int i = 0; i < grid.columns() * grid.rows(); i++) grid.add_node({&share, 1});
+  for (int i = 0; i < grid.columns() * grid.rows(); i++) grid.add_point({&share, 1});
   EXPECT_EQ(grid.weight(2, 0, 0), BlendGrid::kOne);
   EXPECT_EQ(grid.camera_rect(2), (Rect{0, 0, 1, 1}));
   EXPECT_TRUE(grid.camera_rect(0).empty());
 }
 
-TEST(BlendGrid, ACameraIsBoundedByTheNodesBesideItsOwn) {
+TEST(BlendGrid, ACameraIsBoundedByThePointsBesideItsOwn) {
   BlendGrid grid(100, 50, 2);
   for (int j = 0; j < grid.rows(); j++)
     for (int i = 0; i < grid.columns(); i++) {
       const BlendGrid::Share shares[] = {{0, 1}, {1, i == 3 && j == 1 ? 0.5 : 0}};
-      grid.add_node(shares);
+      grid.add_point(shares);
     }
   EXPECT_EQ(grid.camera_rect(1), (Rect{33, 1, 64, 32}));
   EXPECT_EQ(grid.weight(1, 48, 16), (BlendGrid::kOne + 2) / 3);
