@@ -82,7 +82,8 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   if (header.family == PixelFamily::kNone)  // no camera has an image yet
     return {.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish()};
   const uint64_t begin = now_ns();
-  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card);
+  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card,
+                             parallel);
   std::vector<CameraIndex> cameras;
   for (const Source& source : sources) cameras.push_back(source.camera);
   const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family, form.spare_pixels);

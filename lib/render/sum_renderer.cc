@@ -18,13 +18,13 @@ struct SumRenderer::State : simd::PreparedTask {
 };
 
 SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
-                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card)
+                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
   Drawing& drawing = state_->drawing;
   if (plan.blend()) {
     drawing.why_not = "the view is not blended by its mesh";
   } else if (card && !rect_.empty()) {
-    drawing.drawn = card->draw(state_->task, sources, rect_, state_->drawn, drawing.why_not);
+    drawing.drawn = card->draw(state_->task, sources, rect_, parallel, state_->drawn, drawing.why_not);
     drawing.refused = !drawing.drawn;
   }
 }
@@ -83,11 +83,11 @@ constexpr int kLeastGap = 16;  // pixels
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
-// Rectangles side by side, from left to right.
-class Strip {
+// Rectangles of one row of tiles, from left to right.
+class TileRow {
  public:
   // They are at least `gap` pixels apart: what is nearer becomes one.
-  explicit Strip(int gap) : gap_(gap) {}
+  explicit TileRow(int gap) : gap_(gap) {}
   void add(Rect rect) {
     if (rect.empty()) return;
     const auto first = std::ranges::find_if(rects_, [&](const Rect& r) { return r.x1 + gap_ > rect.x0; });
@@ -113,32 +113,33 @@ std::vector<bool> own_faces(const ViewPlan& plan, std::span<const CameraIndex> c
 }
 
 // What is in rows [y, y + kTileRows) of a view that is blended by its mesh.
-void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, Strip& strip) {
+void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, TileRow& row_of_tiles) {
   const Rect& region = runs.region();
   for (int row = std::max(y, region.y0); row < std::min(y + kTileRows, region.y1); row++) {
     Rect together;  // neighbours
     for (const OwnerRun& run : runs.row(row)) {
       if (!own[static_cast<size_t>(run.face)]) continue;
       if (together.empty() || run.x0 != together.x1) {
-        strip.add(together);
+        row_of_tiles.add(together);
         together = {run.x0, row, run.x0, row + 1};
       }
       together.x1 = run.x1;
     }
-    strip.add(together);
+    row_of_tiles.add(together);
   }
 }
 
-// The same of one that is blended otherwise: the grid's cells are as high as a strip.
+// The same of one that is blended otherwise: the grid's cells are as high as the row.
 static_assert(BlendGrid::kStep == kTileRows);
-void add_cells(const BlendGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y, Strip& strip) {
+void add_cells(const BlendGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y,
+               TileRow& row_of_tiles) {
   for (int x = region.x0 / BlendGrid::kStep * BlendGrid::kStep; x < region.x1; x += BlendGrid::kStep) {
     BlendGrid::Cell cell;
     const auto has = [&](CameraIndex camera) {
       return grid.find(camera, x / BlendGrid::kStep, y / BlendGrid::kStep, cell);
     };
     if (std::ranges::any_of(cameras, has))
-      strip.add(intersect({x, y, x + BlendGrid::kStep, y + BlendGrid::kStep}, region));
+      row_of_tiles.add(intersect({x, y, x + BlendGrid::kStep, y + BlendGrid::kStep}, region));
   }
 }
 
@@ -158,15 +159,15 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::sp
   const int gap = std::clamp<int>(static_cast<int>(spare_pixels / kTileRows), kLeastGap, view.width);
   std::vector<Rect> tiles;
   for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
-    Strip strip(gap);
+    TileRow row_of_tiles(gap);
     if (plan.blend())
-      add_cells(*plan.blend(), cameras, region, y, strip);
+      add_cells(*plan.blend(), cameras, region, y, row_of_tiles);
     else
-      add_faces(runs, own, y, strip);
-    const std::vector<Rect>& rects = strip.rects();
+      add_faces(runs, own, y, row_of_tiles);
+    const std::vector<Rect>& rects = row_of_tiles.rects();
     for (size_t i = 0; i < rects.size(); i++) {
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];
-      // Those that end in the strip above may grow.
+      // Those that end in the row above may grow.
       const auto may_grow = [&](const Rect& tile) {
         const Rect grown = unite(tile, rect);
         return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + spare_pixels &&

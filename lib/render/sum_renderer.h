@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/rect.h"
+#include "base/worker_pool.h"
 #include "image/image.h"
 #include "render/owner_runs.h"
 #include "render/sum_planes.h"
@@ -55,10 +56,11 @@ struct Drawing {
 class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
-  // `card`: draws the sum here and now, where there is one and it can; else the CPU does, row by row, as it is asked
-  // for. It is asked only for views that are blended by their mesh.
+  // `card`: draws the sum here and now, where there is one and it can, out of images that `parallel` copies to it; else
+  // the CPU does, row by row, as it is asked for. It is asked only for views that are blended by their mesh.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
-              Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr);
+              Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr,
+              const ParallelFor& parallel = serial_for);
   ~SumRenderer();
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;

@@ -4,14 +4,18 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <thread>
+#include <vector>
 
 #include <benchmark/benchmark.h>
 
 #include "base/schedule.h"
+#include "base/worker_pool.h"
 #include "reference/generators.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
+#include "wire/strips.h"
 
 namespace lf {
 namespace {
@@ -103,6 +107,21 @@ std::shared_ptr<const FocalMap> room(const View& view) {
   return std::make_shared<FocalMap>(std::move(map));
 }
 
+// Images and sums of a card are copied by all processors, as by a node; where those draw, too, by one.
+ParallelFor copying_for(const gl::SumDrawer* card) {
+  if (!card || card->is_software()) return serial_for;
+  return [pool = WorkerPool::shared()](size_t count, const std::function<void(size_t)>& task) {
+    pool->run(std::thread::hardware_concurrency(), count, task);
+  };
+}
+
+// All of a sum, as many rows at a time as render_answer() has them.
+void render_all(const SumRenderer& renderer, const SumPlanes& out, const ParallelFor& parallel) {
+  const std::vector<Rect> bands = wire::cut_rows(out.rect, 32);
+  parallel(bands.size(),
+           [&](size_t i) { benchmark::DoNotOptimize(renderer.render_rows(bands[i].y0, bands[i].y1, out)); });
+}
+
 void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
          Resampling resampling = Resampling::kBilinear, gl::SumDrawer* card = nullptr) {
   const auto& size = kSizes[state.range(0)];
@@ -113,12 +132,13 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
   auto sources = scene.sources(plan);
   for (Source& source : sources) source.resampling = resampling;
   SumPlanes out{.family = family};
+  const ParallelFor parallel = copying_for(card);
   if (card) const SumRenderer compiled(plan, runs, sources, family, coordinates, card);  // the card's programs
   double drawn_ns = 0;
   uint64_t least = UINT64_MAX;
   for (auto _ : state) {
     const uint64_t begin = now_ns();
-    const SumRenderer renderer(plan, runs, sources, family, coordinates, card);
+    const SumRenderer renderer(plan, runs, sources, family, coordinates, card, parallel);
     if (card) drawn_ns += static_cast<double>(card->drawn_ns());
     if (card && !renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
     out.rect = renderer.rect();
@@ -126,7 +146,7 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
       out.plane[c] = scene.sum[c].data();
       out.stride[c] = family == PixelFamily::kI420 && c > 0 ? chroma_size(out.rect.width()) : out.rect.width();
     }
-    benchmark::DoNotOptimize(renderer.render_rows(out.rect.y0, out.rect.y1, out));
+    render_all(renderer, out, parallel);
     least = std::min(least, now_ns() - begin);
   }
   state.SetLabel(card ? card->device() : simd_target_name());
@@ -197,10 +217,12 @@ void DrawnSet(benchmark::State& state) {
     view.focus.map = room(view);
     eyes.push_back(std::make_unique<Eye>(scene, view));
   }
+  const ParallelFor parallel = copying_for(card.get());
   double drawn_ns = 0;
   for (auto _ : state)
     for (const auto& eye : eyes) {
-      const SumRenderer renderer(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid, card.get());
+      const SumRenderer renderer(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid, card.get(),
+                                 parallel);
       if (!renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
       drawn_ns += static_cast<double>(card->drawn_ns());
       SumPlanes out{.family = PixelFamily::kI420, .rect = renderer.rect()};
@@ -208,7 +230,7 @@ void DrawnSet(benchmark::State& state) {
         out.plane[c] = scene.sum[c].data();
         out.stride[c] = c > 0 ? chroma_size(out.rect.width()) : out.rect.width();
       }
-      benchmark::DoNotOptimize(renderer.render_rows(out.rect.y0, out.rect.y1, out));
+      render_all(renderer, out, parallel);
     }
   state.SetLabel(card->device());
   state.SetItemsProcessed(state.iterations());

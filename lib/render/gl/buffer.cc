@@ -45,11 +45,9 @@ void Buffer::set(const void* from, size_t bytes) {
   glBufferSubData(GL_COPY_WRITE_BUFFER, 0, static_cast<GLsizeiptr>(bytes), from);
 }
 
-uint8_t* SentTexture::begin(size_t bytes) {
+void SentTexture::reserve(size_t bytes) {
   buffer_.reserve(bytes);
-  if (buffer_.memory()) return buffer_.memory();
-  memory_.resize(bytes);
-  return memory_.data();
+  if (!buffer_.memory()) memory_.resize(buffer_.bytes());
 }
 
 void SentTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact) {

@@ -45,7 +45,7 @@ bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sour
     x += width;
   }
   height_ = std::max(y + shelf, 2);
-  return std::max(width_, has_chroma_ ? height_ + height_ / 2 : height_) <= max_size;
+  return std::max(width_, all_rows()) <= max_size;
 }
 
 // To where it is in the texture's memory.
@@ -78,12 +78,13 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   }
 }
 
-void ImageAtlas::upload() {
-  const int height = has_chroma_ ? height_ + height_ / 2 : height_;
-  uint8_t* to = texture_.begin(static_cast<size_t>(width_) * height * static_cast<size_t>(bytes_));
-  for (const Piece& piece : pieces_) copy(piece, to);
+void ImageAtlas::fill(const ParallelFor& parallel) {
+  parallel(pieces_.size(), [&](size_t i) { copy(pieces_[i], texture_.room()); });
+}
+
+void ImageAtlas::send() {
   texture_.send(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
-                bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA, width_, height, false);
+                bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA, width_, all_rows(), false);
 }
 
 }  // namespace lf::gl

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/rect.h"
+#include "base/worker_pool.h"
 #include "render/gl/objects.h"
 #include "render/simd/band_data.h"
 #include "render/sum_renderer.h"
@@ -14,6 +15,9 @@ namespace lf::gl {
 
 // What a view needs of cameras' images, side by side in one texture, which is a few times as large as the view, however
 // many and however large the images are. It is sent in one piece: cards are slow with many small ones.
+//
+// Calls need no context but where they say so: what takes long, filling it, is done while the card draws something
+// else.
 //
 // Samples are bytes. In kI420 luma's pieces are above; below are Cb's and, to their right, Cr's, in the same order at
 // half the size.
@@ -32,9 +36,13 @@ class ImageAtlas {
   // kI420: where Cb (1) and Cr (2) of what is at (0, 0) are.
   Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
-  // Sends what was laid out, and binds it. While the context is current, and after what was drawn from it has been
-  // read.
-  void upload();
+  // Whether there is memory for what was laid out, and makes room for it, while the context is current.
+  bool has_room() const { return texture_.has_room(size()); }
+  void reserve() { texture_.reserve(size()); }
+  // Copies what was laid out to where the card can reach it, after what was drawn from it before has been read.
+  void fill(const ParallelFor& parallel);
+  // Sends it, and binds it. While the context is current.
+  void send();
 
  private:
   struct Piece {
@@ -43,6 +51,8 @@ class ImageAtlas {
     int32_t slot;
   };
   void copy(const Piece& piece, uint8_t* to) const;
+  int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
+  size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
 
   std::vector<Piece> pieces_;
   std::vector<Offset> offsets_;  // by slot

@@ -69,6 +69,7 @@ class Buffer {
   // kNumbers: replaces what is in it.
   void set(const void* from, size_t bytes);
   GLuint name() const { return name_; }
+  size_t bytes() const { return bytes_; }
   // Null: reach it by OpenGL's functions.
   uint8_t* memory() const { return memory_; }
 
@@ -83,8 +84,11 @@ class Buffer {
 // driver need not copy where it has such. What was drawn from it before has been read by then.
 class SentTexture {
  public:
-  // Room for so many bytes, to be filled before send().
-  uint8_t* begin(size_t bytes);
+  // Room for so many bytes.
+  void reserve(size_t bytes);
+  // Without any context: whether there is as much room, and where it begins, to be filled before send().
+  bool has_room(size_t bytes) const { return buffer_.bytes() >= bytes; }
+  uint8_t* room() { return buffer_.memory() ? buffer_.memory() : memory_.data(); }
   // Sends what is in the room now, rows of bytes in that format without gaps, and binds the texture, which may be
   // larger but where `exact`.
   void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact);

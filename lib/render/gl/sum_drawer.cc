@@ -2,6 +2,9 @@
 #include "render/gl/sum_drawer.h"
 
 #include <algorithm>
+#include <mutex>
+#include <utility>
+#include <vector>
 
 #include "render/gl/block_sums.h"
 #include "render/gl/face_sums.h"
@@ -10,7 +13,47 @@
 
 namespace lf::gl {
 
+namespace {
+
+// Atlases for as many sums as are being made at once.
+class Atlases {
+ public:
+  // One that nobody else has, for as long as this lives. Without a context.
+  class Lease {
+   public:
+    explicit Lease(Atlases& from) : from_(from), atlas_(from.take()) {}
+    ~Lease() { from_.give_back(std::move(atlas_)); }
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    ImageAtlas* operator->() const { return atlas_.get(); }
+    ImageAtlas& operator*() const { return *atlas_; }
+
+   private:
+    Atlases& from_;
+    std::unique_ptr<ImageAtlas> atlas_;
+  };
+
+ private:
+  std::unique_ptr<ImageAtlas> take() {
+    const std::lock_guard lock(mutex_);
+    if (free_.empty()) return std::make_unique<ImageAtlas>();
+    auto atlas = std::move(free_.back());
+    free_.pop_back();
+    return atlas;
+  }
+  void give_back(std::unique_ptr<ImageAtlas> atlas) {
+    const std::lock_guard lock(mutex_);
+    free_.push_back(std::move(atlas));
+  }
+
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<ImageAtlas>> free_;
+};
+
+}  // namespace
+
 struct SumDrawer::Objects {
+  Atlases atlases;
   ViewTextures view;
   Programs programs;
   std::unique_ptr<FaceSums> faces;    // one of
@@ -79,32 +122,38 @@ static bool refuse(std::string& why, std::string reason) {
   return false;
 }
 
-bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
-                     std::string& why) {
-  {
+bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
+  const ViewPlan& plan = *task.plan;
+  const int max_size = objects_->max_size;
+  if (plan.faces().size() >= kMixedOwners) return refuse(why, "too many faces");
+  if (std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())}) > max_size)
+    return refuse(why, "the view or the array is too large");
+  const Atlases::Lease atlas(objects_->atlases);
+  if (!atlas->lay_out(task, sources, max_size)) return refuse(why, "the cameras' images are too large");
+  const auto in_context = [&](const auto& job) {
     const Context::Current current(*context_);
-    if (!current) {
-      lost_ = true;
-      return refuse(why, "the context is lost");
-    }
-    if (!draw_now(task, sources, rect, out, why)) return false;
-  }
+    if (current) return job();
+    lost_ = true;
+    return refuse(why, "the context is lost");
+  };
+  const auto reserve = [&] {
+    atlas->reserve();
+    return true;
+  };
+  if (!atlas->has_room() && !in_context(reserve)) return false;
+  atlas->fill(parallel);
+  if (!in_context([&] { return draw_now(task, *atlas, rect, out, why); })) return false;
   mended_ = mend(task, out);
   return true;
 }
 
-bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
+bool SumDrawer::draw_now(const simd::SumTask& task, ImageAtlas& atlas, const Rect& rect, DrawnSum& out,
                          std::string& why) {
   Objects& o = *objects_;
-  const ViewPlan& plan = *task.plan;
-  if (plan.faces().size() >= kMixedOwners) return refuse(why, "too many faces");
-  if (std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())}) > o.max_size)
-    return refuse(why, "the view or the array is too large");
-  if (!o.view.atlas().lay_out(task, sources, o.max_size)) return refuse(why, "the cameras' images are too large");
-
   out.family = task.family;
   out.rect = rect;
-  o.view.upload(task, rect);
+  o.view.upload(task, rect, atlas);
   o.stopwatch.reset();
   const bool begun = o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
                               : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);

@@ -8,12 +8,15 @@
 #include <string>
 
 #include "base/rect.h"
+#include "base/worker_pool.h"
 #include "render/gl/context.h"
 #include "render/simd/band_data.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 
 namespace lf::gl {
+
+class ImageAtlas;
 
 // A sum as it came from the card.
 struct DrawnSum {
@@ -54,9 +57,10 @@ class SumDrawer {
   // Draws the sum of the task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in
   // kI420), into `out`. `sources`: those the task was made of, of a view that is blended by its mesh. False where that
   // can't be done, with the reason in `why`: sizes beyond the card's, a context that is lost.
-  // Any thread; threads wait for each other.
-  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
-            std::string& why);
+  // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
+  // others, and drawing is one after the other.
+  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, const ParallelFor& parallel,
+            DrawnSum& out, std::string& why);
 
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
@@ -71,8 +75,7 @@ class SumDrawer {
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
-  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
-                std::string& why);
+  bool draw_now(const simd::SumTask& task, ImageAtlas& atlas, const Rect& rect, DrawnSum& out, std::string& why);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // what the context holds

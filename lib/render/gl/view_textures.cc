@@ -20,23 +20,25 @@ void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool cen
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RG, GL_FLOAT, ray_memory_.data());
 }
 
-void ViewTextures::upload(const simd::SumTask& task, const Rect& rect) {
+void ViewTextures::upload(const simd::SumTask& task, const Rect& rect, ImageAtlas& atlas) {
   const ViewPlan& plan = *task.plan;
   if (!plan.rays().separable()) {
     upload_rays(plan.rays(), rect, false);
     if (task.family == PixelFamily::kI420) upload_rays(plan.rays(), rect, true);
   }
   if (const FocalMap* map = plan.view().focus.map.get()) {
-    std::ranges::copy(map->levels, levels_.begin(map->levels.size()));
+    levels_.reserve(map->levels.size());
+    std::ranges::copy(map->levels, levels_.room());
     levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, map->columns, map->rows, true);
   }
-  atlas_.upload();
+  atlas.send();
+  atlas_ = &atlas;
 }
 
 void ViewTextures::describe(const Program& program, const simd::SumTask& task, const Rect& rect) const {
   glUniform2i(program.origin, rect.x0, rect.y0);
   glUniform2i(program.size, rect.width(), rect.height());
-  const ImageAtlas::Offset cb = atlas_.chroma_offset(1), cr = atlas_.chroma_offset(2);
+  const ImageAtlas::Offset cb = atlas_->chroma_offset(1), cr = atlas_->chroma_offset(2);
   glUniform4i(program.chroma_places, cb.x, cb.y, cr.x, cr.y);
   if (const FocalMap* map = task.plan->view().focus.map.get())
     glUniform4f(program.map_scale, static_cast<float>(map->step), static_cast<float>(map->farthest),

@@ -14,18 +14,19 @@ namespace lf::gl {
 // views, and the cameras' images. All calls while the context is current.
 class ViewTextures {
  public:
-  // Sends and binds what the sum of a task in `rect` needs, of images that were laid out in atlas().
-  void upload(const simd::SumTask& task, const Rect& rect);
+  // Sends and binds what the sum of a task in `rect` needs. `atlas` is filled with its images, and stays until the sum
+  // has been read.
+  void upload(const simd::SumTask& task, const Rect& rect, ImageAtlas& atlas);
   // Tells a program in use where it all is.
   void describe(const Program& program, const simd::SumTask& task, const Rect& rect) const;
 
-  ImageAtlas& atlas() { return atlas_; }
-  const ImageAtlas& atlas() const { return atlas_; }
+  // What was uploaded last.
+  const ImageAtlas& atlas() const { return *atlas_; }
 
  private:
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
-  ImageAtlas atlas_;
+  const ImageAtlas* atlas_ = nullptr;
   SentTexture levels_;
   Texture rays_, centre_rays_;
   std::vector<float> ray_memory_;

@@ -55,8 +55,7 @@ Image checkered(Random&, int width, int height) {
 }
 
 Difference SumDrawer::difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                                 Resampling resampling,
-                                 const std::function<void(std::vector<Source>&)>& change) const {
+                                 Resampling resampling, const std::function<void(std::vector<Source>&)>& change) const {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
@@ -289,6 +288,41 @@ TEST_P(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
   EXPECT_FALSE(render(later));
   for (size_t i = 0; i < before.memory[0].size(); i++)
     ASSERT_NEAR(before.memory[0][i], after.memory[0][i], 128 / 5) << i;
+}
+
+// A thread that copies images for one sum may be given another in the middle of it (FairAnswers).
+TEST_P(SumDrawer, DrawsOthersWhileImagesAreCopied) {
+  Random random(3);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
+  const Mesh mesh = build_mesh(rig);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const View left = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2)),
+             right = test::view_into(rig, 3, 200, 90, random.small_rotation(0.2));
+  const test::Production of_left(rig, mesh, left), of_right(rig, mesh, right);
+  const auto render = [&](const test::Production& production, const View& view, const ParallelFor& parallel) {
+    const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
+                               Coordinates::kExact, &card(), parallel);
+    EXPECT_TRUE(renderer.drawing().drawn) << renderer.drawing().why_not;
+    Sum sum(PixelFamily::kRgb, test::whole(view));
+    renderer.render_rows(0, view.height, sum.planes);
+    return sum;
+  };
+  const Sum left_alone = render(of_left, left, serial_for), right_alone = render(of_right, right, serial_for);
+  for (int depth = 1; depth <= 3; depth++) {
+    int level = 0;
+    std::vector<Sum> between;
+    const ParallelFor nesting = [&](size_t count, const std::function<void(size_t)>& task) {
+      for (size_t i = 0; i < count; i++) {
+        task(i);
+        if (i == count / 2 && level++ < depth) between.push_back(render(of_right, right, nesting));
+      }
+    };
+    const Sum sum = render(of_left, left, nesting);
+    EXPECT_EQ(between.size(), static_cast<size_t>(depth));
+    EXPECT_TRUE(sum == left_alone);
+    for (const Sum& other : between) EXPECT_TRUE(other == right_alone);
+  }
 }
 
 TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
