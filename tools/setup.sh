@@ -33,7 +33,7 @@ packages=(
 )
 
 if $for_tests; then
-  packages+=(tshark janus coturn opencv-doc iptables python3-gst-1.0)
+  packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

@@ -9,6 +9,7 @@ Commands of others (apt, npm, chronyc) are looked at by the shell's parser alone
 
     commands.py BUILD_ROOT SOURCE_ROOT
 """
+import ctypes
 import functools
 import json
 import os
@@ -22,13 +23,14 @@ import time
 
 import gi
 
-gi.require_version("Gst", "1.0")
-from gi.repository import GLib, Gst  # noqa: E402
+for name in "Gst", "GstGL", "GstGLEGL":
+    gi.require_version(name, "1.0")
+from gi.repository import GLib, Gst, GstGL, GstGLEGL  # noqa: E402
 
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 PICTURES, PATIENCE_S, LISTENING_S = 3, 60, 1
 # Elements that documents name and that are not of Debian 12, or of a package that nothing else needs.
-OF_OTHERS = {"whepclientsrc", "glviewconvert"}
+OF_OTHERS = {"whepclientsrc"}
 CAPITALS = re.compile(r"\b[A-Z][A-Z0-9_]{2,}\b")
 # Words in capitals that mean themselves: of caps.
 THEMSELVES = {"JPEG", "RGB", "LIGHTFIELD", "REQUEST", "ANSWER"}
@@ -79,20 +81,36 @@ class Wrong(Exception):
 
 # --- Launch lines -----------------------------------------------------------------------------------------------------
 
+@functools.cache
+def display():
+    """A display of OpenGL without a screen: Mesa's, of which GStreamer 1.22 has to be told."""
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
+    egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
+    egl.eglInitialize.argtypes = [ctypes.c_void_p] * 3
+    surfaceless = 0x31DD  # EGL_PLATFORM_SURFACELESS_MESA
+    found = egl.eglGetPlatformDisplay(surfaceless, None, None)
+    egl.eglInitialize(found, None, None)
+    context = Gst.Context.new("gst.gl.GLDisplay", True)
+    GstGL.context_set_gl_display(context, GstGLEGL.GLDisplayEGL.new_with_egl_display(found))
+    return context
+
+
 def launch(words):
     """A pipeline of the words behind gst-launch-1.0, without windows; None where an element is of somebody else."""
     line = " ".join(word for word in words if not word.startswith("-")).replace("$PWD", os.getcwd())
     if any(re.search(rf"\b{name}\b", line) and not Gst.ElementFactory.find(name) for name in OF_OTHERS):
         return None
-    line = line.replace("autovideosink", "fakesink sync=true")
+    line = line.replace("autovideosink", "fakesink sync=true").replace("glimagesink", "glupload ! fakesink sync=true")
     try:
         made = Gst.parse_launch_full(line, None, Gst.ParseFlags.FATAL_ERRORS)
     except GLib.Error as error:
         raise Wrong(error.message) from error
-    if isinstance(made, Gst.Pipeline):
-        return made
-    pipeline = Gst.Pipeline()
-    pipeline.add(made)
+    pipeline = made if isinstance(made, Gst.Pipeline) else Gst.Pipeline()
+    if pipeline is not made:
+        pipeline.add(made)
+    if re.search(r"\bgl[a-z]+", line):
+        pipeline.set_context(display())
     return pipeline
 
 
