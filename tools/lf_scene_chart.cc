@@ -20,13 +20,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct ChartOptions {
   std::string rig, out;
   int places = 12, quality = 97;
   FaultOptions faults;
 };
 
-void record(const Options& options) {
+void record(const ChartOptions& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
   const std::vector<lf::ChartPose> charts = lf::chart_poses(rig, options.places);
@@ -59,7 +59,7 @@ void record(const Options& options) {
 }  // namespace
 
 cli::App* add_chart_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<ChartOptions>();
   cli::App* command =
       app.add_subcommand("chart", "Films a chart of 24 colours that is held before the array here and there");
   command->add_option("--rig", o->rig, "Cameras")->required()->type_name("RIG.json");

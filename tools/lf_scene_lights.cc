@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-struct Options {
+struct LightOptions {
   std::string rig, out;
   std::vector<std::string> framerates = {"30"}, seconds = {"20"};
   int quality = 95;
@@ -55,7 +55,7 @@ double parse_seconds(const std::string& text) {
 }
 
 // What one camera records: the film, and where the lights are in it.
-json record(const Options& options, const lf::LightsPath& path, const lf::Camera& camera, size_t index,
+json record(const LightOptions& options, const lf::LightsPath& path, const lf::Camera& camera, size_t index,
             const std::function<void()>& step) {
   const FrameRate rate = parse_rate(options.framerates[index % options.framerates.size()]);
   const double seconds = parse_seconds(options.seconds[index % options.seconds.size()]);
@@ -79,7 +79,7 @@ json record(const Options& options, const lf::LightsPath& path, const lf::Camera
   return {{"id", camera.id}, {"width", camera.width}, {"height", camera.height}, {"frames", std::move(list)}};
 }
 
-void film_lights(const Options& options) {
+void film_lights(const LightOptions& options) {
   const lf::Rig rig = lf::load_rig(options.rig);
   const lf::LightsPath path(rig, options.lights);
   check_file_names(rig);
@@ -117,7 +117,7 @@ void film_lights(const Options& options) {
 }  // namespace
 
 cli::App* add_lights_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<LightOptions>();
   cli::App* command = app.add_subcommand(
       "lights",
       "Films a light, or two on a bar, moved through the dark, as recordings for lf-calibrate track: DIR/NAME.mkv of "

@@ -8,6 +8,7 @@
 #include "compositor/lfcompositor.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_src_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_view_src_debug
 
 constexpr guint kFirstOfReopened = 1 << 20;

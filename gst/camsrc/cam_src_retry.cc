@@ -14,6 +14,7 @@
 #include "common/common.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_cam_src_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
 using State = lf::CameraService::State;

@@ -24,6 +24,7 @@
 #include "quality/camera_turns.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_compositor_debug
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc

@@ -16,6 +16,7 @@
 #include "node/card.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_fragment_debug
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_properties.cc, fragment_camera_pad.cc

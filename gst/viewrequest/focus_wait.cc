@@ -4,6 +4,7 @@
 #include "common/view_feedback.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_view_request_debug
 
 namespace lf {

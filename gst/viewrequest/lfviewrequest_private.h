@@ -22,6 +22,7 @@
 #include "viewrequest/view_request_settings.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
+#undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
 #define GST_CAT_DEFAULT lf_view_request_debug
 
 // What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_properties.cc,

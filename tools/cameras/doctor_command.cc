@@ -14,13 +14,13 @@
 
 namespace {
 
-struct Options {
+struct DoctorArguments {
   std::string rig;
   lf::cameras::ExamOptions exam;
   bool json = false;
 };
 
-int run(Options options) {
+int examine(DoctorArguments options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   if (!options.json) {
@@ -42,7 +42,7 @@ int run(Options options) {
 }  // namespace
 
 void add_doctor_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<DoctorArguments>();
   cli::App* command = app.add_subcommand(
       "doctor",
       "Opens every camera: what each delivers, what is wrong, what helps; exit status 1 if something is wrong");
@@ -56,5 +56,5 @@ void add_doctor_command(cli::App& app, int& status) {
   command->add_option("--fps", o->exam.fps, "Frames per second to ask of devices (default: as they have them)")
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "For programs, in place of a page for people");
-  command->callback([o, &status] { status = run(*o); });
+  command->callback([o, &status] { status = examine(*o); });
 }

@@ -30,7 +30,7 @@ namespace {
 
 using namespace lf::cameras;
 
-struct Options {
+struct IdentifyArguments {
   std::string rig;
   int port = 8090;
 };
@@ -38,7 +38,7 @@ struct Options {
 // The cameras stay open as they are, by a copy of the rig, while the rig file says where they belong.
 class Identify {
  public:
-  explicit Identify(const Options& options)
+  explicit Identify(const IdentifyArguments& options)
       : path_(options.rig),
         text_(lf::parse_json(lf::read_text_file(path_), path_)),
         rig_(lf::load_rig(path_)),
@@ -140,7 +140,7 @@ class Identify {
 }  // namespace
 
 void add_identify_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<IdentifyArguments>();
   cli::App* command = app.add_subcommand(
       "identify", "A page with all cameras live: hold a hand before one and it lights up, drag it to where it stands");
   command->add_option("RIG", o->rig, "Rig file; what is dragged is written into it")->required();

@@ -23,7 +23,7 @@
 
 namespace {
 
-struct Options {
+struct LockArguments {
   std::string rig, out;
   uint32_t camera = 0;
   int mains = 0;
@@ -31,7 +31,7 @@ struct Options {
   lf::cameras::LockOptions lock;
 };
 
-int run(Options options) {
+int lock_cameras(LockArguments options) {
   gst_init(nullptr, nullptr);
   lf::Rig rig = lf::load_rig(options.rig);
   nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
@@ -78,7 +78,7 @@ int run(Options options) {
 }  // namespace
 
 void add_lock_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<LockArguments>();
   cli::App* command = app.add_subcommand(
       "lock",
       "Sets all cameras to the exposure, gain, white balance and focus that one of them has chosen by "
@@ -92,5 +92,5 @@ void add_lock_command(cli::App& app, int& status) {
       ->check(cli::Range(0.1, 120.0));
   command->add_flag("--no-check", o->no_check, "Believe that all cameras respond");
   command->add_option("--out", o->out, "Rig file to write (default: the same)");
-  command->callback([o, &status] { status = run(*o); });
+  command->callback([o, &status] { status = lock_cameras(*o); });
 }

@@ -17,7 +17,7 @@
 
 namespace {
 
-struct Options {
+struct RecordArguments {
   std::string rig, out, cameras;
   lf::cameras::RecordingOptions recording;
   lf::cameras::RecordingGuide guide;
@@ -27,7 +27,7 @@ struct Options {
 // Ctrl-C ends a recording, and what there is becomes whole files.
 volatile std::sig_atomic_t interrupted = 0;
 
-int run(Options options) {
+int record_films(RecordArguments options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   options.recording.cameras = lf::parse_camera_list(*rig, options.cameras);
@@ -52,7 +52,7 @@ int run(Options options) {
 }  // namespace
 
 void add_record_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<RecordArguments>();
   cli::App* command = app.add_subcommand(
       "record", "A film of each camera, all by one clock, for lf-calibrate; exit status 1 if one is missing");
   command->add_option("RIG", o->rig, "Rig file")->required();
@@ -69,5 +69,5 @@ void add_record_command(cli::App& app, int& status) {
       ->add_option("--page", o->page,
                    "Port of a page on this machine that shows the cameras, and what is said; 0: any (default: none)")
       ->check(cli::Range(0, 65535));
-  command->callback([o, &status] { status = run(*o); });
+  command->callback([o, &status] { status = record_films(*o); });
 }

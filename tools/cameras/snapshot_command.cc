@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct SnapshotArguments {
   std::string rig, out, cameras;
   lf::cameras::SnapshotOptions snapshot;
 };
@@ -39,7 +39,7 @@ std::string file_name(const lf::Rig& rig, const lf::Camera& camera) {
   return (all ? camera.name : "camera_" + std::to_string(camera.id)) + ".png";
 }
 
-int run(Options options) {
+int take_snapshot(SnapshotArguments options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   options.snapshot.cameras = lf::parse_camera_list(*rig, options.cameras);
@@ -79,7 +79,7 @@ int run(Options options) {
 }  // namespace
 
 void add_snapshot_command(cli::App& app, int& status) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<SnapshotArguments>();
   cli::App* command = app.add_subcommand(
       "snapshot", "A still of each camera at one instant, and a rig file of them; exit status 1 if one is missing");
   command->add_option("RIG", o->rig, "Rig file")->required();
@@ -88,5 +88,5 @@ void add_snapshot_command(cli::App& app, int& status) {
   command->add_option("--after", o->snapshot.warm_up, "Seconds that the cameras run before")
       ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
-  command->callback([o, &status] { status = run(*o); });
+  command->callback([o, &status] { status = take_snapshot(*o); });
 }

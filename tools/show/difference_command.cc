@@ -18,7 +18,7 @@
 
 namespace {
 
-struct Options {
+struct DifferenceOptions {
   ViewOptions view;
   OutputOptions output;
   std::string truth;
@@ -28,7 +28,7 @@ struct Options {
 };
 
 // What a view should look like: a file, the built-in scene, or what the camera saw that was left out.
-lf::Image truth_of(const Options& options, const Scene& scene, const lf::NamedView& named, size_t number) {
+lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const lf::NamedView& named, size_t number) {
   const lf::View& view = named.view;
   if (options.left_out >= 0) return scene.images(*scene.rig.index_of_id(static_cast<uint32_t>(options.left_out)));
   if (options.scene) return lf::render_scene({view.width, view.height, view.lens, view.pose}, named.time);
@@ -40,7 +40,7 @@ lf::Image truth_of(const Options& options, const Scene& scene, const lf::NamedVi
   return truth;
 }
 
-void show_difference(const Options& options) {
+void show_difference(const DifferenceOptions& options) {
   const Scene scene(options.view.rig);
   if ((options.left_out >= 0) + options.scene + !options.truth.empty() != 1)
     throw lf::Error("give one of --truth, --scene and --left-out");
@@ -78,7 +78,7 @@ void show_difference(const Options& options) {
 }  // namespace
 
 void add_difference_command(cli::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<DifferenceOptions>();
   cli::App* difference = app.add_subcommand("difference", "How far a view is from what it should look like");
   o->view.add_to(*difference);
   difference->add_option("--truth", o->truth, "A picture of what it should look like");

@@ -54,7 +54,7 @@ struct Sum {
 };
 
 // A camera without a picture loses its weight: that shows it as it is.
-Spread weights(const Scene& scene) {
+Spread simd_weights(const Scene& scene) {
   const Ready ready(scene, false);
   const reference::Picture exact = reference::render(scene.rig(), scene.mesh(), ready.view, {});
   Collector errors;
@@ -233,7 +233,7 @@ Spread jpeg_of_sum(const Scene& scene) {
 
 std::vector<Term> simd_terms() {
   // Positions good to 1/256 pixel between samples of 0 and 255 along both axes, and the sums' own: see error-budget.md.
-  return {{"SIMD: weights in 15 bits", "of 1", 2.5 / 32768, weights},
+  return {{"SIMD: weights in 15 bits", "of 1", 2.5 / 32768, simd_weights},
           {"SIMD: coordinates in float", "pixels", 1.0 / 4096, projection},
           {"SIMD: between coordinates 16 pixels apart", "pixels", kGridError, grid},
           {"SIMD: coordinates in 11 bits of fraction", "pixels", 3.0 / 2048, fixed_point},

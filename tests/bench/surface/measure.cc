@@ -139,7 +139,7 @@ void take(const FocusControl::Plan& plan, ViewRequest& request) {
 }
 
 // View `number` focused on a plane parallel to the array.
-View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
+View case_on_plane(const Case& c, size_t number, const Plane& from, double distance) {
   return lf::focus::on_plane(c.views[number].view, from, distance);
 }
 
@@ -237,7 +237,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   result.plane = std::move(judged.best);
   result.bound = std::move(judged.bound);
   result.best_distance = judged.best_distance;
-  const View best = on_plane(c, view, from, judged.best_distance);
+  const View best = case_on_plane(c, view, from, judged.best_distance);
   time_again(bilinear, best, view, {}, result.plane);
   result.plane_alike = renderer.picture(best, view);
   result.plane_alike.quality = compare(result.plane_alike.image, truth, result.plane_alike.coverage);
@@ -246,7 +246,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   FocusControl control(options.focus);
   ViewRequest request;
   result.start = start_of(options, range, options.planes);
-  request.view = on_plane(c, view, from, result.start);
+  request.view = case_on_plane(c, view, from, result.start);
   for (int round = 0; round <= options.rounds; round++) {
     request.sequence = static_cast<uint32_t>(round);
     request.out_of_service = c.without(view);
@@ -274,7 +274,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   Renderer renderer(c, view, options);
   FocusControl control(options.focus);
   ViewRequest request;
-  request.view = on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
+  request.view = case_on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
   const auto next = [&](Picture& cost) {
     const std::vector<Moments> moments = renderer.moments(request, view, cost);
     request.gains = renderer.gains_after(request, view, control.state().mixed, cost);
@@ -336,9 +336,9 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     const Image truth = c.truth(i);
     const auto psnr = [&](const Picture& picture) { return compare(picture.image, truth, picture.coverage).psnr_db; };
     for (int k = 0; k < kPlanes; k++)
-      plane_db[k][i] = psnr(bilinear.picture(on_plane(c, i, from, distance_of(range, k, kPlanes)), i));
+      plane_db[k][i] = psnr(bilinear.picture(case_on_plane(c, i, from, distance_of(range, k, kPlanes)), i));
     ViewRequest request;
-    request.view = on_plane(c, i, from, start_of(options, range, kPlanes));
+    request.view = case_on_plane(c, i, from, start_of(options, range, kPlanes));
     if (plan.view.focus.map) {
       const View view = request.view;
       take(plan, request);
