@@ -25,6 +25,9 @@
 // Video that lffragment takes from cameras as it is.
 #define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
 
+// The view that an event, a query or a message is of (uint): its field of this name.
+#define LF_VIEW_ID_FIELD "lf-view-id"
+
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
 // rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so that none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"

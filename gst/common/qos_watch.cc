@@ -3,10 +3,11 @@
 
 #include <algorithm>
 
+#include "common/common.h"
+
 namespace lf {
 namespace {
 
-constexpr const char* kQosViewId = "lf-view-id";
 constexpr size_t kMostViews = 1024;  // of viewers that come and go; then that of the longest silence is forgotten
 
 }  // namespace
@@ -14,13 +15,13 @@ constexpr size_t kMostViews = 1024;  // of viewers that come and go; then that o
 std::optional<uint32_t> QosWatch::view_of(GstEvent* event) {
   const GstStructure* structure = GST_EVENT_TYPE(event) == GST_EVENT_QOS ? gst_event_get_structure(event) : nullptr;
   guint view_id = 0;
-  if (!structure || !gst_structure_get_uint(structure, kQosViewId, &view_id)) return std::nullopt;
+  if (!structure || !gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, &view_id)) return std::nullopt;
   return view_id;
 }
 
 GstEvent* QosWatch::name_view(GstEvent* event, uint32_t view_id) {
   event = gst_event_make_writable(event);
-  gst_structure_set(gst_event_writable_structure(event), kQosViewId, G_TYPE_UINT, view_id, nullptr);
+  gst_structure_set(gst_event_writable_structure(event), LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr);
   return event;
 }
 

@@ -3,13 +3,14 @@
 
 #include <algorithm>
 
+#include "common/common.h"
 #include "common/gst_wire.h"
 
 namespace lf {
 namespace {
 
-constexpr char kViewId[] = "lf-view-id", kCameras[] = "cameras", kExtra[] = "extra", kRequest[] = "request",
-               kSequence[] = "sequence", kOtherPlane[] = "other-plane", kWaits[] = "waits";
+constexpr char kCameras[] = "cameras", kExtra[] = "extra", kRequest[] = "request", kSequence[] = "sequence",
+               kOtherPlane[] = "other-plane", kWaits[] = "waits";
 
 // Appends to a new array of `type` what `fill` makes of each item, and gives it to the structure.
 template <typename Items, typename Fill>
@@ -76,7 +77,8 @@ void set_cameras(GstStructure* structure, const char* field, const CameraSet& ca
 }
 
 GstEvent* view_feedback_event(const ViewFeedback& feedback) {
-  GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, kViewId, G_TYPE_UINT, feedback.view_id, nullptr);
+  GstStructure* structure =
+      gst_structure_new(LF_VIEW_FEEDBACK_EVENT, LF_VIEW_ID_FIELD, G_TYPE_UINT, feedback.view_id, nullptr);
   if (feedback.focus) set_focus(structure, feedback.view_id, *feedback.focus);
   if (feedback.out_of_service) set_cameras(structure, kCameras, *feedback.out_of_service);
   if (!feedback.extra_requests.empty())
@@ -91,7 +93,7 @@ std::optional<ViewFeedback> parse_view_feedback(GstEvent* event) {
     return {};
   const GstStructure* structure = gst_event_get_structure(event);
   ViewFeedback feedback;
-  if (!gst_structure_get_uint(structure, kViewId, &feedback.view_id)) return {};
+  if (!gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, &feedback.view_id)) return {};
   feedback.focus = get_focus(structure);
   CameraSet cameras;
   const auto add_camera = [&](const GValue* value) {
@@ -110,8 +112,8 @@ std::optional<ViewFeedback> parse_view_feedback(GstEvent* event) {
 }
 
 bool is_focus_found(GstPad* src, guint view_id, bool* waits) {
-  GstQuery* query =
-      gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new(LF_FOCUS_QUERY, kViewId, G_TYPE_UINT, view_id, nullptr));
+  GstQuery* query = gst_query_new_custom(
+      GST_QUERY_CUSTOM, gst_structure_new(LF_FOCUS_QUERY, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr));
   const bool found = gst_pad_peer_query(src, query);
   gboolean waiting = FALSE;
   gst_structure_get_boolean(gst_query_get_structure(query), kWaits, &waiting);
@@ -127,7 +129,7 @@ void set_focus_waits(GstQuery* query, bool waits) {
 bool is_focus_query(GstQuery* query, guint* view_id) {
   const GstStructure* structure = gst_query_get_structure(query);
   return GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM && structure && gst_structure_has_name(structure, LF_FOCUS_QUERY) &&
-         gst_structure_get_uint(structure, kViewId, view_id);
+         gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, view_id);
 }
 
 }  // namespace lf

@@ -100,7 +100,7 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK) return seek(self, event);
   if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
   event = gst_event_make_writable(event);
-  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
+  gst_structure_set(gst_event_writable_structure(event), LF_VIEW_ID_FIELD, G_TYPE_UINT, lf_compositor_view_id(self),
                     nullptr);
   return gst_pad_push_event(self->request, event);
 }
