@@ -51,10 +51,10 @@ void add_means(const std::vector<std::vector<float>>& costs, SurfaceChoice& choi
 
 // The median of deviations as three equal cameras would have them.
 double residual_of(const std::vector<float>& deviations, std::span<const float> evidence) {
-  std::vector<float> told(deviations.size());
-  for (size_t i = 0; i < told.size(); i++)
-    told[i] = evidence[i] < kLittleEvidence ? kInfinity : deviations[i] / evidence[i];
-  return median_of_finite(told);
+  std::vector<float> normalised(deviations.size());
+  for (size_t i = 0; i < normalised.size(); i++)
+    normalised[i] = evidence[i] < kLittleEvidence ? kInfinity : deviations[i] / evidence[i];
+  return median_of_finite(normalised);
 }
 
 // The trials of a round, beside each other.
@@ -63,7 +63,7 @@ struct Round {
   const std::vector<std::vector<float>>& costs;
   std::vector<const uint8_t*> levels;
   const ChoiceTerms& terms;
-  bool is_told(size_t node) const { return terms.evidence[node] >= kLittleEvidence; }
+  bool has_evidence(size_t node) const { return terms.evidence[node] >= kLittleEvidence; }
 };
 
 // Lets every node, one after the other, take the trial that is best beside what its neighbours have by then: iterated
@@ -71,7 +71,7 @@ struct Round {
 // to a pixel of disparity.
 void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
   constexpr int kPasses = 2;
-  constexpr float kUntoldLead = 0.05f;  // of the weight of all neighbours
+  constexpr float kLeadWithoutEvidence = 0.05f;  // of the weight of all neighbours
   const int columns = round.surface.columns, rows = round.surface.rows;
   const auto apart = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
   std::array<float, 256> step;  // of so many levels
@@ -90,9 +90,9 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
         for (int v = std::max(y - 1, 0); v <= std::min(y + 1, rows - 1); v++)
           for (int u = std::max(x - 1, 0); u <= std::min(x + 1, columns - 1); u++)
             if (u != x || v != y) around[count++] = static_cast<size_t>(v) * columns + u;
-        const bool told = round.is_told(i);
+        const bool evident = round.has_evidence(i);
         const float smooth =
-            told ? static_cast<float>(kSmooth * choice.residual) * round.terms.evidence[i] + kSmoothNoise : 1;
+            evident ? static_cast<float>(kSmooth * choice.residual) * round.terms.evidence[i] + kSmoothNoise : 1;
         const float weight = smooth / (apart * static_cast<float>(std::max(count, 1)));
         const auto steps_of = [&](size_t t) {
           float steps = 0;
@@ -101,7 +101,10 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
           return weight * steps;
         };
         const auto cost_of = [&](size_t t, float steps) {
-          return steps + (told ? round.costs[t][i] : 0) + (t == 0 ? 0 : told ? choice.lead[i] : kUntoldLead);
+          return steps + (evident ? round.costs[t][i] : 0) +
+                 (t == 0    ? 0
+                  : evident ? choice.lead[i]
+                            : kLeadWithoutEvidence);
         };
         // The first of those that cost least. Most nodes stay: others cost more already without their steps.
         size_t best = choice.chosen[i];
@@ -170,7 +173,7 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   for (const std::vector<uint8_t>& trial : trials) round.levels.push_back(trial.data());
   const auto lead = static_cast<float>(kLead * choice.residual);
   for (size_t i = 0; i < nodes; i++)
-    if (round.is_told(i)) choice.lead[i] = lead * terms.evidence[i] + kNoise;
+    if (round.has_evidence(i)) choice.lead[i] = lead * terms.evidence[i] + kNoise;
   scale_jumps(terms, kJump, costs);
   std::vector<float> best(nodes);
   cheapest_trials(costs, choice.lead, best.data(), choice.chosen.data());

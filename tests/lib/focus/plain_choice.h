@@ -61,17 +61,17 @@ struct PlainRound {
   std::vector<std::vector<float>> costs;
   double residual = NAN;
 
-  bool is_told(size_t i) const { return terms.evidence[i] >= kLittleEvidence; }
-  // Only of nodes that are told.
+  bool has_evidence(size_t i) const { return terms.evidence[i] >= kLittleEvidence; }
+  // Only of nodes that are normalised.
   float lead(size_t i) const { return static_cast<float>(kLead * residual) * terms.evidence[i] + kNoise; }
 };
 
 // Deviations as three equal cameras would have them.
 inline double plain_residual(const PlainRound& round) {
-  std::vector<float> told;
+  std::vector<float> normalised;
   for (size_t i = 0; i < round.costs[0].size(); i++)
-    if (round.is_told(i)) told.push_back(round.costs[0][i] / round.terms.evidence[i]);
-  return plain_median(told);
+    if (round.has_evidence(i)) normalised.push_back(round.costs[0][i] / round.terms.evidence[i]);
+  return plain_median(normalised);
 }
 
 // The levels around a node, row by row.
@@ -88,16 +88,16 @@ inline std::vector<int> plain_neighbours(const FocalMap& map, const std::vector<
 // What a trial costs a node beside its neighbours: how far it is from them, up to a pixel each, and what it costs
 // alone, where that says anything.
 inline float plain_cost_beside(const PlainRound& round, size_t node, size_t trial, const std::vector<int>& around) {
-  const bool told = round.is_told(node);
+  const bool evident = round.has_evidence(node);
   const auto pixel = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
   const float of_one_apart =
-      told ? static_cast<float>(kSmooth * round.residual) * round.terms.evidence[node] + kSmoothNoise : 1;
+      evident ? static_cast<float>(kSmooth * round.residual) * round.terms.evidence[node] + kSmoothNoise : 1;
   float apart = 0;
   for (const int level : around)
     apart += std::min(static_cast<float>(std::abs(round.trials[trial][node] - level)), pixel);
-  const float lead = trial == 0 ? 0 : told ? round.lead(node) : 0.05f;
+  const float lead = trial == 0 ? 0 : evident ? round.lead(node) : 0.05f;
   const auto neighbours = static_cast<float>(std::max<size_t>(around.size(), 1));
-  return of_one_apart / (pixel * neighbours) * apart + (told ? round.costs[trial][node] : 0) + lead;
+  return of_one_apart / (pixel * neighbours) * apart + (evident ? round.costs[trial][node] : 0) + lead;
 }
 
 inline bool plain_informed(const PlainRound& round, size_t node, float least) {
@@ -140,9 +140,9 @@ inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::
 
   // Each node alone.
   for (size_t i = 0; i < nodes; i++) {
-    if (round.is_told(i)) choice.lead[i] = round.lead(i);
+    if (round.has_evidence(i)) choice.lead[i] = round.lead(i);
     float best = costs[0][i];
-    for (size_t t = 1; t < trials.size() && round.is_told(i); t++)
+    for (size_t t = 1; t < trials.size() && round.has_evidence(i); t++)
       if (costs[t][i] + choice.lead[i] < best) {
         best = costs[t][i] + choice.lead[i];
         choice.chosen[i] = static_cast<uint8_t>(t);
