@@ -325,6 +325,25 @@ TEST_P(SumDrawer, DrawsOthersWhileImagesAreCopied) {
   }
 }
 
+// Before it has any memory for images.
+TEST_P(SumDrawer, MayBeLostBeforeItHasDrawnAnything) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  drawer->lose();
+  Random random(4);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
+  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const test::Production production(rig, build_mesh(rig), view);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb, Coordinates::kExact,
+                             drawer.get());
+  EXPECT_TRUE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the context is lost");
+  EXPECT_TRUE(drawer->is_lost());
+}
+
 TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
   std::string why;
   const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kHardware, why);
