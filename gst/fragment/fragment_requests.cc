@@ -101,6 +101,7 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
   std::string news;
   options.card = self->state->card.open(settings.renderer, news);
+  options.trial_card = self->state->card.open_for_trials(settings.renderer);
   if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
   return options;
 }
@@ -119,11 +120,12 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
                               ? node.skip(job.request)
                               : node.answer(job.request, kept, options, requester.memory->take());
   self->state->card.rendered(settings.renderer, reply.answer);
+  self->state->card.tried(settings.renderer, reply.tried);
   const lf::NodeStats::Stages& stages = reply.stages;
   if (stages.render > 0) kept.estimate.done(job.work, stages.decode + stages.render + stages.encode);
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
-  for (lf::ByteBuffer* before : {&reply.brightness, &reply.moments}) {
+  for (lf::ByteBuffer* before : {&reply.brightness, &reply.tried.unit}) {
     if (before->empty()) continue;
     const GstFlowReturn flow = lf_fragment_push(self, src, lf::wrap_bytes(std::move(*before)), job);
     if (flow != GST_FLOW_OK) return flow;

@@ -96,8 +96,10 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
     }
   std::string news;  // is in drawn_by(), too
   options.card = card_.open(renderer_, news);
+  options.trial_card = card_.open_for_trials(renderer_);
   AnswerMaker::Units units = maker_.make(*task, header, sources, options, scratch_, std::move(memory));
   card_.rendered(renderer_, units.answer);
+  card_.tried(renderer_, units.tried);
   return units;
 }
 }  // namespace lf::api
@@ -147,7 +149,7 @@ std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<ImageVie
   const std::lock_guard lock(state_->mutex);
   const lf::AnswerMaker::Units units = state_->node.answer(decoded, frames, state_->resampling, false);
   std::vector<Bytes> parts;
-  for (const lf::ByteBuffer* unit : {&units.brightness, &units.moments, &units.answer.bytes})
+  for (const lf::ByteBuffer* unit : {&units.brightness, &units.tried.unit, &units.answer.bytes})
     if (!unit->empty()) parts.emplace_back(unit->begin(), unit->end());
   return parts;
 }

@@ -69,7 +69,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
   const lf::ViewRequest& request = composer.begin(view, asked);
   const auto units = std::make_shared<lf::AnswerMaker::Units>(
       state_->node.answer(request, images, options.resampling, true, std::move(state_->memory), options.drawn_by));
-  for (const lf::ByteBuffer* unit : {&units->brightness, &units->moments, &units->answer.bytes})
+  for (const lf::ByteBuffer* unit : {&units->brightness, &units->tried.unit, &units->answer.bytes})
     if (!unit->empty()) composer.add(*unit, units);
   Image picture = composer.finish();
   state_->memory = std::move(units->answer.bytes);

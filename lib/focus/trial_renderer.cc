@@ -9,6 +9,8 @@
 
 #include "focus/trial_samples.h"
 #include "render/camera_projection.h"
+#include "render/gl/sum_drawer.h"
+#include "render/simd/sum_task.h"
 
 namespace lf {
 
@@ -175,24 +177,57 @@ struct Seen {
   UninitializedVector<uint16_t> memory;
 };
 
+// Adds up to 65535.
+void add_up(const uint16_t* __restrict from, int count, uint16_t* __restrict to) {
+  for (int i = 0; i < count; i++) to[i] = static_cast<uint16_t>(std::min(to[i] + from[i], 0xffff));
+}
+
+// The same sums by a card. `seeing`: sources with images and weights.
+bool draw(gl::SumDrawer& card, const RenderJob& job, std::span<const Source> seeing,
+          std::span<const std::vector<uint8_t>> trials, std::span<Moments> sums, const ParallelFor& parallel,
+          std::string& why) {
+  const ViewPlan& plan = job.plan();
+  const simd::PreparedTask prepared(plan, job.runs(), seeing, seeing.front().image.family, Coordinates::kExact);
+  std::vector<int> boxes;
+  for (const Source& source : seeing) boxes.push_back(trial_box(plan, source.camera, *source.rig_camera));
+  const auto part = [&](const Source& source) { return trial_pixels(plan, source.camera, *source.rig_camera, trials); };
+  gl::DrawnMoments drawn;
+  if (!card.draw_moments({prepared.task, trials, boxes}, seeing, part, parallel, drawn, why)) return false;
+  const Rect& rect = drawn.rect;
+  parallel(trials.size(), [&](size_t t) {
+    uint16_t* const planes[3] = {sums[t].weight.data(), sums[t].luma.data(), sums[t].square.data()};
+    for (int kind = 0; kind < 3; kind++)
+      for (int y = rect.y0; y < rect.y1; y++)
+        add_up(drawn.row(t, kind, y), rect.width(), planes[kind] + static_cast<size_t>(y) * sums[t].columns + rect.x0);
+  });
+  return true;
+}
+
 }  // namespace
 
-void add_moments(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials,
-                 std::span<Moments> sums, const ParallelFor& parallel) {
-  std::vector<const Source*> seeing;
+Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials,
+                    std::span<Moments> sums, const ParallelFor& parallel, gl::SumDrawer* card) {
+  std::vector<Source> seeing;
   for (const Source& source : sources) {
     if (source.image.family == PixelFamily::kNone || job.plan().camera_rect(source.camera).empty()) continue;
     check_image(*source.rig_camera, source.image);
-    seeing.push_back(&source);
+    seeing.push_back(source);
+  }
+  Drawing drawing;
+  if (card && card->draws_moments() && !seeing.empty() && !trials.empty()) {
+    drawing.drawn = draw(*card, job, seeing, trials, sums, parallel, drawing.why_not);
+    drawing.refused = !drawing.drawn;
+    if (drawing.drawn) return drawing;
   }
   std::vector<std::unique_ptr<Seen>> cameras(seeing.size());
-  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Seen>(job, *seeing[i], trials); });
+  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Seen>(job, seeing[i], trials); });
   // The order of saturating sums of what is not negative does not matter.
   parallel(trials.size(), [&](size_t t) {
     for (const std::unique_ptr<Seen>& camera : cameras)
       add_rows(camera->where.rows, camera->of_trial(t), sums[t].columns, sums[t].weight.size(),
                {sums[t].weight.data(), sums[t].luma.data(), sums[t].square.data()});
   });
+  return drawing;
 }
 
 }  // namespace lf

@@ -54,7 +54,8 @@ struct TrialCamera {
 // Adds what the sources contribute to trials[i], levels of a trial of the view's map, to sums[i], of the map's size.
 // `job`: of trial_view(). A camera's luma is rounded to 8 bits first, as if it had travelled. The result does not
 // depend on `parallel`. Throws Error as SumRenderer.
-void add_moments(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials,
-                 std::span<Moments> sums, const ParallelFor& parallel = serial_for);
+// `card`: draws them where it can (SumDrawer::draw_moments() has the errors that come with it); else the CPU does.
+Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials,
+                    std::span<Moments> sums, const ParallelFor& parallel = serial_for, gl::SumDrawer* card = nullptr);
 
 }  // namespace lf

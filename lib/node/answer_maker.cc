@@ -49,7 +49,7 @@ AnswerMaker::Units AnswerMaker::make(const AnswerTask& task, const wire::AnswerH
   std::vector<Source> sources(images.begin(), images.end());
   correct(task, options, scratch.corrected, sources);
   if (task.gains()) match_gains(task, header, options, scratch.matched, sources, units);
-  units.moments = task.moments(header, sources, options, options.parallel);
+  units.tried = task.moments(header, sources, options, options.parallel);
   units.before_ns = now_ns() - begun;
   resample(task, options, scratch.sharpened, sources);
   units.answer = task.render(header, sources, options, std::move(memory), options.parallel);

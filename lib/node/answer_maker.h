@@ -26,9 +26,10 @@ class AnswerMaker {
   };
   // The units that an answer comes to.
   struct Units {
-    ByteBuffer brightness, moments;  // units that go before the answer; empty: there is none
+    ByteBuffer brightness;    // the unit that goes first; empty: there is none
+    AnswerTask::Tried tried;  // the unit that goes before the answer
     RenderedAnswer answer;
-    uint64_t before_ns = 0;              // nanoseconds of wall time that `brightness` and `moments` took
+    uint64_t before_ns = 0;              // nanoseconds of wall time that these two took
     const CameraGains* gains = nullptr;  // gains that the images were divided by, valid until the next call; null: none
   };
   // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `scratch`: for

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "base/schedule.h"
 #include "focus/trial_renderer.h"
 #include "render/camera_projection.h"
 #include "wire/moments_codec.h"
@@ -45,15 +46,19 @@ class ViewTask : public SumTask {
                          [this](const Source& source) { return is_in_view(source.camera); });
     return SumTask::render(header, in_view, options, std::move(memory), parallel);
   }
-  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
-                     const ParallelFor& parallel) const override {
+  Tried moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
+                const ParallelFor& parallel) const override {
     if (trials_.empty()) return {};
+    const uint64_t begun = now_ns();
     const View& view = trial_job_->plan().view();
     const wire::MomentsHeader about{header.view_id, header.sequence, header.rig_hash, header.node, {}};
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
-    add_moments(*trial_job_, sources, trials_, sums, parallel);
-    return wire::encode_moments(about, sums, !options.in_process);
+    Tried tried{.nodes = trials_.size() * view.width * view.height};
+    tried.drawing = add_moments(*trial_job_, sources, trials_, sums, parallel, options.trial_card);
+    tried.ns = now_ns() - begun;
+    tried.unit = wire::encode_moments(about, sums, !options.in_process);
+    return tried;
   }
 
   const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }

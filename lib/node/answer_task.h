@@ -22,6 +22,7 @@ class AnswerTask {
     bool in_process = false;                // the compositor is in this process: see choose_form()
     int strip_pixels = wire::kStripPixels;  // see AnswerForm
     gl::SumDrawer* card = nullptr;          // see SumRenderer
+    gl::SumDrawer* trial_card = nullptr;    // see add_moments()
   };
 
   virtual ~AnswerTask() = default;
@@ -50,9 +51,15 @@ class AnswerTask {
                                 const ParallelFor& = serial_for) const {
     return {};
   }
-  // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
-  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Options&,
-                             const ParallelFor& = serial_for) const {
+  // What the trials of the request came to.
+  struct Tried {
+    ByteBuffer unit;  // of moments, that goes before the answer; empty: there are no trials
+    Drawing drawing;
+    size_t nodes = 0;  // of all trials
+    uint64_t ns = 0;   // nanoseconds of wall time
+  };
+  virtual Tried moments(const wire::AnswerHeader&, std::span<const Source>, const Options&,
+                        const ParallelFor& = serial_for) const {
     return {};
   }
 };

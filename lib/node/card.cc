@@ -78,13 +78,34 @@ void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
   why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
   // A sum that no card draws, or that one has been asked for in vain, tells nothing about which is faster.
   if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
-  if (drawer_ && !drawer_->is_lost() && !drawer_->is_software())
-    race_.add(drawing.drawn, answer.pixels, answer.render_ns);
+  if (is_in_race()) race_.add(drawing.drawn, answer.pixels, answer.render_ns);
+}
+
+gl::SumDrawer* Card::open_for_trials(RendererChoice choice) {
+  if (choice == RendererChoice::kCpu) return nullptr;
+  const std::lock_guard lock(mutex_);
+  if (!drawer_ || drawer_->is_lost() || !drawer_->draws_moments() || trial_patience_.is_at_end(now_())) return nullptr;
+  const bool is_wanted = choice == RendererChoice::kGl || (!drawer_->is_software() && trial_race_.card_is_next());
+  return is_wanted ? drawer_.get() : nullptr;
+}
+
+void Card::tried(RendererChoice choice, const AnswerTask::Tried& tried) {
+  if (choice == RendererChoice::kCpu || tried.nodes == 0) return;
+  const Drawing& drawing = tried.drawing;
+  const std::lock_guard lock(mutex_);
+  draws_trials_ = drawing.drawn;
+  if (drawing.drawn || drawing.refused) trial_patience_.add(drawing.refused, now_());
+  if (choice == RendererChoice::kAuto && !drawing.refused && is_in_race())
+    trial_race_.add(drawing.drawn, tried.nodes, tried.ns);
 }
 
 std::string Card::explain(RendererChoice choice) const {
   if (choice == RendererChoice::kCpu) return "cpu";
   const std::lock_guard lock(mutex_);
+  return explain_answers(choice) + (draws_trials_ ? ", trials, too" : "");
+}
+
+std::string Card::explain_answers(RendererChoice choice) const {
   const bool is_auto = choice == RendererChoice::kAuto;
   const std::string name = is_auto ? "auto: " : "";
   if (!drawer_) return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";

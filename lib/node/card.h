@@ -12,6 +12,7 @@
 
 #include "base/schedule.h"
 #include "node/answer_renderer.h"
+#include "node/answer_task.h"
 #include "render/gl/sum_drawer.h"
 
 namespace lf {
@@ -71,11 +72,18 @@ class Card {
   gl::SumDrawer* open(RendererChoice choice, std::string& news);
   // That answer, to decide by.
   void rendered(RendererChoice choice, const RenderedAnswer& answer);
-  // What renders, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0: computes on the CPU".
+  // What is to draw the trials of the answer that open() was called for; null: the CPU has to. kAuto decides apart from
+  // answers: there is less to draw for the images that have to go to the card.
+  gl::SumDrawer* open_for_trials(RendererChoice choice);
+  void tried(RendererChoice choice, const AnswerTask::Tried& tried);
+  // What renders, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0: computes on the CPU";
+  // ", trials, too" where a card draws these.
   std::string explain(RendererChoice choice) const;
 
  private:
   bool is_open(RendererChoice choice, std::string& news);
+  bool is_in_race() const { return drawer_ && !drawer_->is_lost() && !drawer_->is_software(); }
+  std::string explain_answers(RendererChoice choice) const;
 
   const Open open_;
   const Clock now_;
@@ -86,6 +94,9 @@ class Card {
   bool told_ = false;
   RendererRace race_;
   Patience patience_;
+  RendererRace trial_race_;
+  Patience trial_patience_;
+  bool draws_trials_ = false;           // drew the latest ones
   std::string why_not_;                 // the latest answer was not drawn
   std::string refusal_, told_refusal_;  // the latest reason to refuse one, and what of it the user knows
 };

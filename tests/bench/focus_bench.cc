@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What finding a focal surface costs beside drawing through a plane: ns per output pixel = 1e9 / items_per_second.
+// What finding a focal surface costs beside drawing through a plane: ns per output pixel = 1e9 / items_per_second (of
+// views of 1, or 6, times the cameras' pixels a side).
 // 64 cameras, one thread.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
 #include <numeric>
 
+#include "bench/copying.h"
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/surface_choice.h"
@@ -14,6 +16,7 @@
 #include "image/correction.h"
 #include "reference/generators.h"
 #include "render/camera_projection.h"
+#include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 #include "wire/request_codec.h"
 
@@ -23,7 +26,8 @@ namespace {
 constexpr int kWidth = 320, kHeight = 240, kSide = 8;
 
 struct Scene {
-  explicit Scene(PixelFamily family) {
+  // `finer`: how many times as many pixels a side the view has as a camera.
+  explicit Scene(PixelFamily family, int finer = 1) {
     reference::Random random(1);
     const double f = 1.25 * kWidth, pitch = 0.4 / (kSide - 1);
     for (int i = 0; i < kSide * kSide; i++) {
@@ -39,19 +43,19 @@ struct Scene {
     std::iota(own.begin(), own.end(), 0);
     const Image rgb = reference::smooth_image(random, kWidth, kHeight);
     image = family == PixelFamily::kI420 ? to_i420(rgb) : rgb;
-    view.width = kWidth;
-    view.height = kHeight;
-    view.lens = Lens::pinhole(f, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
+    view.width = finer * kWidth;
+    view.height = finer * kHeight;
+    view.lens = Lens::pinhole(finer * f, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
     view.pose = {Vec3(0.2, 0.2, -0.9 * 0.2 * f / (kWidth / 2.0)), Quat(1, 0, 0, 0)};
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
     focused = view;
-    FocalMap map = FocalMap::for_view(kWidth, kHeight);
+    FocalMap map = FocalMap::for_view(view.width, view.height);
     map.from = array_plane(rig);
     map.nearest = 1 / 0.8;  // as FocusControl has them around this plane
     map.farthest = 1 / 8.;
     for (int j = 0; j < map.rows; j++)
       for (int i = 0; i < map.columns; i++)  // a ground that rises, and things on it
-        map.levels.push_back(static_cast<uint8_t>(40 + j + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
+        map.levels.push_back(static_cast<uint8_t>(40 + j / finer + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
     focused.focus.map = std::make_shared<FocalMap>(map);
     for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(focused, trial));
     sums.resize(trials.size());
@@ -61,9 +65,9 @@ struct Scene {
     for (const CameraIndex i : cameras) out.push_back({i, &rig.cameras[i], image.view()});
     return out;
   }
-  void add_all(const RenderJob& job) {
+  Drawing add_all(const RenderJob& job, const ParallelFor& parallel = serial_for, gl::SumDrawer* card = nullptr) {
     for (Moments& sum : sums) sum.reset(focused.focus.map->columns, focused.focus.map->rows);
-    add_moments(job, sources(job.cameras()), trials, sums);
+    return add_moments(job, sources(job.cameras()), trials, sums, parallel, card);
   }
   Rig rig;
   Mesh mesh;
@@ -74,7 +78,9 @@ struct Scene {
   std::vector<Moments> sums;
 };
 
-void count(benchmark::State& state) { state.SetItemsProcessed(state.iterations() * int64_t{kWidth} * kHeight); }
+void count(benchmark::State& state, int finer = 1) {
+  state.SetItemsProcessed(state.iterations() * int64_t{finer} * finer * kWidth * kHeight);
+}
 
 void Colour(benchmark::State& state, PixelFamily family, bool surface) {
   const Scene scene(family);
@@ -145,13 +151,34 @@ BENCHMARK_CAPTURE(Box, rgb, PixelFamily::kRgb);
 BENCHMARK_CAPTURE(Box, i420, PixelFamily::kI420);
 
 void Trials(benchmark::State& state, PixelFamily family) {
-  Scene scene(family);
+  Scene scene(family, static_cast<int>(state.range(0)));
   const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
   for (auto _ : state) scene.add_all(job);
-  count(state);
+  count(state, static_cast<int>(state.range(0)));
 }
-BENCHMARK_CAPTURE(Trials, rgb, PixelFamily::kRgb);
-BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420);
+BENCHMARK_CAPTURE(Trials, rgb, PixelFamily::kRgb)->Arg(1)->Arg(6);
+BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420)->Arg(1)->Arg(6);
+
+// By a card, or what computes in place of one: with luma on its way there and moments on their way back.
+void DrawnTrials(benchmark::State& state, PixelFamily family) {
+  static std::string why;
+  static const auto card =
+      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+  if (!card) return state.SkipWithError(why.c_str());
+  Scene scene(family, static_cast<int>(state.range(0)));
+  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+  const ParallelFor parallel = bench::copying_for(card.get());
+  double drawn_ns = 0;
+  scene.add_all(job, parallel, card.get());  // compiles the programs
+  for (auto _ : state) {
+    const Drawing drawing = scene.add_all(job, parallel, card.get());
+    if (!drawing.drawn) return state.SkipWithError(drawing.why_not.c_str());
+    drawn_ns += static_cast<double>(card->drawn_ns());
+  }
+  state.counters["drawn_ms"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
+  count(state, static_cast<int>(state.range(0)));
+}
+BENCHMARK_CAPTURE(DrawnTrials, i420, PixelFamily::kI420)->Arg(1)->Arg(6)->MeasureProcessCPUTime()->UseRealTime();
 
 void Choice(benchmark::State& state) {
   Scene scene(PixelFamily::kRgb);

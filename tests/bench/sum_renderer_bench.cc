@@ -4,13 +4,12 @@
 #include <array>
 #include <cmath>
 #include <memory>
-#include <thread>
 #include <vector>
 
 #include <benchmark/benchmark.h>
 
 #include "base/schedule.h"
-#include "base/worker_pool.h"
+#include "bench/copying.h"
 #include "reference/generators.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
@@ -107,14 +106,6 @@ std::shared_ptr<const FocalMap> room(const View& view) {
   return std::make_shared<FocalMap>(std::move(map));
 }
 
-// Images and sums of a card are copied by all processors, as by a node; where those draw, too, by one.
-ParallelFor copying_for(const gl::SumDrawer* card) {
-  if (!card || card->is_software()) return serial_for;
-  return [pool = WorkerPool::shared()](size_t count, const std::function<void(size_t)>& task) {
-    pool->run(std::thread::hardware_concurrency(), count, task);
-  };
-}
-
 // All of a sum, as many rows at a time as render_answer() has them.
 void render_all(const SumRenderer& renderer, const SumPlanes& out, const ParallelFor& parallel) {
   const std::vector<Rect> bands = wire::cut_rows(out.rect, 32);
@@ -132,7 +123,7 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
   auto sources = scene.sources(plan);
   for (Source& source : sources) source.resampling = resampling;
   SumPlanes out{.family = family};
-  const ParallelFor parallel = copying_for(card);
+  const ParallelFor parallel = bench::copying_for(card);
   if (card) const SumRenderer compiled(plan, runs, sources, family, coordinates, card);  // the card's programs
   double drawn_ns = 0;
   uint64_t least = UINT64_MAX;
@@ -217,7 +208,7 @@ void DrawnSet(benchmark::State& state) {
     view.focus.map = room(view);
     eyes.push_back(std::make_unique<Eye>(scene, view));
   }
-  const ParallelFor parallel = copying_for(card.get());
+  const ParallelFor parallel = bench::copying_for(card.get());
   double drawn_ns = 0;
   for (auto _ : state)
     for (const auto& eye : eyes) {

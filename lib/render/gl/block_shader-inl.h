@@ -5,42 +5,20 @@
 
 namespace lf::gl {
 
-// What follows the rule in a compute shader: an invocation computes two by two pixels and their chroma.
+// What follows the rule and kRuns in the compute shader of BlockSums: an invocation computes two by two pixels and
+// their chroma.
 inline constexpr std::string_view kBlocks = R"(
-layout(local_size_x = GROUP, local_size_y = GROUP) in;
-
-// For each row of the sum where its runs begin, and where the last one's end, counted in runs; then of each run its
-// ends, the first in the low 16 bits, and its face.
-layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
 // For each row of blocks `draw` if it has lost weight or doubts, else anything; then pixels, chroma and lost weight as
 // in DrawnSum, two samples in 32 bits, at `parts`.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 uniform uvec4 parts; // of pixels, chroma and lost weight; draw
 
-int face_at(ivec2 at) {
-  uint first = runs[at.y], end = runs[at.y + 1], last = end, rows = uint(size.y) + 1u;
-  while (first < last) {
-    uint middle = (first + last) / 2u;
-    if (int(runs[rows + 2u * middle] >> 16) <= at.x)
-      first = middle + 1u;
-    else
-      last = middle;
-  }
-  if (first == end || int(runs[rows + 2u * first] & 0xffffu) > at.x) return -1;
-  return int(runs[rows + 2u * first + 1u]);
-}
-
 // Of a pixel: what its face's cameras weigh in it that see it. Its sum, and lost weight or DOUBT.
 vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
-  vec2 pixel = vec2(at + origin);
-#ifdef RAYS
-  vec2 d = texelFetch(rays, at, 0).xy;
-#else
-  vec2 d = pixel - FACE(0).xy;
-#endif
+  vec2 d = from_anchor(at);
   doubt = false;
   vec3 w = weights_at(d);
-  float level = level_at(pixel), lost = 0.0;
+  float level = level_at(vec2(at + origin)), lost = 0.0;
   sum = vec3(0.0);
   for (int k = 0; k < 3; k++) {
     vec2 position = vec2(0.0);

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <atomic>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "base/byte_buffer.h"
+#include "render/gl/computed.h"
 #include "render/gl/objects.h"
 #include "render/gl/sum_drawer.h"
 #include "render/gl/view_textures.h"
@@ -31,18 +29,9 @@ class BlockSums {
   struct Parts {
     uint32_t pixels = 0, chroma = 0, lost = 0, end = 0;
   };
-  // What results are read into, one for each DrawnSum that is alive.
-  struct Answer {
-    Buffer buffer{Buffer::Use::kRead};
-    UninitializedVector<uint8_t> memory;  // in its place, where the driver has none that is in both
-    std::atomic<bool> is_free = true;
-  };
-  void upload_runs(const simd::SumTask& task, const Rect& rect);
-  Answer& free_answer();
-  bool fetch(Answer& answer, uint32_t first, uint32_t end);
 
-  Buffer runs_{Buffer::Use::kNumbers}, tables_{Buffer::Use::kNumbers}, result_{Buffer::Use::kComputed};
-  std::vector<std::unique_ptr<Answer>> answers_;
+  Buffer runs_{Buffer::Use::kNumbers}, tables_{Buffer::Use::kNumbers};
+  Computed result_;
   std::vector<uint32_t> run_memory_;
   std::vector<float> table_memory_;
   Parts parts_;

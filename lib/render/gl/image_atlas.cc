@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/camera_projection.h"
-
 namespace lf::gl {
 namespace {
 
@@ -13,17 +11,18 @@ int even(int size) { return (size + 1) & ~1; }
 
 }  // namespace
 
-bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sources, int max_size) {
+bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
+                         int max_size) {
   pieces_.clear();
   offsets_.assign(task.slots.size(), {});
   bytes_ = 1;
-  has_chroma_ = task.family == PixelFamily::kI420;
+  has_chroma_ = needed.colours && task.family == PixelFamily::kI420;
   double area = 0;
   int widest = 2;
   for (const Source& source : sources) {
     const int32_t slot = task.slot_of_camera[source.camera];
     if (slot < 0 || source.image.family == PixelFamily::kNone) continue;
-    const Rect part = needed_pixels(*task.plan, source.camera, *source.rig_camera);
+    const Rect part = needed.part(source);
     pieces_.push_back({&source.image, part, slot});
     area += static_cast<double>(even(part.width())) * even(part.height());
     widest = std::max(widest, even(part.width()));
@@ -59,7 +58,7 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   const int offsets[3] = {layout.r, layout.g, layout.b};
   for (int y = part.y0; y < part.y1; y++, out += row) {
     const uint8_t* from = image->plane[0] + y * image->stride[0];
-    if (has_chroma_ || layout.pixel_stride == bytes_) {
+    if (image->family == PixelFamily::kI420 || layout.pixel_stride == bytes_) {
       std::copy_n(from + ptrdiff_t{part.x0} * bytes_, count, out);
       continue;
     }
@@ -83,8 +82,14 @@ void ImageAtlas::fill(const ParallelFor& parallel) {
 }
 
 void ImageAtlas::send() {
-  texture_.send(kImages, bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
-                bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA, width_, all_rows(), false);
+  texture_.send(kImages,
+                bytes_ == 1   ? GL_R8
+                : bytes_ == 3 ? GL_RGB8
+                              : GL_RGBA8,
+                bytes_ == 1   ? GL_RED
+                : bytes_ == 3 ? GL_RGB
+                              : GL_RGBA,
+                width_, all_rows(), false);
 }
 
 }  // namespace lf::gl

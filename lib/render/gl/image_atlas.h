@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -13,6 +14,12 @@
 
 namespace lf::gl {
 
+// What is needed of cameras' images: which part of one, and whether its colours.
+struct NeededPixels {
+  std::function<Rect(const Source&)> part;
+  bool colours = true;
+};
+
 // What a view needs of cameras' images, side by side in one texture, which is a few times as large as the view, however
 // many and however large the images are. It is sent in one piece: cards are slow with many small ones.
 //
@@ -20,13 +27,13 @@ namespace lf::gl {
 // else.
 //
 // Samples are bytes. In kI420 luma's pieces are above; below are Cb's and, to their right, Cr's, in the same order at
-// half the size.
+// half the size, if colours are needed.
 class ImageAtlas {
  public:
   // Gives each of the sources that has an image and a slot in the task its place, in a texture of at most `max_size`
   // pixels a side; false if they don't fit. Sources are of the task's family, and stay where they are until they are
   // uploaded.
-  bool lay_out(const simd::SumTask& task, std::span<const Source> sources, int max_size);
+  bool lay_out(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed, int max_size);
 
   // Where pixel (0, 0) of the slot's image would be; even.
   struct Offset {

@@ -22,7 +22,7 @@ GLuint compile(GLenum kind, const std::string& text, std::string& why) {
 // 0 with the reason in `why` if that can't be done.
 GLuint link(const SumProgram& what, std::string& why) {
   GLuint shaders[2] = {};
-  if (is_of_blocks(what)) {
+  if (is_computed(what)) {
     shaders[0] = compile(GL_COMPUTE_SHADER, compute_shader(what), why);
     if (!shaders[0]) return 0;
   } else {

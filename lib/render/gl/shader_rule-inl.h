@@ -16,7 +16,7 @@ uniform ivec2 origin;     // of the target in the view
 uniform ivec2 size;       // of the sum, pixels
 uniform vec4 map_scale;   // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 
-#ifdef BLOCKS
+#ifdef COMPUTED
 layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
 int face_row; // of the face that is looked at now
 #define FACE(texel) tables[face_row * FACE_TEXELS + texel]
@@ -30,7 +30,7 @@ vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + t
 
 bool doubt = false;
 
-#ifndef BLOCKS
+#ifndef COMPUTED
 bool is_owner(ivec2 at) { return abs(texelFetch(owners, at, 0).r - face[0].z) < 0.25 / OWNERS; }
 #endif
 

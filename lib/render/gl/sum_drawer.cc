@@ -6,8 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "render/camera_projection.h"
 #include "render/gl/block_sums.h"
 #include "render/gl/face_sums.h"
+#include "render/gl/moment_sums.h"
 #include "render/gl/objects.h"
 #include "render/gl/view_textures.h"
 
@@ -58,6 +60,7 @@ struct SumDrawer::Objects {
   Programs programs;
   std::unique_ptr<FaceSums> faces;    // one of
   std::unique_ptr<BlockSums> blocks;  // the two
+  std::unique_ptr<MomentSums> moments;
   Stopwatch stopwatch;
   GLint max_size = 0;
 
@@ -113,6 +116,7 @@ std::unique_ptr<SumDrawer> SumDrawer::create_with(Shaders shaders, Context::Driv
   if (shaders == Shaders::kFragment)
     return prepare_faces(*drawer->context_, o.programs, o.faces, why) ? std::move(drawer) : nullptr;
   o.blocks = std::make_unique<BlockSums>();
+  o.moments = std::make_unique<MomentSums>();
   const SumProgram program{.output = SumProgram::Output::kBlocksI420, .careful = true, .has_map = true};
   return o.programs.use(program, why) ? std::move(drawer) : nullptr;
 }
@@ -122,15 +126,18 @@ static bool refuse(std::string& why, std::string reason) {
   return false;
 }
 
-bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
-  const ViewPlan& plan = *task.plan;
-  const int max_size = objects_->max_size;
-  if (plan.faces().size() >= kMixedOwners) return refuse(why, "too many faces");
-  if (std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())}) > max_size)
+// `begin`: has the card begin with what is drawn of the task's images in `rect`; `read` waits for it.
+template <class Begin, class Read>
+bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
+                         const Rect& rect, const ParallelFor& parallel, const Begin& begin, const Read& read,
+                         std::string& why) {
+  Objects& o = *objects_;
+  const auto faces = static_cast<int>(task.plan->faces().size());
+  if (faces >= kMixedOwners) return refuse(why, "too many faces");
+  if (std::max({rect.width(), rect.height(), faces}) > o.max_size)
     return refuse(why, "the view or the array is too large");
-  const Atlases::Lease atlas(objects_->atlases);
-  if (!atlas->lay_out(task, sources, max_size)) return refuse(why, "the cameras' images are too large");
+  const Atlases::Lease atlas(o.atlases);
+  if (!atlas->lay_out(task, sources, needed, o.max_size)) return refuse(why, "the cameras' images are too large");
   const auto in_context = [&](const auto& job) {
     const Context::Current current(*context_);
     if (current) return job();
@@ -143,33 +150,55 @@ bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources,
   };
   if (!atlas->has_room() && !in_context(reserve)) return false;
   atlas->fill(parallel);
-  if (!in_context([&] { return draw_now(task, *atlas, rect, out, why); })) return false;
+  return in_context([&] {
+    o.view.upload(task, rect, *atlas);
+    o.stopwatch.reset();
+    if (!begin()) return false;
+    if (!read()) {
+      lost_ = true;
+      return refuse(why, "the card does not answer");
+    }
+    drawn_ns_ = o.stopwatch.nanoseconds();
+    if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
+      lost_ = error == GL_OUT_OF_MEMORY || lost_;
+      return refuse(why, "OpenGL error " + std::to_string(error));
+    }
+    return true;
+  });
+}
+
+bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
+  Objects& o = *objects_;
+  out.family = task.family;
+  out.rect = rect;
+  const auto part = [&task](const Source& source) {
+    return needed_pixels(*task.plan, source.camera, *source.rig_camera);
+  };
+  const auto begin = [&] {
+    return o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
+                    : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);
+  };
+  const auto read = [&] {
+    if (o.blocks) return o.blocks->read(out);
+    o.faces->read(out);
+    return true;
+  };
+  if (!draw_now(task, sources, {part}, rect, parallel, begin, read, why)) return false;
   mended_ = mend(task, out);
   return true;
 }
 
-bool SumDrawer::draw_now(const simd::SumTask& task, ImageAtlas& atlas, const Rect& rect, DrawnSum& out,
-                         std::string& why) {
+bool SumDrawer::draws_moments() const { return objects_->moments != nullptr; }
+
+bool SumDrawer::draw_moments(const MomentTask& task, std::span<const Source> sources,
+                             const std::function<Rect(const Source&)>& part, const ParallelFor& parallel,
+                             DrawnMoments& out, std::string& why) {
   Objects& o = *objects_;
-  out.family = task.family;
-  out.rect = rect;
-  o.view.upload(task, rect, atlas);
-  o.stopwatch.reset();
-  const bool begun = o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
-                              : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);
-  if (!begun) return false;
-  if (o.faces) {
-    o.faces->read(out);
-  } else if (!o.blocks->read(out)) {
-    lost_ = true;
-    return refuse(why, "the card does not answer");
-  }
-  drawn_ns_ = o.stopwatch.nanoseconds();
-  if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
-    lost_ = error == GL_OUT_OF_MEMORY || lost_;
-    return refuse(why, "OpenGL error " + std::to_string(error));
-  }
-  return true;
+  for (const simd::Slot& slot : task.sums.slots) out.rect = unite(out.rect, slot.rect);
+  const auto begin = [&] { return o.moments->begin(task, o.view, o.programs, out.rect, o.stopwatch, why); };
+  const auto read = [&] { return o.moments->read(out); };
+  return draw_now(task.sums, sources, {part, false}, out.rect, parallel, begin, read, why);
 }
 
 }  // namespace lf::gl

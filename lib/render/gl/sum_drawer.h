@@ -3,9 +3,11 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "base/rect.h"
 #include "base/worker_pool.h"
@@ -16,7 +18,7 @@
 
 namespace lf::gl {
 
-class ImageAtlas;
+struct NeededPixels;
 
 // A sum as it came from the card.
 struct DrawnSum {
@@ -32,6 +34,27 @@ struct DrawnSum {
 
   // Rows [y0, y1) as SumRenderer::render_rows() has them. True if any weight was lost in them.
   bool copy_rows(int y0, int y1, const SumPlanes& out) const;
+};
+
+// What moments of luma are to be drawn of: see focus/moments.h. A view with a focal map, with a pixel for each of its
+// nodes, whose cameras look through several surfaces.
+struct MomentTask {
+  const simd::SumTask& sums;                       // of the view; blended by its mesh, whatever the view says
+  std::span<const std::vector<uint8_t>> surfaces;  // levels of the map's nodes
+  std::span<const int> boxes;                      // of each slot: the side, pixels, of what luma is the mean of, even
+};
+
+// Moments as they came from the card, of the nodes in a rectangle.
+struct DrawnMoments {
+  Rect rect;
+  int pitch = 0;  // nodes from one row to the next
+  const uint16_t* values = nullptr;
+  std::shared_ptr<void> memory;  // what they are in; the drawer outlives it
+
+  // Nodes from rect.x0 on of row y of a surface's weight (0), luma (1) or square (2).
+  const uint16_t* row(size_t surface, int kind, int y) const {
+    return values + ((3 * surface + kind) * rect.height() + static_cast<size_t>(y - rect.y0)) * pitch;
+  }
 };
 
 // Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
@@ -62,6 +85,16 @@ class SumDrawer {
   bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, const ParallelFor& parallel,
             DrawnSum& out, std::string& why);
 
+  // Whether it can draw moments, too: where it draws by compute shaders.
+  bool draws_moments() const;
+  // Draws the moments of a task's slots, which `sources` are the images of, into `out`; `part`: what is looked at of a
+  // source's image. They are the CPU's to the bit but where float's rounding takes a position to the next 256th of a
+  // pixel or a weight to the next of Moments, which is a level of luma at most, or where it can't tell whether a camera
+  // sees a node. Otherwise as draw().
+  bool draw_moments(const MomentTask& task, std::span<const Source> sources,
+                    const std::function<Rect(const Source&)>& part, const ParallelFor& parallel, DrawnMoments& out,
+                    std::string& why);
+
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
   // Makes the context as if its driver had lost it, from now on. Any thread.
@@ -75,7 +108,9 @@ class SumDrawer {
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
-  bool draw_now(const simd::SumTask& task, ImageAtlas& atlas, const Rect& rect, DrawnSum& out, std::string& why);
+  template <class Begin, class Read>
+  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
+                const Rect& rect, const ParallelFor& parallel, const Begin& begin, const Read& read, std::string& why);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // what the context holds

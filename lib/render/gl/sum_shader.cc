@@ -4,6 +4,8 @@
 #include <string_view>
 
 #include "render/gl/block_shader-inl.h"
+#include "render/gl/moment_shader-inl.h"
+#include "render/gl/run_shader-inl.h"
 #include "render/gl/shader_rule-inl.h"
 
 namespace lf::gl {
@@ -181,9 +183,10 @@ void define(std::string& text, std::string_view name, auto value) {
 std::string head(const SumProgram& program) {
   std::string text = "#version 310 es\n";
   using Output = SumProgram::Output;
-  if (program.output == Output::kRgb || program.output == Output::kBlocksRgb) text += "#define RGB\n";
-  if (program.output == SumProgram::Output::kMixedChroma) text += "#define MIXED\n";
-  if (is_of_blocks(program)) text += "#define BLOCKS\n";
+  if (program.output == Output::kRgb || program.output == Output::kBlocksRgb || program.output == Output::kMomentsRgb)
+    text += "#define RGB\n";
+  if (program.output == Output::kMixedChroma) text += "#define MIXED\n";
+  if (is_computed(program)) text += "#define COMPUTED\n";
   if (program.careful) text += "#define CAREFUL\n";
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
@@ -192,6 +195,7 @@ std::string head(const SumProgram& program) {
   define(text, "RUNS", int{kRunsBinding});
   define(text, "TABLES", int{kTablesBinding});
   define(text, "RESULT", int{kResultBinding});
+  define(text, "SURFACES", int{kSurfacesBinding});
   define(text, "GROUP", kGroup);
   define(text, "FACE_TEXELS", face_texels(program.has_map));
   define(text, "FACE_EDGE", int{kFaceEdge});
@@ -225,7 +229,9 @@ std::string vertex_shader(const SumProgram& program) {
   return head(program).append(program.output == SumProgram::Output::kChromaBits ? kWholeTarget : kVertex);
 }
 
-std::string compute_shader(const SumProgram& program) { return head(program).append(kRule).append(kBlocks); }
+std::string compute_shader(const SumProgram& program) {
+  return head(program).append(kRule).append(kRuns).append(is_of_moments(program) ? kMoments : kBlocks);
+}
 
 std::string fragment_shader(const SumProgram& program) {
   std::string text = head(program);

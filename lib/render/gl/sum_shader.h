@@ -19,7 +19,18 @@ struct SumProgram {
   //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
   //   kChromaBits: such sums as 16 bits.
   //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
-  enum class Output { kRgb, kLuma, kChroma, kMixedChroma, kChromaBits, kBlocksRgb, kBlocksI420 } output = Output::kRgb;
+  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
+  enum class Output {
+    kRgb,
+    kLuma,
+    kChroma,
+    kMixedChroma,
+    kChromaBits,
+    kBlocksRgb,
+    kBlocksI420,
+    kMomentsRgb,
+    kMomentsI420
+  } output = Output::kRgb;
   // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
   bool careful = false;
@@ -50,7 +61,8 @@ enum CornerTexel {
   kCornerDistortion,  // k1, k2, p1, p2
   kCornerImage,       // width, height of the image in pixels; the largest squared radius; y of its place
   kCornerTexels,
-  kCornerPerFrom = kCornerTexels,  // with a focal map: ProjectionTerms::per_from
+  kCornerPerFrom = kCornerTexels,  // with a focal map: ProjectionTerms::per_from; w: of moments: pixels a side of what
+                                   // luma is the mean of, even
   kCornerPerAlong,
   kCornerPerDown,
   kMapCornerTexels
@@ -69,13 +81,12 @@ inline constexpr double kMaxWeightError = 2e-5;
 // How near to the eye a focal surface may be for float not to tell on which side of it.
 inline constexpr double kEyeDoubt = 1e-5;
 
-// Buffers of a compute shader, and blocks a side that a group of it computes.
-enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding };
+// Buffers of a compute shader, and invocations a side of a group of it.
+enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding, kSurfacesBinding };
 inline constexpr int kGroup = 8;
 
-inline bool is_of_blocks(const SumProgram& program) {
-  return program.output == SumProgram::Output::kBlocksRgb || program.output == SumProgram::Output::kBlocksI420;
-}
+inline bool is_computed(const SumProgram& program) { return program.output >= SumProgram::Output::kBlocksRgb; }
+inline bool is_of_moments(const SumProgram& program) { return program.output >= SumProgram::Output::kMomentsRgb; }
 
 std::string vertex_shader(const SumProgram& program);
 std::string fragment_shader(const SumProgram& program);

@@ -62,7 +62,7 @@ void add_edges(Tables& tables, const simd::SumTask& task, const FacePlan& face, 
 }
 
 void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slot, const ImageAtlas::Offset& place,
-                const Vec2& anchor, double near) {
+                const Vec2& anchor, double near, int box) {
   const ViewPlan& plan = *task.plan;
   const bool has_map = plan.view().focus.map != nullptr;
   const simd::ProjectionTerms terms = !plan.rays().separable() ? terms_of_rays(*slot.projection, near)
@@ -77,7 +77,7 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   tables.add(slot.k1, slot.k2, slot.p1, slot.p2);
   tables.add(slot.image.width, slot.image.height, slot.max_r2, place.y);
   if (!has_map) return;
-  tables.add(terms.per_from, 0);
+  tables.add(terms.per_from, box);
   tables.add(terms.per_along, 0);
   tables.add(terms.per_down, 0);
 }
@@ -107,7 +107,8 @@ Vec2 anchor_of(const FacePlan& face) {
   return Vec2((face.rect.x0 + face.rect.x1) / 2, (face.rect.y0 + face.rect.y1) / 2);
 }
 
-void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values) {
+void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values,
+                 std::span<const int> boxes) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
   const FocalMap* map = plan.view().focus.map.get();
@@ -126,9 +127,25 @@ void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector
         add_no_corner(tables, map != nullptr);
         continue;
       }
-      const int32_t slot = task.slot_of_camera[face.camera[k]];
-      add_corner(tables, task, task.slots[static_cast<size_t>(slot)], atlas.offset(slot), anchor, near);
+      const int32_t place = task.slot_of_camera[face.camera[k]];
+      const auto slot = static_cast<size_t>(place);
+      add_corner(tables, task, task.slots[slot], atlas.offset(place), anchor, near, boxes.empty() ? 0 : boxes[slot]);
     }
+  }
+}
+
+void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values) {
+  values.assign(static_cast<size_t>(rect.height()) + 1, 0);
+  const size_t rows = values.size();
+  for (int y = rect.y0; y < rect.y1; y++) {
+    for (const OwnerRun& run : task.runs->row(y, rect.x0, rect.x1)) {
+      // What is none of ours costs nothing.
+      if (!task.face_corners[static_cast<size_t>(run.face)]) continue;
+      const int x0 = std::max(run.x0, rect.x0) - rect.x0, x1 = std::min(run.x1, rect.x1) - rect.x0;
+      values.push_back(static_cast<uint32_t>(x0) | static_cast<uint32_t>(x1) << 16);
+      values.push_back(static_cast<uint32_t>(run.face));
+    }
+    values[static_cast<size_t>(y - rect.y0) + 1] = static_cast<uint32_t>((values.size() - rows) / 2);
   }
 }
 

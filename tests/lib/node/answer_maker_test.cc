@@ -68,7 +68,7 @@ TEST_F(AnswerMakerTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   options_.colours = &colours;
   const AnswerMaker::Units units = make(walls_.sources());
   EXPECT_EQ(units.answer.bytes, want.answer.bytes);
-  EXPECT_EQ(units.moments, want.moments);
+  EXPECT_EQ(units.tried.unit, want.tried.unit);
   EXPECT_EQ(units.brightness, want.brightness);
   EXPECT_NE(units.answer.bytes, plain.answer.bytes);
   // A rig without colours costs nothing.
@@ -80,13 +80,13 @@ TEST_F(AnswerMakerTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
 
 TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   AnswerMaker::Units units = make(walls_.sources());
-  EXPECT_TRUE(units.moments.empty());
+  EXPECT_TRUE(units.tried.unit.empty());
   EXPECT_TRUE(units.brightness.empty());
   EXPECT_EQ(units.gains, nullptr);
   request_.trials = {{Trial::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   units = make(walls_.sources());
-  EXPECT_FALSE(wire::parse_moments_header(units.moments)->gains);
+  EXPECT_FALSE(wire::parse_moments_header(units.tried.unit)->gains);
   EXPECT_TRUE(wire::parse_moments_header(units.brightness)->gains);
   ASSERT_NE(units.gains, nullptr);
   EXPECT_EQ(units.gains->of(4), 1);

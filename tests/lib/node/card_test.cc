@@ -83,6 +83,44 @@ TEST(Card, IsLeftAloneForAWhileWhereItRefuses) {
   EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
 }
 
+// Trials are drawn by compute shaders alone, and are left alone where they are refused, whatever becomes of answers.
+TEST(Card, DrawsTrials) {
+  uint64_t now = 1;
+  const auto open_with = [](gl::SumDrawer::Shaders shaders) {
+    return [shaders](gl::Context::Drivers, std::string& why) {
+      return gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
+    };
+  };
+  Card card(open_with(gl::SumDrawer::Shaders::kCompute), [&] { return now; });
+  std::string news;
+  EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), nullptr) << "it is opened for answers";
+  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  ASSERT_TRUE(drawer) << news;
+  EXPECT_EQ(card.open_for_trials(RendererChoice::kCpu), nullptr);
+  EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
+  if (drawer->is_software()) EXPECT_EQ(card.open_for_trials(RendererChoice::kAuto), nullptr);
+  const std::string draws = "gl: " + drawer->device();
+  card.rendered(RendererChoice::kGl, answer(true));
+  EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
+  card.tried(RendererChoice::kGl, {.unit = {}, .drawing = {.drawn = true, .why_not = ""}, .nodes = 100, .ns = 1});
+  card.tried(RendererChoice::kGl, {});  // an answer without any tells nothing
+  EXPECT_EQ(card.explain(RendererChoice::kGl), draws + ", trials, too");
+  for (int i = 0; i < Patience::kRefusals; i++) {
+    EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
+    card.tried(RendererChoice::kGl, {.unit = {}, .drawing = {.refused = true, .why_not = "too large"}, .nodes = 100});
+  }
+  EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), nullptr);
+  EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
+  EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
+  now += Patience::kRest;
+  EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
+  EXPECT_EQ(news, "");
+
+  Card fragments(open_with(gl::SumDrawer::Shaders::kFragment));
+  ASSERT_TRUE(fragments.open(RendererChoice::kGl, news)) << news;
+  EXPECT_EQ(fragments.open_for_trials(RendererChoice::kGl), nullptr);
+}
+
 TEST(Card, AutoNeverTakesWhatComputesOnTheCpu) {
   std::string why_not;
   const auto any = gl::SumDrawer::create(gl::Context::Drivers::kAny, why_not);

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/gl/computed.h"
+
+#include <cstring>
+
+namespace lf::gl {
+
+constexpr size_t kWord = sizeof(uint32_t);
+
+void Computed::reserve(size_t words) {
+  words_ = words;
+  result_.reserve(kWord * words);
+}
+
+std::shared_ptr<Computed::Fetched> Computed::begin_to_fetch() {
+  Fetched* free = nullptr;
+  for (const auto& fetched : fetched_)
+    if (!free && fetched->is_free_.exchange(false)) free = fetched.get();
+  if (!free) {
+    free = fetched_.emplace_back(std::make_unique<Fetched>()).get();
+    free->is_free_ = false;
+  }
+  free->buffer_.reserve(kWord * words_);
+  if (!free->buffer_.memory()) free->memory_.resize(kWord * words_);
+  return {free, [](Fetched* fetched) { fetched->is_free_ = true; }};
+}
+
+bool Computed::fetch(Fetched& to, size_t first, size_t end) {
+  glBindBuffer(GL_COPY_READ_BUFFER, result_.name());
+  glBindBuffer(GL_COPY_WRITE_BUFFER, to.buffer_.name());
+  const auto at = static_cast<GLintptr>(kWord * first);
+  const auto size = static_cast<GLsizeiptr>(kWord * (end - first));
+  glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, at, at, size);
+  if (to.buffer_.memory()) {
+    const GLsync done = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    constexpr GLuint64 kLongest = 10'000'000'000;  // ns; a card that takes longer is lost
+    const GLenum state = glClientWaitSync(done, GL_SYNC_FLUSH_COMMANDS_BIT, kLongest);
+    glDeleteSync(done);
+    return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
+  }
+  const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at, size, GL_MAP_READ_BIT);
+  if (!mapped) return false;
+  std::memcpy(to.memory_.data() + at, mapped, static_cast<size_t>(size));
+  glUnmapBuffer(GL_COPY_WRITE_BUFFER);
+  return true;
+}
+
+}  // namespace lf::gl

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Moments that a graphics card draws, against the CPU's.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <optional>
+
+#include "composite/still.h"
+#include "focus/trial_renderer.h"
+#include "focus/view_focus.h"
+#include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
+#include "quality/quality.h"
+#include "reference/hard_cases.h"
+#include "render/gl/sum_drawer.h"
+#include "scene/scene.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+
+gl::SumDrawer& moment_card() {
+  static std::string why;
+  static const auto drawer =
+      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+  if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
+  return *drawer;
+}
+
+struct Both {
+  std::vector<Moments> cpu, card;
+};
+
+Both moments_of(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials) {
+  Both both;
+  for (std::vector<Moments>* sums : {&both.cpu, &both.card}) {
+    sums->resize(trials.size());
+    for (Moments& sum : *sums) sum.reset(job.plan().view().width, job.plan().view().height);
+  }
+  add_moments(job, sources, trials, both.cpu);
+  const Drawing drawing = add_moments(job, sources, trials, both.card, serial_for, &moment_card());
+  EXPECT_TRUE(drawing.drawn || sources.empty()) << drawing.why_not;
+  return both;
+}
+
+// What the card's moments are off by.
+struct MomentDifference {
+  size_t nodes = 0;
+  size_t otherwise = 0;  // nodes where another camera is seen
+  int weight = 0;        // of 32768, of the others
+  double luma = 0;       // levels, of nodes of all weight: the mean, and the root of the mean square
+  double square = 0;
+
+  void add(const Both& both) {
+    for (size_t t = 0; t < both.cpu.size(); t++)
+      for (size_t i = 0; i < both.cpu[t].weight.size(); i++) {
+        const int w = both.cpu[t].weight[i], off = std::abs(w - both.card[t].weight[i]);
+        nodes++;
+        if (off > 8) {
+          otherwise++;
+          continue;
+        }
+        weight = std::max(weight, off);
+        if (w < 32000) continue;
+        const auto mean = [&](const Moments& m) { return m.luma[i] / double{Moments::kLumaOne}; };
+        luma = std::max(luma, std::abs(mean(both.cpu[t]) - mean(both.card[t])));
+        const auto spread = [&](const Moments& m) { return std::sqrt(m.square[i] * 1.); };
+        square = std::max(square, std::abs(spread(both.cpu[t]) - spread(both.card[t])));
+      }
+  }
+};
+
+Image chequered_blocks(Random&, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x / 3 + y / 5) % 2 ? 255 : 0;
+  return image;
+}
+
+std::vector<std::vector<uint8_t>> some_trials(Random& random, const View& view) {
+  std::vector<std::vector<uint8_t>> trials;
+  for (const Trial& trial : trials_of_round(random.integer(0, 20))) trials.push_back(trial_levels(view, trial));
+  return trials;
+}
+
+// Views of an array with lenses, turned, of sizes from coarse to fine: boxes of 4 to 32 pixels.
+TEST(CardMoments, AreTheCpus) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const bool hard : {false, true}) {
+      MomentDifference worst;
+      int largest_box = 0;
+      for (int trial = 0; trial < 8; trial++) {
+        Random random(trial);
+        const int side = 3 + trial % 3, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+        const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+        View view = test::view_into(rig, side, width >> (trial / 2), height >> (trial / 2), random.small_rotation(0.2));
+        if (trial == 5)
+          view.lens = Lens(LensModel::kSimpleRadial, {1.25 * view.width, view.width / 2., view.height / 2., -0.1});
+        view.focus.map = test::depths(random, view, FocalMap::kFinestStep, false);
+        const Mesh mesh = build_mesh(rig);
+        std::vector<CameraIndex> own;
+        for (CameraIndex i = 0; i < rig.cameras.size(); i++)
+          if (trial != 2 || i % 2 == 0) own.push_back(i);  // others are another node's
+        const RenderJob job(rig, mesh, trial_view(view), own);
+        const auto rgb = images_of(rig, random, hard ? chequered_blocks : reference::smooth_image);
+        const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+        std::vector<Source> sources;
+        for (const CameraIndex i : job.cameras()) {
+          sources.push_back({i, &rig.cameras[i], images[i].view()});
+          if (trial == 3 && i % 3 == 0) sources.back().image = {.family = PixelFamily::kNone};
+          largest_box = std::max(largest_box, trial_box(job.plan(), i, rig.cameras[i]));
+        }
+        const std::vector<std::vector<uint8_t>> trials = some_trials(random, view);
+        worst.add(moments_of(job, sources, trials));
+      }
+      std::printf("%s %-12s: weight %d, mean luma %.3f, its root mean square %.3f, other cameras in %zu of %zu nodes\n",
+                  family == PixelFamily::kI420 ? "I420" : "RGB ", hard ? "checkerboard" : "smooth", worst.weight,
+                  worst.luma, worst.square, worst.otherwise, worst.nodes);
+      EXPECT_EQ(largest_box, kLargestTrialBox);
+      EXPECT_LE(worst.weight, 3);
+      EXPECT_LE(worst.luma, 1.1);
+      EXPECT_LE(worst.square, 1.6);
+      EXPECT_LE(worst.otherwise, worst.nodes / 1000);
+    }
+}
+
+// Nine cameras, and a view between them through a focal map.
+struct SmallArray {
+  explicit SmallArray(double k1) : rig(test::jittered_array(random, 3, 160, 120, k1)) {
+    View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+    view.focus.map = test::depths(random, view, FocalMap::kFinestStep, false);
+    trials = some_trials(random, view);
+    std::vector<CameraIndex> own(rig.cameras.size());
+    std::iota(own.begin(), own.end(), 0);
+    job.emplace(rig, build_mesh(rig), trial_view(view), own);
+    images = images_of(rig, random, reference::smooth_image);
+    for (const CameraIndex i : job->cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
+  }
+  std::vector<Moments> nothing() const {
+    std::vector<Moments> sums(trials.size());
+    for (Moments& sum : sums) sum.reset(job->plan().view().width, job->plan().view().height);
+    return sums;
+  }
+  Random random{1};
+  Rig rig;
+  std::optional<RenderJob> job;
+  std::vector<Image> images;
+  std::vector<Source> sources;
+  std::vector<std::vector<uint8_t>> trials;
+};
+
+// They are added to what is there, up to 65535.
+TEST(CardMoments, AreAdded) {
+  const SmallArray array(0);
+  const Both once = moments_of(*array.job, array.sources, array.trials);
+  std::vector<Moments> thrice = array.nothing();
+  for (int i = 0; i < 3; i++)
+    EXPECT_TRUE(add_moments(*array.job, array.sources, array.trials, thrice, serial_for, &moment_card()).drawn);
+  bool any = false;
+  for (size_t t = 0; t < thrice.size(); t++)
+    for (size_t i = 0; i < thrice[t].weight.size(); i++) {
+      EXPECT_EQ(thrice[t].weight[i], std::min(3 * once.card[t].weight[i], 65535));
+      any = any || thrice[t].weight[i] == 65535;
+    }
+  EXPECT_TRUE(any);
+}
+
+// What follows from one camera's weight and luma follows from the card's, too: see wire/one_camera_moments.h.
+TEST(CardMoments, OfOneCameraAreWhatItsWeightAndLumaSay) {
+  const SmallArray array(-0.2);
+  const Both both = moments_of(*array.job, {&array.sources[4], 1}, array.trials);
+  size_t seen = 0;
+  for (const Moments& sum : both.card)
+    for (size_t i = 0; i < sum.weight.size(); i++) {
+      if (sum.weight[i] == 0) {
+        EXPECT_EQ(sum.luma[i] | sum.square[i], 0);
+        continue;
+      }
+      seen++;
+      bool follows = false;
+      for (int value = 0; value <= 255 && !follows; value++) {
+        const uint16_t luma = Moments::luma_of(sum.weight[i], value);
+        follows = luma == sum.luma[i] && Moments::square_of(luma, value) == sum.square[i];
+      }
+      EXPECT_TRUE(follows) << i;
+    }
+  EXPECT_GT(seen, 1000u);
+}
+
+// Arrays and surfaces where floats are at their worst: the same but for nodes where they can't tell who sees them.
+TEST(CardMoments, OfHardCasesAreFiniteAndMostlyTheCpus) {
+  MomentDifference all;
+  for (const reference::HardCase& hard : reference::hard_cases())
+    for (int trial = 0; trial < 2; trial++) {
+      Random random(trial);
+      auto [rig, view] = hard.make(random);
+      if (view.width < 8 || view.height < 8) continue;
+      view.focus.map = test::depths(random, view, FocalMap::kFinestStep, trial == 1);
+      const Mesh mesh = build_mesh(rig);
+      std::vector<CameraIndex> own;
+      for (CameraIndex i = 0; i < rig.cameras.size(); i++) own.push_back(i);
+      const RenderJob job(rig, mesh, trial_view(view), own);
+      const auto images = images_of(rig, random, reference::smooth_image);
+      std::vector<Source> sources;
+      for (const CameraIndex i : job.cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
+      if (sources.empty()) continue;
+      MomentDifference one;
+      one.add(moments_of(job, sources, some_trials(random, view)));
+      SCOPED_TRACE(hard.name);
+      std::printf("%-40s: weight %d, mean luma %.3f, other cameras in %zu of %zu nodes\n", hard.name, one.weight,
+                  one.luma, one.otherwise, one.nodes);
+      EXPECT_LE(one.weight, 8);
+      EXPECT_LE(one.luma, 1.2);
+      EXPECT_LE(one.otherwise, one.nodes / 100);
+      all.nodes += one.nodes;
+    }
+  EXPECT_GT(all.nodes, 10000u);
+}
+
+// What moments are for: a surface that a viewer's requests come to in a few rounds, as good as with the CPU's.
+TEST(CardMoments, ComeToTheSameSurface) {
+  const Rig rig = scene_rig(4, 4, 160, 120);
+  const Mesh mesh = build_mesh(rig);
+  std::vector<CameraIndex> own;
+  std::vector<Image> images;
+  for (const Camera& camera : rig.cameras) {
+    own.push_back(static_cast<CameraIndex>(own.size()));
+    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5));
+  }
+  const FocusArray array(rig);
+  double sum = 0;
+  constexpr int kViews = 4;
+  for (int n = 0; n < kViews; n++) {
+    View view{.width = 160, .height = 120, .lens = rig.cameras[0].lens, .pose = {}, .focus = {}};
+    view.pose.position = {0.013 * n - 0.022, 0.011 * n - 0.013, 0.01 * n};
+    view.focus.plane = focal_plane_at(view.pose, 2.6);
+    const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0.5);
+    const auto quality = [&](const View& shown) {
+      const Still still = render_still(rig, mesh, shown, [&](CameraIndex i) -> const Image& { return images[i]; });
+      return compare(still.picture, truth, still.coverage).psnr_db;
+    };
+    double with[2];
+    for (const bool by_card : {false, true}) {
+      ViewFocus focus({.mode = FocusMode::kSurface});
+      ViewRequest request;
+      for (int round = 0; round <= kSettledRounds; round++) {
+        request = {.view = view};
+        request.sequence = static_cast<uint32_t>(round);
+        focus.apply(request);
+        ViewFocus::Answers answers;
+        if (!request.trials.empty()) {
+          std::vector<std::vector<uint8_t>> levels;
+          for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
+          answers.moments.resize(levels.size());
+          for (Moments& of : answers.moments) of.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+          const RenderJob job(rig, mesh, trial_view(request.view), own);
+          std::vector<Source> sources;
+          for (const CameraIndex i : job.cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
+          const Drawing drawing =
+              add_moments(job, sources, levels, answers.moments, serial_for, by_card ? &moment_card() : nullptr);
+          EXPECT_EQ(drawing.drawn, by_card) << drawing.why_not;
+        }
+        focus.take(request, answers, array);
+      }
+      with[by_card] = quality(shown_view(request));
+    }
+    const double plane = quality(view);
+    std::printf("view %d: %.2f dB on the plane, %.3f with the CPU's moments, %.3f with the card's\n", n, plane, with[0],
+                with[1]);
+    EXPECT_NEAR(with[0], with[1], 0.05);
+    EXPECT_GT(with[1], plane + 1.5);
+    sum += with[1] - with[0];
+  }
+  EXPECT_LE(std::abs(sum / kViews), 0.02);
+}
+
+// Fragment shaders draw none, and who asks for it has the CPU's.
+TEST(CardMoments, AreTheCpusWhereTheCardIsNoneForThem) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kFragment, gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  EXPECT_FALSE(drawer->draws_moments());
+  const auto lost = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(lost) << why;
+  lost->lose();
+  const SmallArray array(0);
+  std::vector<Moments> cpu = array.nothing(), of_fragments = cpu, of_lost = cpu;
+  add_moments(*array.job, array.sources, array.trials, cpu);
+  EXPECT_FALSE(add_moments(*array.job, array.sources, array.trials, of_fragments, serial_for, drawer.get()).refused);
+  const Drawing refused = add_moments(*array.job, array.sources, array.trials, of_lost, serial_for, lost.get());
+  EXPECT_TRUE(refused.refused);
+  EXPECT_EQ(refused.why_not, "the context is lost");
+  for (size_t t = 0; t < cpu.size(); t++)
+    for (const std::vector<Moments>* other : {&of_fragments, &of_lost}) {
+      EXPECT_EQ((*other)[t].weight, cpu[t].weight);
+      EXPECT_EQ((*other)[t].luma, cpu[t].luma);
+      EXPECT_EQ((*other)[t].square, cpu[t].square);
+    }
+}
+
+}  // namespace
+}  // namespace lf
