@@ -45,43 +45,43 @@ int luma_at(int k, ivec2 pixel) {
 #endif
 }
 
-int mean_of_sixteen(int k, ivec2 at) {
-  int sum = 8;
-  for (int n = 0; n < 16; n++) sum += luma_at(k, at + ivec2(n & 3, n >> 2) - 1);
-  return sum >> 4;
+// Of pixel `at`, its neighbours to the right and below, and the one to the right and below: the mean of the box of 4 x
+// 4 pixels around the corner that it has in common with the latter.
+ivec4 means_of_sixteen(int k, ivec2 at) {
+  ivec4 sums = ivec4(8);
+  for (int j = -1; j < 4; j++) {
+    int middle = luma_at(k, at + ivec2(0, j)) + luma_at(k, at + ivec2(1, j)) + luma_at(k, at + ivec2(2, j));
+    ivec2 row = middle + ivec2(luma_at(k, at + ivec2(-1, j)), luma_at(k, at + ivec2(3, j)));
+    if (j < 3) sums.xy += row;
+    if (j > -1) sums.zw += row;
+  }
+  return sums >> 4;
 }
 
-// The mean of the box around the corner that pixel `at` has in common with the one to the right and below. Means of
-// larger boxes are the rounded means of four of half their size, which come one after the other, with what is
+// The same of larger boxes: the rounded means of four of half their size, which come one after the other, with what is
 // complete of them at once.
-int boxed_luma(int k, ivec2 at, int box) {
-  int sums[3] = int[3](0, 0, 0);
-  int mean = 0;
+ivec4 means_of_boxes(int k, ivec2 at, int box) {
+  ivec4 sums[3] = ivec4[3](ivec4(0), ivec4(0), ivec4(0)), means = ivec4(0);
   for (int n = 0; n < box * box / 16; n++) {
     ivec2 place = at;
     for (int m = 0; 8 << m <= box; m++) place += (2 << m) * (2 * ivec2(n >> (2 * m) & 1, n >> (2 * m + 1) & 1) - 1);
-    mean = mean_of_sixteen(k, place);
+    means = means_of_sixteen(k, place);
     for (int m = 0; 8 << m <= box; m++) {
-      sums[m] += mean;
+      sums[m] += means;
       if ((n >> (2 * m) & 3) != 3) break;
-      mean = (sums[m] + 2) >> 2;
-      sums[m] = 0;
+      means = (sums[m] + 2) >> 2;
+      sums[m] = ivec4(0);
     }
   }
-  return mean;
+  return means;
 }
 
-// Between the means of four boxes, in 256ths.
+// Between these four, in 256ths.
 uint sampled_luma(int k, vec2 position) {
-  int box = int(corner(k, CORNER_PER_FROM).w);
   ivec2 at = ivec2(256.0 * clamp(position - 0.5, vec2(0.0), corner(k, CORNER_IMAGE).xy - 1.0));
-  ivec2 first = at >> 8, part = at & 255;
-  int sum = 1 << 15;
-  for (int n = 0; n < 4; n++) {
-    ivec2 more = ivec2(n & 1, n >> 1), share = (256 - part) + more * (2 * part - 256);
-    if (share.x * share.y > 0) sum += share.x * share.y * boxed_luma(k, first + more, box);
-  }
-  return uint(sum >> 16);
+  ivec4 means = means_of_boxes(k, at >> 8, int(corner(k, CORNER_PER_FROM).w));
+  ivec2 part = at & 255, sides = means.xz * (256 - part.x) + means.yw * part.x;
+  return uint((sides.x * (256 - part.y) + sides.y * part.y + (1 << 15)) >> 16);
 }
 
 // What a node's cameras add, of these weights.
