@@ -25,6 +25,11 @@
 // Video that lffragment takes from cameras as it is.
 #define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
 
+// Raw video in the computer's memory, and in a graphics card's: GStreamer copies that to where it is mapped.
+#define LF_GL_MEMORY "memory:GLMemory"
+#define LF_VIDEO_CAPS(formats) \
+  GST_VIDEO_CAPS_MAKE(formats) "; " GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats)
+
 // The view that an event, a query or a message is of (uint): its field of this name.
 #define LF_VIEW_ID_FIELD "lf-view-id"
 

@@ -21,7 +21,17 @@ void set_multiview(GstCaps* caps, SetLayout layout) {
                       "multiview-flags", GST_TYPE_VIDEO_MULTIVIEW_FLAGSET, flags, GST_FLAG_SET_MASK_EXACT, nullptr);
 }
 
+// Where pictures of these caps are.
+void put_in_card(GstCaps* caps) {
+  gst_caps_set_features_simple(caps, gst_caps_features_new(LF_GL_MEMORY, nullptr));
+  gst_caps_set_simple(caps, "texture-target", G_TYPE_STRING, "2D", nullptr);
+}
+
 }  // namespace
+
+bool is_in_card(const GstCaps* caps) {
+  return gst_caps_get_size(caps) > 0 && gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+}
 
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             SetLayout layout) {
@@ -40,6 +50,10 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
                       rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
   set_multiview(wanted, layout);
+  // Who takes both gets what the CPU writes where it writes best.
+  GstCaps* in_card = gst_caps_copy(wanted);
+  put_in_card(in_card);
+  gst_caps_append(wanted, in_card);
   GstCaps* chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
   gst_caps_unref(wanted);
   if (gst_caps_is_empty(chosen)) {
@@ -49,12 +63,14 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   chosen = gst_caps_fixate(chosen);
   GstVideoInfo info;
   if (gst_video_info_from_caps(&info, chosen)) {
-    gst_caps_unref(chosen);
     const GstVideoColorimetry asked_for = info.colorimetry;
     const bool has_headroom = has_video_levels(info);
     set_system_colorimetry(info);
     if (has_headroom) info.colorimetry = asked_for;
-    chosen = gst_video_info_to_caps(&info);
+    GstCaps* exact = gst_video_info_to_caps(&info);
+    if (is_in_card(chosen)) put_in_card(exact);
+    gst_caps_replace(&chosen, exact);
+    gst_caps_unref(exact);
   }
   return chosen;
 }

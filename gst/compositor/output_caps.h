@@ -12,8 +12,12 @@ namespace lf {
 // family where `family` is known; null if there are none. Of a set in this layout that GStreamer has a multiview-mode
 // for they have that. YCbCr has the range of cameras, or that of video where
 // downstream wants BT.601 so: nobody then has to convert it (GstVideoConverter 1.22 would leave the range as it is).
-// The frame rate is that of the requests that come to the pad `request`. Owned by the caller.
+// The frame rate is that of the requests that come to the pad `request`. In a graphics card's memory where downstream
+// takes no other. Owned by the caller.
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             SetLayout layout);
+
+// Whether video of these caps is in a graphics card's memory.
+bool is_in_card(const GstCaps* caps);
 
 }  // namespace lf

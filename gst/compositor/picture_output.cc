@@ -24,7 +24,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
   request_ = request;
   segment_ = {};
   info_ = {};
-  negotiated_ = agreed_ = false;
+  negotiated_ = agreed_ = in_card_ = lacks_card_ = false;
   family_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
@@ -52,17 +52,25 @@ GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps
 bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
   GstVideoInfo info = {};
   if (!partial_ && !gst_video_info_from_caps(&info, caps)) return false;
-  if (!negotiated_ || !gst_video_info_is_equal(&info, &info_)) {
+  const bool in_card = is_in_card(caps);
+  if (!negotiated_ || in_card != in_card_ || !gst_video_info_is_equal(&info, &info_)) {
     gst_clear_buffer(&last_picture_);
     drop_sheet();
   }
   info_ = info;
+  in_card_ = in_card;
   negotiated_ = true;
   return true;
 }
 
 bool PictureOutput::decide_allocation(GstQuery* query) {
-  if (!partial_) return pool_.decide(query);
+  if (!partial_) {
+    GstCaps* caps = nullptr;
+    gst_query_parse_allocation(query, &caps, nullptr);
+    const bool has_memory = pool_.decide(query);
+    lacks_card_ = !has_memory && caps && is_in_card(caps);
+    return has_memory;
+  }
   while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
   return true;  // answers have memory of their own
 }
@@ -78,6 +86,13 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
   if (GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_))) return GST_FLOW_FLUSHING;
   if (partial_) {
     GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
+  if (lacks_card_) {
+    GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
+                      ("Downstream takes pictures in a graphics card's memory alone, and has none for them: a glupload "
+                       "in between has."),
+                      (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
   const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";

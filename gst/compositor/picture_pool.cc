@@ -3,6 +3,8 @@
 
 #include <gst/video/gstvideopool.h>
 
+#include "compositor/output_caps.h"
+
 namespace {
 
 // A pool of videos that shrinks again: what comes back beyond a few that lie idle is freed.
@@ -100,16 +102,18 @@ bool PicturePool::decide(GstQuery* query) {
   if (!caps || !gst_video_info_from_caps(&info, caps)) return false;
   const guint size = static_cast<guint>(info.size);
   Memory memory = memory_of(query);
-  own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_shrinking_pool_get_type(), nullptr)));
-  const bool has_own = configure(own_, caps, size, 0, 0, memory);
+  const bool may_be_own = !is_in_card(caps);
+  if (may_be_own) own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_shrinking_pool_get_type(), nullptr)));
+  const bool has_own = may_be_own && configure(own_, caps, size, 0, 0, memory);
   GstBufferPool* chosen = nullptr;
   guint chosen_size = size, least = 0, most = 0;
   for (guint i = 0; i < gst_query_get_n_allocation_pools(query) && !chosen; i++) {
     guint their_size = 0;
     gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
     if (!chosen) continue;
-    // One without an end would keep for ever what a burst needed.
-    if (most == 0) most = least + kMostIdle;
+    // One without an end would keep for ever what a burst needed, which ours does not where there is one.
+    if (most == 0 && may_be_own) most = least + kMostIdle;
+    if (!may_be_own) most = 0;
     chosen_size = MAX(their_size, size);
     if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
   }

@@ -18,7 +18,7 @@ class PicturePool {
 
   // Decides on the pool that pictures of raw video come from, in GstAggregatorClass::decide_allocation: it becomes the
   // first one of the query, downstream's own if it offers one that serves, else one of ours. False if there is no
-  // memory.
+  // memory: of a graphics card's (see is_in_card()) there is none but downstream's.
   bool decide(GstQuery* query);
   // A buffer of `chosen`, the pool that decide() decided on, owned by the caller; null if there is no memory. Where
   // that pool has run out the buffer is one of ours, as pictures are kept to be shown again and nobody may wait for
