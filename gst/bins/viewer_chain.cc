@@ -37,6 +37,14 @@ GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   return GST_PAD_PROBE_OK;
 }
 
+// A tee passes no memory on that its branches offer (GStreamer 1.22), as they would share it. This one has one branch:
+// what is behind that is asked in the tee's place.
+GstPadProbeReturn ask_branch_for_memory(GstPad*, GstPadProbeInfo* info, gpointer branch) {
+  GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
+  if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION) return GST_PAD_PROBE_OK;
+  return gst_pad_peer_query(static_cast<GstPad*>(branch), query) ? GST_PAD_PROBE_HANDLED : GST_PAD_PROBE_DROP;
+}
+
 }  // namespace
 
 GstElement* ViewerChain::add(const char* factory, const char* name) {
@@ -70,7 +78,10 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   g_object_set(view_, "view-id", view_id, nullptr);
   g_object_set(compositor_, "view-id", view_id, nullptr);
   g_object_set(pictures_, "allow-not-linked", TRUE, nullptr);
-  gst_object_unref(gst_element_request_pad_simple(pictures_, "src_0"));
+  GstPad* made = gst_element_get_static_pad(pictures_, "sink");
+  gst_pad_add_probe(made, GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM, callback<ask_branch_for_memory>,
+                    gst_element_request_pad_simple(pictures_, "src_0"), gst_object_unref);
+  gst_object_unref(made);
   link(view_, "src", requests_, "sink");
   link(requests_, "src_%u", to_cameras_, "sink");
   link(requests_, "src_%u", to_compositor_, "sink");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Pictures and cameras' frames in a graphics card's memory, as GStreamer's own elements ask for it: glupload behind the
-// array's elements, gldownload before them.
+// Pictures and cameras' frames in a graphics card's memory: of the array's elements alone, and with GStreamer's
+// glupload behind them and gldownload before them.
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
 #include <gst/app/gstappsink.h>
@@ -49,8 +49,8 @@ class CardMemory : public testing::Test {
     save_rig(rig, dir_ / name);
   }
 
-  // Bytes of the pictures that leave a pipeline by an appsink of the name `out`.
-  std::vector<std::vector<uint8_t>> pictures(const std::string& line) {
+  // Bytes of the pictures that leave a pipeline by an appsink of the name `out`, and which error it ends with.
+  std::vector<std::vector<uint8_t>> pictures(const std::string& line, const std::string& error = "") {
     SCOPED_TRACE(line);
     std::vector<std::vector<uint8_t>> all;
     const ElementPtr pipeline = launch(line + " ! appsink name=out sync=false");
@@ -69,23 +69,26 @@ class CardMemory : public testing::Test {
       gst_sample_unref(sample);
     }
     GstBus* bus = gst_element_get_bus(pipeline.get());
+    std::string came;
     if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
-      GError* error = nullptr;
-      gst_message_parse_error(message, &error, nullptr);
-      ADD_FAILURE() << error->message;
-      g_error_free(error);
+      GError* details = nullptr;
+      gst_message_parse_error(message, &details, nullptr);
+      came = details->message;
+      g_error_free(details);
       gst_message_unref(message);
     }
     gst_object_unref(bus);
+    EXPECT_EQ(came, error);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
     return all;
   }
 
-  // Counts the buffers that come to the glupload of the name `up`, and those that are in the card's memory by then.
+  // Counts the buffers that come to the element of the name `look`, and those that are in the card's memory by then.
   void watch(GstBin* pipeline) {
-    const ElementPtr upload(gst_bin_get_by_name(pipeline, "up"));
-    if (!upload) return;
-    GstPad* pad = gst_element_get_static_pad(upload.get(), "sink");
+    came_ = in_card_ = 0;
+    const ElementPtr element(gst_bin_get_by_name(pipeline, "look"));
+    if (!element) return;
+    GstPad* pad = gst_element_get_static_pad(element.get(), "sink");
     const auto look = [](GstPad*, GstPadProbeInfo* info, gpointer data) {
       auto* const self = static_cast<CardMemory*>(data);
       self->came_++;
@@ -96,7 +99,8 @@ class CardMemory : public testing::Test {
     gst_object_unref(pad);
   }
   // The pictures of four cameras whose frames go `in` to a node, and which leave the compositor as `out` says.
-  std::vector<std::vector<uint8_t>> array(const std::string& in, const std::string& out) {
+  std::vector<std::vector<uint8_t>> array(const std::string& in, const std::string& out,
+                                          const std::string& error = "") {
     const std::string rig = " rig=" + dir_ / "rig.json";
     std::string line = "lfviewrequest location=" + dir_ / "views.json" +
                        " ! tee name=r r. ! queue ! c.request lfcompositor name=c focus=plane r. ! queue ! n.request "
@@ -104,7 +108,7 @@ class CardMemory : public testing::Test {
                        rig + " ! c.sink_0";
     for (const std::string camera : {"0", "1", "2", "3"})
       line += " lfcamsrc" + rig + " camera=" + camera + in + " ! n.sink_" + camera;
-    return pictures(line + " c. ! " + out);
+    return pictures(line + " c. ! " + out, error);
   }
 
   static constexpr int kPictures = 8;
@@ -113,30 +117,63 @@ class CardMemory : public testing::Test {
   int came_ = 0, in_card_ = 0;
 };
 
-// Nothing is copied between the compositor and the card: what glupload proposes is what pictures are written to.
+// Nothing is copied between the compositor and the card: what is behind it proposes memory, and that is what pictures
+// are written to. Elements that take nothing else are linked as they are.
 TEST_F(CardMemory, PicturesAreMadeInIt) {
   const struct {
     std::string of_cameras, of_pictures;
   } formats[] = {{"RGB", "RGBA"}, {"I420", "I420"}, {"I420", "NV12"}};
   for (const auto& format : formats) {
     SCOPED_TRACE(format.of_pictures);
-    came_ = in_card_ = 0;
     const std::string in = " ! videoconvert ! video/x-raw,format=" + format.of_cameras,
-                      out = "video/x-raw,format=" + format.of_pictures;
-    const auto plain = array(in, out);
+                      out = ",format=" + format.of_pictures, back = " ! gldownload ! video/x-raw" + out;
+    const auto plain = array(in, "video/x-raw" + out);
     ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
-    EXPECT_TRUE(plain == array(in, out + " ! glupload name=up ! gldownload ! " + out));
-    EXPECT_EQ(came_, kPictures);
-    EXPECT_EQ(in_card_, kPictures);
+    for (const std::string& to_card : {"video/x-raw" + out + " ! glupload name=look",
+                                       "video/x-raw(memory:GLMemory)" + out + " ! identity name=look"}) {
+      EXPECT_TRUE(plain == array(in, to_card + back));
+      EXPECT_EQ(came_, kPictures);
+      EXPECT_EQ(in_card_, kPictures);
+    }
   }
 }
 
-// What was decoded on a card comes to a node by gldownload.
+// A viewer's, of several views each, which a filter then has; it does nothing to them.
+TEST_F(CardMemory, PicturesOfLfviewsrcAre) {
+  save_array("rig.json", "videotestsrc pattern=ball num-buffers=30 ! video/x-raw,format=RGBA");
+  const std::string line = "lfviewsrc is-live=false num-buffers=4 focus=plane rig=" + dir_ / "rig.json" +
+                           " width=96 height=72 views=row columns=3 ! ",
+                    back = " ! gldownload ! video/x-raw,format=RGBA";
+  const auto plain = pictures(line + "video/x-raw,format=RGBA");
+  ASSERT_EQ(plain.size(), 4u);
+  for (const std::string to_card :
+       {"glupload name=look", "video/x-raw(memory:GLMemory),format=RGBA ! identity name=look",
+        "identity name=look ! gleffects effect=identity"}) {
+    EXPECT_TRUE(plain == pictures(line + to_card + back)) << to_card;
+    EXPECT_EQ(in_card_, 4) << to_card;
+  }
+}
+
+// A sink that has none of it to offer.
+TEST_F(CardMemory, WhoHasNoneIsTold) {
+  const std::string error =
+      "Downstream takes pictures in a graphics card's memory alone, and has none for them: a glupload in between has.";
+  EXPECT_TRUE(array("", "video/x-raw(memory:GLMemory)", error).empty());
+}
+
+// What was decoded on a card comes to a node as it is, or by gldownload.
 TEST_F(CardMemory, FramesComeFromIt) {
   const std::string out = "video/x-raw,format=RGB";
   const auto plain = array("", out);
   ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
   EXPECT_TRUE(plain == array(" ! glupload ! gldownload", out));
+  EXPECT_TRUE(plain == array(" ! glupload ! video/x-raw(memory:GLMemory)", out));
+  for (const std::string format : {"I420", "NV12", "RGBA"}) {
+    const std::string in = " ! videoconvert ! video/x-raw,format=" + format;
+    const auto of_format = array(in, "video/x-raw");
+    EXPECT_EQ(of_format.size(), static_cast<size_t>(kPictures));
+    EXPECT_TRUE(of_format == array(in + " ! glupload ! video/x-raw(memory:GLMemory)", "video/x-raw")) << format;
+  }
 }
 
 TEST_F(CardMemory, FramesOfElementsThatTheRigDescribesComeFromIt) {
