@@ -28,7 +28,7 @@ bool BlockSums::begin(const simd::SumTask& task, const ViewTextures& view, Progr
   parts_.chroma = parts_.pixels + columns * rows * (rgb ? 4 : 1);
   parts_.lost = parts_.chroma + (rgb ? 0 : columns * blocks);
   parts_.end = parts_.lost + columns * rows;
-  result_.reserve(parts_.end);
+  if (!result_.reserve(parts_.end, why)) return false;
   view.describe(*program, task, rect);
   glUniform4ui(program->parts, parts_.pixels, parts_.chroma, parts_.lost, ++draw_);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kRunsBinding, runs_.name());

@@ -7,9 +7,16 @@ namespace lf::gl {
 
 constexpr size_t kWord = sizeof(uint32_t);
 
-void Computed::reserve(size_t words) {
+bool Computed::reserve(size_t words, std::string& why) {
+  GLint64 most = 0;  // bytes
+  glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
+  if (words > static_cast<size_t>(most) / kWord) {
+    why = "the view is too large";
+    return false;
+  }
   words_ = words;
   result_.reserve(kWord * words);
+  return true;
 }
 
 std::shared_ptr<Computed::Fetched> Computed::begin_to_fetch() {

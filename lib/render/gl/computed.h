@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/byte_buffer.h"
@@ -28,8 +29,9 @@ class Computed {
     std::atomic<bool> is_free_ = true;
   };
 
-  // Room for so many words; what was in it is lost if there was less.
-  void reserve(size_t words);
+  // Room for so many words; what was in it is lost if there was less. False with the reason in `why` if shaders can't
+  // write as many.
+  bool reserve(size_t words, std::string& why);
   GLuint name() const { return result_.name(); }
   // What may be fetched into from now on, as large as what was reserved last. This outlives it.
   std::shared_ptr<Fetched> begin_to_fetch();

@@ -32,7 +32,7 @@ bool MomentSums::begin(const MomentTask& task, const ViewTextures& view, Program
   upload_surfaces(task, rect);
   const auto pairs = static_cast<uint32_t>((rect.width() + 1) / 2), rows = static_cast<uint32_t>(rect.height());
   words_ = size_t{3} * task.surfaces.size() * pairs * rows;
-  result_.reserve(words_);
+  if (!result_.reserve(words_, why)) return false;
   view.describe(*program, task.sums, rect);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kRunsBinding, runs_.name());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kTablesBinding, tables_.name());

@@ -344,6 +344,24 @@ TEST_P(SumDrawer, MayBeLostBeforeItHasDrawnAnything) {
   EXPECT_TRUE(drawer->is_lost());
 }
 
+// More than OpenGL ES 3.1 promises that shaders can write.
+TEST(SumDrawerLimits, LargerSumsAreTheCpus) {
+  gl::SumDrawer& card = card_with(Shaders::kCompute);
+  Random random(6);
+  const Rig rig = test::jittered_array(random, 2, 160, 120, 0);
+  View view = test::view_into(rig, 2, 160, 120, random.small_rotation(0.2));
+  view.width = view.height = 15000;  // 2^31 bytes and some
+  view.lens = Lens::pinhole(200 * 100, 7500, 7500);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  const OwnerRuns runs(plan, {0, 0, view.width, view.height});
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, plan, images);
+  const SumRenderer renderer(plan, runs, sources, PixelFamily::kRgb, Coordinates::kExact, &card);
+  EXPECT_TRUE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the view is too large");
+  EXPECT_FALSE(card.is_lost());
+}
+
 TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
   std::string why;
   const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kHardware, why);
