@@ -35,6 +35,7 @@ static void take_new_rig(LfCompositor* self) {
   lock.unlock();
   if (!rig) return;
   lf_compositor_use_rig(self, *rig);
+  state.gone = {};
   if (!state.settings.partial) state.health.expect(*rig ? (*rig)->cameras.size() : 0);
   if (*rig) use_rig_for_health(self, (*rig)->hash());
 }

@@ -28,8 +28,14 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
 
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
+  lf::ViewRequest seen = *state.current;  // by the cameras that there are
+  if (!state.gone.empty() && state.rig) {
+    lf::CameraRanges out(lf::out_of_mesh(state.gone.cameras(), state.corners, state.rig->cameras.size()));
+    out.add(lf::CameraRanges(seen.out_of_service));
+    seen.out_of_service = out.cameras();
+  }
   std::optional<lf::FoundFocus> found = state.focus.next(
-      *state.current, state.settings.view_focus(), state.settings.match_gains(state.rig && state.rig->has_colour()));
+      seen, state.settings.view_focus(), state.settings.match_gains(state.rig && state.rig->has_colour()));
   if (!found) return;
   state.stats.set_focus(state.focus.state(), state.focus.bytes());
   state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));
@@ -47,8 +53,7 @@ void lf_compositor_monitor(LfCompositor* self) {
 // Whether a camera that should have a part in the current request had no picture of its time: that says nothing of how
 // well cameras fit together.
 static bool any_is_blind(const _LfCompositor::State& state) {
-  lf::CameraRanges blind = state.assembly.cameras();
-  blind.remove(state.assembly.seeing());
+  lf::CameraRanges blind = state.assembly.blind();
   blind.remove(lf::CameraRanges(state.current->out_of_service));
   blind.remove(lf::CameraRanges(state.health.out_of_service()));
   return !blind.empty();

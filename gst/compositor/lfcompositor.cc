@@ -110,6 +110,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   lf_compositor_warn_without_effect(self);
   state.health = lf::CameraHealth(settings.max_missed);
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
+  state.gone = {};
   state.current.reset();
   state.request_flushed = state.over = false;
   state.warned_unseen = state.warned_unlinked = false;

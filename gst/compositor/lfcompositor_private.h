@@ -65,6 +65,7 @@ struct _LfCompositor {
     int64_t adding = 0;                      // microseconds spent adding the current request's answers
     lf::PastRequests past;
     lf::CameraHealth health;
+    lf::CameraRanges gone;  // not live: cameras that had no picture in the latest answers, which nodes leave out
     lf::CameraSet corners;  // the array's corners, see lf::out_of_mesh()
     lf::FocusFinder focus;
     lf::CameraTurns turns;

@@ -162,6 +162,12 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (mark_uncovered) accumulator_.set_uncovered(owners);
 }
 
+CameraRanges Assembly::blind() const {
+  CameraRanges blind = cameras_;
+  blind.remove(seeing_);
+  return blind;
+}
+
 bool Assembly::all_is_missing() {
   if (!rig_ || fragments_ > 0) return false;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);

@@ -78,6 +78,8 @@ class Assembly {
   const CameraRanges& seeing() const { return seeing_; }
   // All cameras that the answers so far speak for, with pictures or without.
   const CameraRanges& cameras() const { return cameras_; }
+  // Those without.
+  CameraRanges blind() const;
   // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
   uint64_t skew() const { return skew_; }
   uint64_t actual_time() const { return actual_time_; }

@@ -2,6 +2,7 @@
 #include "node/node.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "base/error.h"
 #include "base/schedule.h"
@@ -90,6 +91,7 @@ Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, cons
     requester.mesh.clear();
     requester.watch = {};
     requester.maker.clear();
+    requester.gone.clear();
     requester.warned_of = 0;
   }
   std::string warning;
@@ -109,6 +111,53 @@ Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, cons
   return empty_reply(header, std::move(warning));
 }
 
+// Whether each of `count` cameras is among the node's or out of service; both ascend.
+static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of_service, size_t count) {
+  for (CameraIndex camera = 0; camera < count; camera++)
+    if (!std::ranges::binary_search(own, camera) && !std::ranges::binary_search(out_of_service, camera)) return false;
+  return true;
+}
+
+Node::Plan Node::make_plan(const wire::AnyRequest& any, const Array& array, Requester& requester,
+                           const std::vector<CameraIndex>& own, bool live, const FindFrame& find) {
+  Plan plan;
+  const auto make = [&](const wire::AnyRequest& request) {
+    const uint64_t begun = now_ns();
+    plan.task = make_task(*array.rig, requester.mesh, request, own);
+    plan.ns += now_ns() - begun;
+    plan.frames.clear();
+    for (const CameraIndex camera : plan.task->cameras()) plan.frames.push_back(find(camera));
+  };
+  const auto* const view = std::get_if<ViewRequest>(&any);
+  if (live || !view || !has_all(own, view->out_of_service, array.rig->cameras.size())) {
+    make(any);
+    return plan;
+  }
+  ViewRequest request = *view;
+  const CameraRanges named(view->out_of_service);
+  CameraRanges gone;
+  // Those that had none for the request before are likely to have none again.
+  CameraSet missing;
+  std::ranges::copy_if(requester.gone, std::back_inserter(missing),
+                       [&](CameraIndex camera) { return std::ranges::binary_search(own, camera) && !find(camera); });
+  do {
+    if (!missing.empty()) {
+      gone.add(CameraRanges(missing));
+      CameraRanges out(out_of_mesh(gone.cameras(), corner_cameras(*array.rig), array.rig->cameras.size()));
+      out.add(named);
+      request.out_of_service = out.cameras();
+    }
+    make(request);
+    missing.clear();
+    for (size_t i = 0; i < plan.frames.size(); i++)
+      if (const CameraIndex camera = plan.task->cameras()[i]; !plan.frames[i] && !gone.contains(camera))
+        missing.push_back(camera);
+  } while (!missing.empty());
+  plan.gone = gone.cameras();
+  requester.gone = plan.gone;
+  return plan;
+}
+
 Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Requester& requester, const Options& options,
                          wire::AnswerHeader header, ByteBuffer memory, uint64_t waited) {
   const RequestHeader& request = wire::head_of(any);
@@ -118,9 +167,6 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
     own.push_back(camera);
     frames->advance(wanted_of(request, *frames, options.base_time));
   }
-  const std::unique_ptr<const AnswerTask> task = make_task(*array.rig, requester.mesh, any, own);
-  const uint64_t planned = now_ns();
-  FrameSources sources(*array.rig, [&task](CameraIndex camera) { return task->region(camera); });
   std::vector<SkewWatch::Frame> skews;
   // Nothing if the camera has none, or none of about the time asked for, or of another size than the rig has it since
   // that was replaced.
@@ -137,9 +183,17 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
     }
     return frame;
   };
-  for (const CameraIndex camera : task->cameras()) sources.add(camera, find(camera));
+  const bool live =
+      options.live || std::ranges::any_of(array.cameras, [](const auto& camera) { return camera.second->is_live(); });
+  Plan plan = make_plan(any, array, requester, own, live, find);
+  const std::unique_ptr<const AnswerTask>& task = plan.task;
+  FrameSources sources(*array.rig, [&task](CameraIndex camera) { return task->region(camera); });
+  for (size_t i = 0; i < plan.frames.size(); i++) sources.add(task->cameras()[i], std::move(plan.frames[i]));
+  CameraSet blind = plan.gone;
+  stats_.missing_frames += static_cast<uint64_t>(std::ranges::count_if(blind, [&](CameraIndex camera) {
+    return !std::ranges::binary_search(task->cameras(), camera);  // the others are counted below
+  }));
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
-  CameraSet blind;
   for (const CameraIndex camera : own)
     if ((options.live || array.cameras.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
         !find(camera))
@@ -175,6 +229,7 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
     }
   }
   std::ranges::sort(blind);
+  blind.erase(std::ranges::unique(blind).begin(), blind.end());
   header.cameras = CameraRanges(own);
   header.blind = CameraRanges(blind);
   header.family = sources.family();
@@ -190,9 +245,9 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
   Reply reply{requester.maker.make(*task, header, images, how, scratch, std::move(memory)), {}, {}};
   requester.images->give_back(std::move(scratch));
   if (reply.gains) stats_.set_gains(images, *reply.gains);
-  reply.stages = {.wait = waited + (found - planned),
+  reply.stages = {.wait = waited + (found - begun - plan.ns),
                   .decode = decoded - found,
-                  .render = planned - begun + reply.before_ns + reply.answer.render_ns,
+                  .render = plan.ns + reply.before_ns + reply.answer.render_ns,
                   .encode = reply.answer.encode_ns};
   stats_.add(reply.stages);
   if (reply.answer.drawing.drawn) stats_.drawn++;

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
@@ -34,6 +36,7 @@ class Node {
     SkewWatch watch;
     AnswerMaker maker;
     WorkEstimate estimate;       // of its answers, for whoever asks for them
+    CameraSet gone;              // of the rig, had no frame for the latest request: see make_plan()
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
     // Several requesters may share what follows. While *cancelled nothing is waited for, see cancel(); `images` is the
@@ -65,6 +68,19 @@ class Node {
   wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
   Reply render(const wire::AnyRequest& request, const Array& array, Requester& requester, const Options& options,
                wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  // What is to be done for a request, and the frames of its task's cameras.
+  struct Plan {
+    std::unique_ptr<const AnswerTask> task;
+    std::vector<std::optional<CameraFrame>> frames;
+    CameraSet gone;   // left out, see make_plan()
+    uint64_t ns = 0;  // that the task took to make, nanoseconds
+  };
+  using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
+  // Live, a compositor takes cameras that are missing out of service, after some pictures. Pictures of files must not
+  // depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
+  // that their neighbours close the gap (see out_of_mesh()).
+  static Plan make_plan(const wire::AnyRequest& any, const Array& array, Requester& requester,
+                        const std::vector<CameraIndex>& own, bool live, const FindFrame& find);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;

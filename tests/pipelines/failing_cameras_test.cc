@@ -4,11 +4,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <set>
 
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "pipelines/gst_launch.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "view/views_json.h"
 
 namespace lf::test {
 namespace {
@@ -41,6 +48,45 @@ TEST_F(FailingCamerasTest, OneOfThemEndsNoPipeline) {
     EXPECT_THAT(launched.output, HasSubstr("nowhere.mkv: no such file: out of service"));
     EXPECT_THAT(launched.output, HasSubstr("Got EOS"));
   }
+}
+
+// Files: pictures are those of an array without the camera, to the bit and from the first one on, also where the eye
+// stands in the gap. What of it is found in the focus is the same, too.
+TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
+  constexpr int kPictures = 10;
+  Rig rig = scene_rig(3, 3, 96, 72);
+  for (Camera& camera : rig.cameras) camera.image.clear();  // of the built-in scene
+  std::vector<NamedView> path;
+  for (int i = 0; i < kPictures; i++) {
+    View view{.width = 128, .height = 96, .lens = Lens::from_fov_y(25, 128, 96), .pose = {}, .focus = {}};
+    view.pose.position = {i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03};  // of camera 4 at first
+    view.focus.plane = focal_plane_at(view.pose, 2.2);
+    path.push_back({"view_" + std::to_string(i), 0.1 * i, view});
+  }
+  save_views(path, files_.path("views.json"));
+  const auto pictures = [&](const std::set<uint32_t>& missing, const std::string& settings) {
+    Rig of_files = rig;
+    for (Camera& camera : of_files.cameras)
+      if (missing.contains(camera.id)) camera.source = "nowhere.mkv";
+    save_rig(of_files, files_.path("array.json"));
+    const Launched launched = gst_launch("lfviewsrc is-live=false rig=" + files_.path("array.json") +
+                                         " location=" + files_.path("views.json") + " " + settings +
+                                         " ! filesink location=" + files_.path("pictures"));
+    EXPECT_EQ(launched.status, 0) << launched.output;
+    std::ifstream file(files_.path("pictures"), std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  for (const auto& [missing, list] : {std::pair<std::set<uint32_t>, std::string>{{4}, "4"}, {{1, 4, 5}, "1,4-5"}}) {
+    const std::string without = pictures({}, "view::out-of-service=" + list), lost = pictures(missing, "");
+    ASSERT_EQ(without.size(), kPictures * size_t{128} * 96 * 3);
+    EXPECT_TRUE(lost == without) << list;
+    size_t dark = 0;  // of the first picture
+    for (size_t i = 0; i < lost.size() / kPictures; i += 3)
+      dark += std::ranges::all_of(lost.substr(i, 3), [](char c) { return static_cast<uint8_t>(c) < 4; });
+    EXPECT_EQ(dark, 0u) << list;
+  }
+  // A corner stays: the others show what it had a part in.
+  EXPECT_TRUE(pictures({0, 4}, "") == pictures({0}, "view::out-of-service=4"));
 }
 
 TEST_F(FailingCamerasTest, ACameraHostHasAllCamerasOfTheRigByDefault) {
