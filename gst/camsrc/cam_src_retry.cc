@@ -130,8 +130,9 @@ void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime m
   lock.unlock();
   GST_ELEMENT_WARNING(
       self, STREAM, DECODE,
-      ("%s: is cut off: it ends after %.2f of %.2f s. It gives nothing for the rest, each time it loops", place.c_str(),
-       seconds(lasted), seconds(lasted + missing)),
+      ("%s: is cut off: it ends after %.2f of %.2f s. %s, each time it loops", place.c_str(), seconds(lasted),
+       seconds(lasted + missing),
+       self->live ? "It gives nothing for the rest" : "For the rest its picture that is nearest in time stands"),
       (nullptr));
 }
 

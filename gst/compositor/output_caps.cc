@@ -30,7 +30,10 @@ void put_in_card(GstCaps* caps) {
 }  // namespace
 
 bool is_in_card(const GstCaps* caps) {
-  return gst_caps_get_size(caps) > 0 && gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+  const guint count = gst_caps_get_size(caps);
+  for (guint i = 0; i < count; i++)
+    if (!gst_caps_features_contains(gst_caps_get_features(caps, i), LF_GL_MEMORY)) return false;
+  return count > 0 && !gst_caps_is_any(caps);
 }
 
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,

@@ -17,7 +17,7 @@ namespace lf {
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             SetLayout layout);
 
-// Whether video of these caps is in a graphics card's memory.
+// Whether video of these caps, of all of them, is in a graphics card's memory.
 bool is_in_card(const GstCaps* caps);
 
 }  // namespace lf

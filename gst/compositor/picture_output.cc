@@ -24,7 +24,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
   request_ = request;
   segment_ = {};
   info_ = {};
-  negotiated_ = agreed_ = in_card_ = lacks_card_ = false;
+  negotiated_ = agreed_ = in_card_ = wants_card_ = false;
   family_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
@@ -46,6 +46,7 @@ void PictureOutput::negotiate() {
 GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps) {
   *caps = partial_ ? unit_caps(LF_ANSWER_MEDIA_TYPE)
                    : choose_output_caps(downstream, request_, family_, width_, height_, layout_);
+  wants_card_ = !partial_ && is_in_card(downstream);
   return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
 }
 
@@ -64,13 +65,7 @@ bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
 }
 
 bool PictureOutput::decide_allocation(GstQuery* query) {
-  if (!partial_) {
-    GstCaps* caps = nullptr;
-    gst_query_parse_allocation(query, &caps, nullptr);
-    const bool has_memory = pool_.decide(query);
-    lacks_card_ = !has_memory && caps && is_in_card(caps);
-    return has_memory;
-  }
+  if (!partial_) return pool_.decide(query);
   while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
   return true;  // answers have memory of their own
 }
@@ -88,14 +83,15 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
     GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
-  if (lacks_card_) {
+  const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";
+  if (wants_card_) {
     GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
-                      ("Downstream takes pictures in a graphics card's memory alone, and has none for them: a glupload "
-                       "in between has."),
+                      ("Downstream takes no %s video of %dx%d pixels in a graphics card's memory, or has no memory for "
+                       "it: glupload ! glcolorconvert in between do.",
+                       name, width, height),
                       (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
-  const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";
   GST_ELEMENT_ERROR(
       element_, STREAM, FORMAT,
       ("Downstream takes no %s video of %dx%d pixels: a videoconvert in between changes the format; the viewer's "

@@ -96,7 +96,7 @@ class PictureOutput {
   SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;
   bool in_card_ = false;     // what was negotiated is in a graphics card's memory, see is_in_card()
-  bool lacks_card_ = false;  // that is what downstream wants, and there is none
+  bool wants_card_ = false;  // downstream takes no other
   PicturePool pool_;
   // The picture that views of a set are being drawn into.
   struct Sheet {
