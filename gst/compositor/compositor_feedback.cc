@@ -21,7 +21,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
   const guint view_id = lf_compositor_view_id(self);
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
   tell(self, {.view_id = view_id, .out_of_service = out});
-  GstStructure* structure = gst_structure_new("lightfield-out-of-service", LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr);
+  GstStructure* structure =
+      gst_structure_new("lightfield-out-of-service", LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr);
   lf::set_cameras(structure, "cameras", cameras);
   post(self, structure);
 }

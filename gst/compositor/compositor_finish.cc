@@ -53,7 +53,7 @@ static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstCl
   const bool counts = !state.current->probe && state.current->place.leads();
   for (lf::NodeInput* node : nodes) node->close(counts);
   if (lf_compositor_is_live(self) && !state.current->probe) state.past.composed(state.current->sequence, due);
-  if (!lf_compositor_is_live(self)) state.gone = state.assembly.blind();
+  state.gone = lf_compositor_is_live(self) ? lf::CameraRanges() : state.assembly.blind();
   if (lf_compositor_is_live(self) && counts) {
     const bool reset = state.health.use_rig(state.assembly.rig_hash());
     if (state.health.picture(state.assembly.seeing()) || reset) lf_compositor_announce_out_of_service(self);

@@ -72,10 +72,10 @@ struct _LfCompositor {
     lf::ViewCoverage coverage;
     lf::PictureOutput output;
     bool warned_rig = false;
-    bool warned_unseen = false;    // since the start
+    bool warned_unseen = false;         // since the start
     std::optional<uint32_t> first_set;  // number of the request that the first set began with
-    bool warned_unlinked = false;  // since the start, or since a picture was taken
-    int64_t latency_asked_at = 0;  // monotonic time, microseconds
+    bool warned_unlinked = false;       // since the start, or since a picture was taken
+    int64_t latency_asked_at = 0;       // monotonic time, microseconds
   } * state;
 };
 

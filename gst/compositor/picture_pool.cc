@@ -111,9 +111,8 @@ bool PicturePool::decide(GstQuery* query) {
     guint their_size = 0;
     gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
     if (!chosen) continue;
-    // One without an end would keep for ever what a burst needed, which ours does not where there is one.
-    if (most == 0 && may_be_own) most = least + kMostIdle;
-    if (!may_be_own) most = 0;
+    // A pool without an end would keep for ever what a burst needed: there ours helps out, but not in a card's memory.
+    most = !may_be_own ? 0 : most == 0 ? least + kMostIdle : most;
     chosen_size = MAX(their_size, size);
     if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
   }

@@ -78,7 +78,7 @@ class Assembly {
   const CameraRanges& seeing() const { return seeing_; }
   // All cameras that the answers so far speak for, with pictures or without.
   const CameraRanges& cameras() const { return cameras_; }
-  // Those without.
+  // Cameras that the answers so far speak for and that have no pictures.
   CameraRanges blind() const;
   // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
   uint64_t skew() const { return skew_; }

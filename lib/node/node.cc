@@ -152,7 +152,7 @@ Node::Plan Node::make_plan(const wire::AnyRequest& any, const Array& array, Requ
     for (size_t i = 0; i < plan.frames.size(); i++)
       if (const CameraIndex camera = plan.task->cameras()[i]; !plan.frames[i] && !gone.contains(camera))
         missing.push_back(camera);
-  } while (!missing.empty());
+  } while (!missing.empty() && !*requester.cancelled);  // who is stopped gets no frames from anybody
   plan.gone = gone.cameras();
   requester.gone = plan.gone;
   return plan;

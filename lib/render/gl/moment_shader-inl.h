@@ -58,8 +58,9 @@ ivec4 means_of_sixteen(int k, ivec2 at) {
   return sums >> 4;
 }
 
-// The same of larger boxes: the rounded means of four of half their size, which come one after the other, with what is
-// complete of them at once.
+// The means of boxes of `box` pixels a side around the same four corners as in means_of_sixteen(): those of more than 4
+// are the rounded means of four of half their size. All of the smallest come one after the other, and a larger one is
+// complete with its last.
 ivec4 means_of_boxes(int k, ivec2 at, int box) {
   ivec4 sums[3] = ivec4[3](ivec4(0), ivec4(0), ivec4(0)), means = ivec4(0);
   for (int n = 0; n < box * box / 16; n++) {
@@ -76,7 +77,8 @@ ivec4 means_of_boxes(int k, ivec2 at, int box) {
   return means;
 }
 
-// Between these four, in 256ths.
+// Luma at a position in camera k's image, to a level: between the means of the four boxes around it, in 256ths of a
+// pixel.
 uint sampled_luma(int k, vec2 position) {
   ivec2 at = ivec2(256.0 * clamp(position - 0.5, vec2(0.0), corner(k, CORNER_IMAGE).xy - 1.0));
   ivec4 means = means_of_boxes(k, at >> 8, int(corner(k, CORNER_PER_FROM).w));

@@ -35,7 +35,7 @@ struct SumProgram {
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
   bool careful = false;
   bool has_map = false;
-  bool has_rays = false;      // lines of sight are looked up; careful
+  bool has_rays = false;      // lines of sight are looked up; careful, but for moments
   bool is_distorted = false;  // a camera's lens is
   bool is_cubic = false;      // a camera is sampled by Catmull-Rom
 
@@ -85,6 +85,7 @@ inline constexpr double kEyeDoubt = 1e-5;
 enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding, kSurfacesBinding };
 inline constexpr int kGroup = 8;
 
+// By compute shaders, and moments among them: the last ones of Output.
 inline bool is_computed(const SumProgram& program) { return program.output >= SumProgram::Output::kBlocksRgb; }
 inline bool is_of_moments(const SumProgram& program) { return program.output >= SumProgram::Output::kMomentsRgb; }
 
