@@ -106,10 +106,10 @@ class Renderer {
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
     lf::RenderedAnswer told{.pixels = static_cast<size_t>(focused.width) * focused.height};
-    lf::gl::SumDrawer* card = card_now();
+    const std::shared_ptr<lf::gl::SumDrawer> card = card_now();
     const Clock::time_point start = Clock::now();
     const double read_before = reading_;
-    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, card);
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, card.get());
     told.drawing = still.drawing;
     told.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
     card_.rendered(choice_, told);
@@ -130,9 +130,9 @@ class Renderer {
   static lf::Image in_rgb(lf::Image image) {
     return image.family() == lf::PixelFamily::kI420 ? lf::to_rgb(image) : std::move(image);
   }
-  lf::gl::SumDrawer* card_now() {
+  std::shared_ptr<lf::gl::SumDrawer> card_now() {
     std::string news;
-    lf::gl::SumDrawer* card = card_.open(choice_, news);
+    std::shared_ptr<lf::gl::SumDrawer> card = card_.open(choice_, news);
     if (!news.empty()) std::fprintf(stderr, "lf-render: %s\n", news.c_str());
     return card;
   }

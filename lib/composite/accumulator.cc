@@ -2,7 +2,9 @@
 #include "composite/accumulator.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <utility>
 
 #include "base/error.h"
 #include "composite/resolve.h"
@@ -37,6 +39,7 @@ void Accumulator::reset(PixelFamily family, int width, int height) {
   height_ = height;
   touched_ = {};
   kept_.reset();
+  card_sum_.reset();
   own_set_ = own_lost_set_ = false;
   zeros_.resize(width);
   uncovered_.clear();
@@ -52,8 +55,13 @@ SumPlanes Accumulator::own() {
   return packed_sums(family_, all(), sum_.data(), own_lost_set_ ? lost_.data() : nullptr);
 }
 
+// The only sums so far, wherever they are.
+std::optional<ConstSumPlanes> Accumulator::kept() const {
+  return card_sum_ ? std::optional(card_sum_->fetch()) : kept_;
+}
+
 ConstSumPlanes Accumulator::whole() const {
-  if (kept_) return *kept_;
+  if (const auto kept = this->kept()) return *kept;
   const uint16_t* const lost = own_lost_set_ ? lost_.data() : nullptr;
   if (own_set_) return packed_sums(family_, all(), sum_.data(), lost);
   ConstSumPlanes nothing{.family = family_, .rect = all()};
@@ -65,11 +73,14 @@ void Accumulator::materialize() {
   if (own_set_) return;
   own_set_ = true;
   sum_.resize(packed_size(family_, width_, height_));
-  if (!kept_) {
+  const std::optional<ConstSumPlanes> kept = this->kept();
+  if (!kept) {
     std::memset(sum_.data(), 0, sum_.size() * sizeof(sum_[0]));
     return;
   }
-  const ConstSumPlanes from = *kept_;
+  const ConstSumPlanes from = *kept;
+  // Its memory lives until the end of this.
+  const std::shared_ptr<gl::CardSum> card_sum = std::move(card_sum_);
   kept_.reset();
   if (from.lost) materialize_lost();
   const SumPlanes to = own();
@@ -135,6 +146,14 @@ bool Accumulator::add_kept(const ConstSumPlanes& sums) {
   return true;
 }
 
+bool Accumulator::add_kept(std::shared_ptr<gl::CardSum> sum) {
+  if (sum->view() != all() || sum->family() != family_) return false;
+  if (!touched_.empty()) return add(sum->fetch());
+  card_sum_ = std::move(sum);
+  touched_ = all();
+  return true;
+}
+
 bool Accumulator::add_lost_weights(const Rect& rect, const std::vector<float>& weights) {
   // Lost weight has a value per pixel in both families, wherever the rectangle begins.
   const Rect even{rect.x0 & ~1, rect.y0 & ~1, rect.x1, rect.y1};
@@ -167,6 +186,27 @@ void Accumulator::set_uncovered(const OwnerMap& whole_view) {
 void Accumulator::resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                           const ptrdiff_t stride[3], const Levels& levels) const {
   lf::resolve(whole(), uncovered_.empty() ? nullptr : uncovered_.data(), background, layout, plane, stride, levels);
+}
+
+gl::ShareGroup Accumulator::share_group() const {
+  return card_sum_ && !own_lost_set_ && uncovered_.empty() ? card_sum_->group() : 0;
+}
+
+bool Accumulator::resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to,
+                                  std::string& why) const {
+  if (share_group() == 0) {
+    why = "it is not on a card";
+    return false;
+  }
+  to.gain = levels.gain;
+  to.offset = levels.offset;
+  to.chroma_gain = levels.chroma_gain;
+  to.least_weight = kLeastWeight;
+  const float r = background.r, g = background.g, b = background.b;
+  const YCbCr ycbcr = ycbcr_of(r, g, b);
+  const bool rgb = family_ == PixelFamily::kRgb;
+  std::ranges::copy(rgb ? std::array{r, g, b} : std::array{ycbcr.y, ycbcr.cb, ycbcr.cr}, to.background);
+  return card_sum_->draw(to, why);
 }
 
 void Accumulator::conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const {

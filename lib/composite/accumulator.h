@@ -2,12 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "base/byte_buffer.h"
 #include "composite/resolve.h"
 #include "image/image.h"
+#include "render/gl/card_sum.h"
 #include "render/ownership.h"
 #include "render/sum_planes.h"
 
@@ -33,6 +36,8 @@ class Accumulator {
   bool add(const ConstSumPlanes& sums);
   // Adds sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
   bool add_kept(const ConstSumPlanes& sums);
+  // Adds what is on a card. It comes to this process's memory when something is added to it, or somebody looks at it.
+  bool add_kept(std::shared_ptr<gl::CardSum> sum);
   // The weights of a camera whose answer never came count as lost: `weights` as from pixel_weights() over `rect`.
   bool add_lost_weights(const Rect& rect, const std::vector<float>& weights);
   // Pixels that no face of the mesh owns show the background too (without it they stay as they are: black).
@@ -42,6 +47,14 @@ class Accumulator {
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
+  // The contexts in whose textures resolve_on_card() may be called, as all that was added is on their card; 0: it is
+  // not.
+  gl::ShareGroup share_group() const;
+  // Whether what was added was on a card that was there no more when somebody looked at it: all weight is lost.
+  bool is_gone() const { return card_sum_ && card_sum_->is_gone(); }
+  // The same as resolve() in such textures; `to` says which. False with the reason in `why` if that can't be
+  // done.
+  bool resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to, std::string& why) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;
   // Call after resolve(): the picture before shows where most of the weight was lost, see conceal().
@@ -53,6 +66,7 @@ class Accumulator {
 
  private:
   Rect all() const { return {0, 0, width_, height_}; }
+  std::optional<ConstSumPlanes> kept() const;
   SumPlanes own();               // the sum of the whole picture in own memory, after materialize()
   ConstSumPlanes whole() const;  // the sum of the whole picture, in own or kept memory, or zeros
   void materialize();            // copies what was added into own memory
@@ -62,6 +76,7 @@ class Accumulator {
   int width_ = 0, height_ = 0;
   Rect touched_;                                 // bounds all rectangles that were added
   std::optional<ConstSumPlanes> kept_;           // the only sums so far, in the caller's memory
+  std::shared_ptr<gl::CardSum> card_sum_;        // or on a card
   bool own_set_ = false, own_lost_set_ = false;  // whether sum_, lost_ hold anything yet; they are cleared late
   UninitializedVector<int16_t> sum_;             // three planes, of the whole picture
   UninitializedVector<uint16_t> lost_;

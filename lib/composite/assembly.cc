@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "render/camera_projection.h"
+#include "render/gl/card_sum.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 #include "wire/answer_writer.h"
@@ -52,6 +53,16 @@ bool Assembly::is_beyond_rig(const wire::AnswerHeader& answer) const {
 }
 
 Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes) {
+  return add(answer, std::move(bytes), nullptr);
+}
+
+Assembly::Verdict Assembly::add_on_card(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::CardSum> sum) {
+  const wire::FragmentHeader of_all{{}, answer.family, sum->view(), wire::Codec::kRaw16, 0, sum->has_lost()};
+  return add(wire::AnswerView{answer, {{of_all, {}}}}, nullptr, std::move(sum));
+}
+
+Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes,
+                                std::shared_ptr<gl::CardSum> card_sum) {
   if (answer.view_id != request_.view_id || answer.sequence != request_.sequence) return Verdict::kOtherRequest;
   if (expected_rig_ == 0) expected_rig_ = answer.rig_hash;
   if (answer.rig_hash != expected_rig_) return Verdict::kOtherRig;
@@ -76,7 +87,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   std::optional<Coverage::Sums> sums;
   if (any_sums && !answer.cameras.empty()) sums.emplace(coverage_, answer.cameras);
   for (const wire::FragmentView& fragment : answer.fragments)
-    all_good = add_fragment(fragment, sums, bytes) && all_good;
+    all_good = add_fragment(fragment, sums, bytes, card_sum) && all_good;
   Source& source = sources_[key];
   source.parts.add(answer.part);
   source.blind = answer.blind;
@@ -93,7 +104,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
 // `sums`: of which cameras it is, if it is of several; twice the same one (a duplicated packet, two nodes with one
 // camera) would be too bright. False if it does not fit, which is no damage.
 bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
-                            const std::shared_ptr<const void>& bytes) {
+                            const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::CardSum>& card_sum) {
   std::optional<FragmentPlanes> planes;
   if (fragment.codec != wire::Codec::kRaw16) {
     planes = decoder_.decode(fragment);
@@ -107,7 +118,7 @@ bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Co
   } else {
     if (!accumulator_.fits(fragment.family, fragment.rect) || (sums && !sums->add(fragment.rect))) return false;
     have_unnamed_sums_ |= !sums;
-    planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
+    card_sum ? accumulator_.add_kept(card_sum) : planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
   }
   fragments_++;
   return true;

@@ -47,6 +47,9 @@ class Assembly {
   // begin().
   Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes = nullptr);
 
+  // The same of an answer whose one fragment is on a card: `answer` is what comes before it.
+  Verdict add_on_card(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::CardSum> sum);
+
   // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the
   // family of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map
   // of the whole view and changes nothing if the background is black.
@@ -95,11 +98,13 @@ class Assembly {
     bool spoilt = false;  // some fragments could not be added
     bool sums = false;
   };
+  // `card_sum`: payload of the only fragment; null: it has its own.
+  Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes, std::shared_ptr<gl::CardSum> card_sum);
   CameraSet absent(const ViewPlan& plan) const;
   void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
   void render_pixels(const ViewPlan& plan);
   bool add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
-                    const std::shared_ptr<const void>& bytes);
+                    const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::CardSum>& card_sum);
   bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 

@@ -25,6 +25,7 @@ struct AnswerForm : CodedAs {
   int strip_pixels = wire::kStripPixels;  // most pixels of a fragment in 8 bits
   size_t spare_pixels = 0;                // see sum_tiles()
   gl::SumDrawer* card = nullptr;          // see SumRenderer
+  bool may_stay = false;                  // kRaw16: what the card draws may stay there
   bool operator==(const AnswerForm&) const = default;
 };
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/schedule.h"
+#include "render/gl/card_sum.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 #include "wire/answer_writer.h"
@@ -47,6 +48,16 @@ RenderedAnswer render_sums16(const wire::AnswerHeader& header, const SumRenderer
   return {.bytes = writer.finish(), .fragments = tiles.size()};
 }
 
+// What comes before a sum that has stayed on a card.
+RenderedAnswer before(const wire::AnswerHeader& header, std::shared_ptr<gl::CardSum> sum, ByteBuffer memory) {
+  wire::AnswerWriter writer(header, 1, std::move(memory));
+  const size_t payload =
+      writer.add(wire::FragmentHeader{{}, header.family, sum->view(), wire::Codec::kRaw16, 0, sum->has_lost()}).size();
+  ByteBuffer bytes = writer.finish();
+  bytes.resize(bytes.size() - payload);
+  return {.bytes = std::move(bytes), .fragments = 1, .payload = std::move(sum)};
+}
+
 Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily family) {
   thread_local UninitializedVector<int16_t> samples;
   thread_local UninitializedVector<uint16_t> lost;
@@ -82,8 +93,14 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   if (header.family == PixelFamily::kNone)  // no camera has an image yet
     return {.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish()};
   const uint64_t begin = now_ns();
-  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card,
-                             parallel);
+  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card, parallel,
+                             form.may_stay && form.codec == wire::Codec::kRaw16);
+  if (std::shared_ptr<gl::CardSum> sum = renderer.card_sum()) {
+    RenderedAnswer answer = before(header, std::move(sum), std::move(memory));
+    tell_of(renderer, answer);
+    answer.render_ns = now_ns() - begin;
+    return answer;
+  }
   std::vector<CameraIndex> cameras;
   for (const Source& source : sources) cameras.push_back(source.camera);
   const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family, form.spare_pixels);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <memory>
 #include <span>
 
 #include "base/byte_buffer.h"
@@ -16,6 +17,9 @@ namespace lf {
 struct RenderedAnswer {
   ByteBuffer bytes;  // one unit of the answer stream
   size_t fragments = 0;
+  // What has stayed on the card: the payload of the one fragment, of the whole view in kRaw16, which `bytes` then ends
+  // before. Null: there is none.
+  std::shared_ptr<gl::CardSum> payload;
   Drawing drawing;                        // of the sum
   size_t pixels = 0;                      // of the rectangle that bounds the sum
   uint64_t render_ns = 0, encode_ns = 0;  // nanoseconds of wall time; rounding to 8 bits counts as rendering

@@ -7,6 +7,7 @@
 #include "base/schedule.h"
 #include "focus/trial_renderer.h"
 #include "render/camera_projection.h"
+#include "render/gl/sum_drawer.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
@@ -55,7 +56,7 @@ class ViewTask : public SumTask {
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
     Tried tried{.nodes = trials_.size() * view.width * view.height};
-    tried.drawing = add_moments(*trial_job_, sources, trials_, sums, parallel, options.trial_card);
+    tried.drawing = add_moments(*trial_job_, sources, trials_, sums, parallel, options.trial_card.get());
     tried.ns = now_ns() - begun;
     tried.unit = wire::encode_moments(about, sums, !options.in_process);
     return tried;
@@ -95,7 +96,8 @@ RenderedAnswer SumTask::render(const wire::AnswerHeader& header, std::span<const
                                const Options& options, ByteBuffer memory, const ParallelFor& parallel) const {
   AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
   form.strip_pixels = options.strip_pixels;
-  form.card = options.card;
+  form.card = options.card.get();
+  form.may_stay = options.in_process && form.card && options.group != 0 && form.card->group() == options.group;
   return render_answer(header, job_, sources, form, std::move(memory), parallel);
 }
 

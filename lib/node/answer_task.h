@@ -8,6 +8,7 @@
 #include "focus/camera_gains.h"
 #include "node/answer_form.h"
 #include "node/answer_renderer.h"
+#include "render/gl/context.h"
 #include "rig/mesh.h"
 #include "view/view_request.h"
 
@@ -19,10 +20,13 @@ class AnswerTask {
   // What the node may choose.
   struct Options {
     CodecChoice codec = CodecChoice::kAuto;
-    bool in_process = false;                // the compositor is in this process: see choose_form()
-    int strip_pixels = wire::kStripPixels;  // see AnswerForm
-    gl::SumDrawer* card = nullptr;          // see SumRenderer
-    gl::SumDrawer* trial_card = nullptr;    // see add_moments()
+    bool in_process = false;                    // the compositor is in this process: see choose_form()
+    int strip_pixels = wire::kStripPixels;      // see AnswerForm
+    std::shared_ptr<gl::SumDrawer> card;        // see SumRenderer
+    std::shared_ptr<gl::SumDrawer> trial_card;  // see add_moments()
+    // A compositor in this process makes its pictures in textures of these contexts, so that what is drawn in one of
+    // them may stay on the card; 0: it does not.
+    gl::ShareGroup group = 0;
   };
 
   virtual ~AnswerTask() = default;

@@ -55,7 +55,7 @@ bool Card::is_open(RendererChoice choice, std::string& news) {
   return false;
 }
 
-gl::SumDrawer* Card::open(RendererChoice choice, std::string& news) {
+std::shared_ptr<gl::SumDrawer> Card::open(RendererChoice choice, std::string& news) {
   if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
   if (!is_open(choice, news)) return nullptr;
@@ -64,7 +64,7 @@ gl::SumDrawer* Card::open(RendererChoice choice, std::string& news) {
       news = drawer_->device() + " can't draw what is asked for, the CPU does: " + refusal_;
     return nullptr;
   }
-  return choice == RendererChoice::kGl || race_.card_is_next() ? drawer_.get() : nullptr;
+  return draws(choice) ? drawer_ : nullptr;
 }
 
 void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
@@ -81,12 +81,35 @@ void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
   if (is_in_race()) race_.add(drawing.drawn, answer.pixels, answer.render_ns);
 }
 
-gl::SumDrawer* Card::open_for_trials(RendererChoice choice) {
+void Card::move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why) {
+  const std::lock_guard lock(mutex_);
+  const bool is_decided = choice == RendererChoice::kGl || race_.decided();
+  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost() || !is_decided || !draws(choice)) return;
+  if (!groups_.insert(group).second) return;
+  std::shared_ptr<gl::SumDrawer> drawer = open(why);
+  if (!drawer) return;
+  if (drawer->device() == drawer_->device())
+    drawer_ = std::move(drawer);
+  else
+    why = drawer->device() + " is another card than " + drawer_->device();
+}
+
+void Card::leave() {
+  const std::lock_guard lock(mutex_);
+  groups_.clear();
+  if (!drawer_ || drawer_->group() == 0) return;
+  left_ = drawer_->device();
+  drawer_.reset();
+  tried_.reset();
+  told_ = false;
+}
+
+std::shared_ptr<gl::SumDrawer> Card::open_for_trials(RendererChoice choice) {
   if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
   if (!drawer_ || drawer_->is_lost() || !drawer_->draws_moments() || trial_patience_.is_at_end(now_())) return nullptr;
   const bool is_wanted = choice == RendererChoice::kGl || (!drawer_->is_software() && trial_race_.card_is_next());
-  return is_wanted ? drawer_.get() : nullptr;
+  return is_wanted ? drawer_ : nullptr;
 }
 
 void Card::tried(RendererChoice choice, const AnswerTask::Tried& tried) {
@@ -108,14 +131,16 @@ std::string Card::explain(RendererChoice choice) const {
 std::string Card::explain_answers(RendererChoice choice) const {
   const bool is_auto = choice == RendererChoice::kAuto;
   const std::string name = is_auto ? "auto: " : "";
-  if (!drawer_) return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";
-  if (drawer_->is_lost()) return name + "cpu, " + drawer_->device() + " is lost";
-  if (is_auto && drawer_->is_software()) return name + "cpu, " + drawer_->device() + " is the CPU, too";
-  if (!why_not_.empty()) return name + "cpu, " + drawer_->device() + " does not draw this: " + why_not_;
-  if (!is_auto) return "gl: " + drawer_->device();
-  if (!race_.decided()) return name + "cpu and " + drawer_->device() + " by turns, to see which is faster";
-  return name + (race_.card_is_next() ? "gl" : "cpu") + ", " + drawer_->device() + " takes " +
-         per_pixel(race_.best(true)) + " ns a pixel, the CPU " + per_pixel(race_.best(false));
+  const std::string device = drawer_ ? drawer_->device() : left_;
+  if (!drawer_ && (tried_ || device.empty()))
+    return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";
+  if (drawer_ && drawer_->is_lost()) return name + "cpu, " + device + " is lost";
+  if (drawer_ && is_auto && drawer_->is_software()) return name + "cpu, " + device + " is the CPU, too";
+  if (!why_not_.empty()) return name + "cpu, " + device + " does not draw this: " + why_not_;
+  if (!is_auto) return "gl: " + device;
+  if (!race_.decided()) return name + "cpu and " + device + " by turns, to see which is faster";
+  return name + (race_.card_is_next() ? "gl" : "cpu") + ", " + device + " takes " + per_pixel(race_.best(true)) +
+         " ns a pixel, the CPU " + per_pixel(race_.best(false));
 }
 
 }  // namespace lf

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "base/schedule.h"
@@ -69,26 +70,37 @@ class Card {
 
   // What is to draw the next answer; null: the CPU has to render it. `news`: what the user should know, once: why there
   // is no card (any more), or why it does not draw. Nobody needs to know that of kAuto.
-  gl::SumDrawer* open(RendererChoice choice, std::string& news);
+  std::shared_ptr<gl::SumDrawer> open(RendererChoice choice, std::string& news);
   // That answer, to decide by.
   void rendered(RendererChoice choice, const RenderedAnswer& answer);
   // What is to draw the trials of the answer that open() was called for; null: the CPU has to. kAuto decides apart from
   // answers: there is less to draw for the images that have to go to the card.
-  gl::SumDrawer* open_for_trials(RendererChoice choice);
+  std::shared_ptr<gl::SumDrawer> open_for_trials(RendererChoice choice);
+  // From now on what draws is in a context of this group, which `open` makes, where the card draws answers. That is
+  // done once for a group, as viewers whose pictures are in several would have it done all the time. Where it fails, or
+  // is another card's, which may be slower, all stays as it is, with the reason in `why`.
+  using OpenIn = std::function<std::unique_ptr<gl::SumDrawer>(std::string& why)>;
+  void move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why);
   void tried(RendererChoice choice, const AnswerTask::Tried& tried);
+  // Lets go of the context of somebody else's that move_to() has opened, even if it was lost; one of its own is opened
+  // again when needed.
+  void leave();
   // What renders, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0: computes on the CPU";
   // ", trials, too" where a card draws these.
   std::string explain(RendererChoice choice) const;
 
  private:
   bool is_open(RendererChoice choice, std::string& news);
+  bool draws(RendererChoice choice) const { return choice == RendererChoice::kGl || race_.card_is_next(); }
   bool is_in_race() const { return drawer_ && !drawer_->is_lost() && !drawer_->is_software(); }
   std::string explain_answers(RendererChoice choice) const;
 
   const Open open_;
   const Clock now_;
   mutable std::mutex mutex_;
-  std::unique_ptr<gl::SumDrawer> drawer_;
+  std::shared_ptr<gl::SumDrawer> drawer_;
+  std::set<gl::ShareGroup> groups_;            // that it has moved to, or tried to
+  std::string left_;                           // what drew before leave()
   std::optional<gl::Context::Drivers> tried_;  // the last ones
   std::string why_;                            // there is no card for these
   bool told_ = false;

@@ -6,25 +6,34 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "render/camera_weights.h"
+#include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
 
 namespace lf {
 
+static size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
+
 struct SumRenderer::State : simd::PreparedTask {
   using PreparedTask::PreparedTask;
   gl::DrawnSum drawn;
+  std::shared_ptr<gl::CardSum> card_sum;  // in its place
   Drawing drawing;
 };
 
 SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
-                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel)
+                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel,
+                         bool may_stay)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
   Drawing& drawing = state_->drawing;
   if (plan.blend()) {
     drawing.why_not = "the view is not blended by its mesh";
   } else if (card && !rect_.empty()) {
-    drawing.drawn = card->draw(state_->task, sources, rect_, parallel, state_->drawn, drawing.why_not);
+    // Rows and columns without anything have to be made, too, where the whole view is fetched all the same.
+    const bool stays = may_stay && 4 * area(rect_) >= 3 * area({0, 0, plan.view().width, plan.view().height});
+    if (stays) state_->card_sum = card->draw_to_stay(state_->task, sources, rect_, parallel, drawing.why_not);
+    drawing.drawn = stays ? state_->card_sum != nullptr
+                          : card->draw(state_->task, sources, rect_, parallel, state_->drawn, drawing.why_not);
     drawing.refused = !drawing.drawn;
   }
 }
@@ -32,6 +41,8 @@ SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<
 SumRenderer::~SumRenderer() = default;
 
 const Drawing& SumRenderer::drawing() const { return state_->drawing; }
+
+std::shared_ptr<gl::CardSum> SumRenderer::card_sum() const { return state_->card_sum; }
 
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
   if (state_->drawing.drawn) return state_->drawn.copy_rows(y0, y1, out);
@@ -80,8 +91,6 @@ const char* simd_target_name() { return simd::target_name(); }
 namespace {
 
 constexpr int kLeastGap = 16;  // pixels
-
-size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
 // Rectangles of one row of tiles, from left to right.
 class TileRow {

@@ -18,8 +18,9 @@
 namespace lf {
 
 namespace gl {
+class CardSum;
 class SumDrawer;
-}
+}  // namespace gl
 
 // One camera and what it sees now.
 struct Source {
@@ -58,9 +59,10 @@ class SumRenderer {
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
   // `card`: draws the sum here and now, where there is one and it can, out of images that `parallel` copies to it; else
   // the CPU does, row by row, as it is asked for. It is asked only for views that are blended by their mesh.
+  // `may_stay`: what it draws may stay there, see card_sum(); the card is then owned by a shared_ptr.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr,
-              const ParallelFor& parallel = serial_for);
+              const ParallelFor& parallel = serial_for, bool may_stay = false);
   ~SumRenderer();
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
@@ -68,6 +70,8 @@ class SumRenderer {
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
   const Drawing& drawing() const;
+  // The sum, if it has stayed on the card, as one does that fills most of the view: render_rows() is then not called.
+  std::shared_ptr<gl::CardSum> card_sum() const;
   // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
   // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
   // if any weight was lost. Call from several threads for different rows.

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Planning and rendering of one view from a square array of cameras: ns per output pixel = 1e9 / items_per_second.
+#include <GLES3/gl31.h>
+#include <benchmark/benchmark.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
 
-#include <benchmark/benchmark.h>
-
 #include "base/schedule.h"
 #include "bench/copying.h"
 #include "reference/generators.h"
+#include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
@@ -187,12 +189,74 @@ BENCHMARK_CAPTURE(DrawnSum, rgb_plane, PixelFamily::kRgb, false)
     ->ArgsProduct({{0, 3}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
-// A display's 45 views of 512x512 through a surface, of one moment, one after the other.
-void DrawnSet(benchmark::State& state) {
+// A picture's planes in I420 on a card, which sums that have stayed there are drawn to.
+class PictureOnCard {
+ public:
+  PictureOnCard(gl::SumDrawer& card, int width, int height) : card_(card) {
+    card_.work([&](gl::Programs&, gl::Buffer&) {
+      glGenTextures(3, planes_.textures);
+      for (int c = 0; c < 3; c++) {
+        glBindTexture(GL_TEXTURE_2D, planes_.textures[c]);
+        glTexStorage2D(GL_TEXTURE_2D, 1, GL_R8, c > 0 ? chroma_size(width) : width,
+                       c > 0 ? chroma_size(height) : height);
+      }
+      return true;
+    });
+  }
+  ~PictureOnCard() {
+    card_.work([&](gl::Programs&, gl::Buffer&) {
+      glDeleteTextures(3, planes_.textures);
+      return true;
+    });
+  }
+  // False if the sum has not stayed on the card.
+  bool draw(const SumRenderer& renderer, int x, int y) const {
+    const auto sum = renderer.card_sum();
+    gl::CardPicture at = planes_;
+    at.x = x;
+    at.y = y;
+    std::string why;
+    return sum && sum->draw(at, why);
+  }
+
+ private:
+  gl::SumDrawer& card_;
+  gl::CardPicture planes_;
+};
+
+// With images on their way to a card that computes, and the picture there.
+void StayedSum(benchmark::State& state) {
   static std::string why;
-  static const auto card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  static const std::shared_ptr<gl::SumDrawer> card =
+      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
-  constexpr int kViews = 45, kSide = 512;
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(8, size[0], size[1], true, PixelFamily::kI420);
+  scene.view.focus.map = room(scene.view);
+  const ViewPlan plan(scene.rig, scene.mesh, scene.view);
+  const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+  const auto sources = scene.sources(plan);
+  const ParallelFor parallel = bench::copying_for(card.get());
+  const PictureOnCard picture(*card, scene.view.width, scene.view.height);
+  for (auto _ : state) {
+    const SumRenderer renderer(plan, runs, sources, PixelFamily::kI420, Coordinates::kGrid, card.get(), parallel, true);
+    if (!picture.draw(renderer, 0, 0)) return state.SkipWithError("it does not stay");
+  }
+  state.SetLabel(card->device());
+  state.SetItemsProcessed(state.iterations() * int64_t{scene.view.width} * scene.view.height);
+}
+BENCHMARK(StayedSum)->ArgsProduct({{0, 1, 2, 3, 4}})->MeasureProcessCPUTime()->UseRealTime();
+
+// A display's 45 views of 512x512 through a surface, of one moment, one after the other; `stays`: as one picture on the
+// card.
+void drawn_set(benchmark::State& state, bool stays) {
+  static std::string why;
+  static const std::shared_ptr<gl::SumDrawer> cards[] = {
+      gl::SumDrawer::create(gl::Context::Drivers::kAny, why),
+      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why)};
+  const std::shared_ptr<gl::SumDrawer>& card = cards[stays];
+  if (!card) return state.SkipWithError(why.c_str());
+  constexpr int kColumns = 9, kRows = 5, kViews = kColumns * kRows, kSide = 512;
   Scene scene(8, kSide, kSide, true, PixelFamily::kI420);
   struct Eye {
     Eye(const Scene& scene, const View& view)
@@ -209,13 +273,18 @@ void DrawnSet(benchmark::State& state) {
     eyes.push_back(std::make_unique<Eye>(scene, view));
   }
   const ParallelFor parallel = bench::copying_for(card.get());
+  const PictureOnCard picture(*card, kColumns * kSide, kRows * kSide);
   double drawn_ns = 0;
   for (auto _ : state)
-    for (const auto& eye : eyes) {
+    for (int i = 0; i < kViews; i++) {
+      const Eye* const eye = eyes[i].get();
       const SumRenderer renderer(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid, card.get(),
-                                 parallel);
+                                 parallel, stays);
       if (!renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
       drawn_ns += static_cast<double>(card->drawn_ns());
+      if (stays && !picture.draw(renderer, i % kColumns * kSide, i / kColumns * kSide))
+        return state.SkipWithError("it does not stay");
+      if (stays) continue;
       SumPlanes out{.family = PixelFamily::kI420, .rect = renderer.rect()};
       for (int c = 0; c < 3; c++) {
         out.plane[c] = scene.sum[c].data();
@@ -227,7 +296,10 @@ void DrawnSet(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations());
   state.counters["drawn_ms_per_set"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
 }
+void DrawnSet(benchmark::State& state) { drawn_set(state, false); }
+void StayedSet(benchmark::State& state) { drawn_set(state, true); }
 BENCHMARK(DrawnSet)->MeasureProcessCPUTime()->UseRealTime();
+BENCHMARK(StayedSet)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK_CAPTURE(ComputedSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 BENCHMARK_CAPTURE(FragmentSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 

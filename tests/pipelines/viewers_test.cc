@@ -3,11 +3,9 @@
 // Several viewers of one node in one process, and pipelines that start and stop.
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cstdlib>
-#include <fstream>
 
 #include "gst/gst_test.h"
 #include "gst/sanitizer.h"
@@ -15,6 +13,7 @@
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/process.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
 #include "view/views_json.h"
@@ -160,13 +159,6 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   gst_object_unref(stalled);
   EXPECT_GT(pictures_in(shown[1], 1), 2);  // and it comes back
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-}
-
-long resident_kib() {
-  std::ifstream statm("/proc/self/statm");
-  long size = 0, resident = 0;
-  statm >> size >> resident;
-  return resident * (sysconf(_SC_PAGESIZE) / 1024);
 }
 
 // LF_CYCLES=1000 for the long run.

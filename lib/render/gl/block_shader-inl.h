@@ -8,8 +8,8 @@ namespace lf::gl {
 // What follows the rule and kRuns in the compute shader of BlockSums: an invocation computes two by two pixels and
 // their chroma.
 inline constexpr std::string_view kBlocks = R"(
-// For each row of blocks `draw` if it has lost weight or doubts, else anything; then pixels, chroma and lost weight as
-// in DrawnSum, two samples in 32 bits, at `parts`.
+// A word for each row of blocks: `draw` if it has lost weight or doubts, else anything. Then another one for each:
+// `draw` if it has doubts. Then pixels, chroma and lost weight as in DrawnSum, two samples in 32 bits, at `parts`.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 uniform uvec4 parts; // of pixels, chroma and lost weight; draw
 
@@ -85,6 +85,7 @@ void main() {
 
   uint row_words = uint(size.x + 1) / 2u;
   uint any_lost = 0u;
+  bool any_doubt = false;
   for (int j = 0; j < 2; j++) {
     int y = first.y + j, left = 2 * j;
     if (y >= size.y) break;
@@ -101,13 +102,15 @@ void main() {
 #endif
     result[parts.z + word] = lost_of[left] | lost_of[left + 1] << 16;
     any_lost |= lost_of[left] | lost_of[left + 1];
+    any_doubt = any_doubt || lost_of[left] == uint(DOUBT) || lost_of[left + 1] == uint(DOUBT);
   }
 #ifndef RGB
   uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
   result[parts.y + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
-  if (chroma_doubt) any_lost = 1u;
+  any_doubt = any_doubt || chroma_doubt;
 #endif
-  if (any_lost != 0u) result[block.y] = parts.w;
+  if (any_lost != 0u || any_doubt) result[block.y] = parts.w;
+  if (any_doubt) result[(size.y + 1) / 2 + block.y] = parts.w;
 }
 )";
 

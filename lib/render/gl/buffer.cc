@@ -9,13 +9,19 @@
 
 namespace lf::gl {
 
-// Null without GL_EXT_buffer_storage.
+// Null if the driver has none, of OpenGL ES or of OpenGL.
 static PFNGLBUFFERSTORAGEEXTPROC buffer_storage() {
-  static const auto function =
-      reinterpret_cast<PFNGLBUFFERSTORAGEEXTPROC>(eglGetProcAddress("glBufferStorageEXT"));
-  const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
-  return extensions && std::string_view(extensions).find("GL_EXT_buffer_storage") != std::string_view::npos ? function
-                                                                                                            : nullptr;
+  GLint count = 0;
+  glGetIntegerv(GL_NUM_EXTENSIONS, &count);
+  for (GLint i = 0; i < count; i++) {
+    const auto* text = reinterpret_cast<const char*>(glGetStringi(GL_EXTENSIONS, static_cast<GLuint>(i)));
+    const std::string_view name = text ? text : "";
+    const bool is_es = name == "GL_EXT_buffer_storage";
+    if (is_es || name == "GL_ARB_buffer_storage")
+      return reinterpret_cast<PFNGLBUFFERSTORAGEEXTPROC>(
+          eglGetProcAddress(is_es ? "glBufferStorageEXT" : "glBufferStorage"));
+  }
+  return nullptr;
 }
 
 void Buffer::reserve(size_t bytes) {

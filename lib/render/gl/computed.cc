@@ -7,6 +7,14 @@ namespace lf::gl {
 
 constexpr size_t kWord = sizeof(uint32_t);
 
+bool wait_for_card() {
+  const GLsync done = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  constexpr GLuint64 kLongest = 10'000'000'000;  // ns; a card that takes longer is lost
+  const GLenum state = glClientWaitSync(done, GL_SYNC_FLUSH_COMMANDS_BIT, kLongest);
+  glDeleteSync(done);
+  return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
+}
+
 bool Computed::reserve(size_t words, std::string& why) {
   GLint64 most = 0;  // bytes
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
@@ -38,13 +46,7 @@ bool Computed::fetch(Fetched& to, size_t first, size_t end) {
   const auto at = static_cast<GLintptr>(kWord * first);
   const auto size = static_cast<GLsizeiptr>(kWord * (end - first));
   glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, at, at, size);
-  if (to.buffer_.memory()) {
-    const GLsync done = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-    constexpr GLuint64 kLongest = 10'000'000'000;  // ns; a card that takes longer is lost
-    const GLenum state = glClientWaitSync(done, GL_SYNC_FLUSH_COMMANDS_BIT, kLongest);
-    glDeleteSync(done);
-    return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
-  }
+  if (to.buffer_.memory()) return wait_for_card();
   const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at, size, GL_MAP_READ_BIT);
   if (!mapped) return false;
   std::memcpy(to.memory_.data() + at, mapped, static_cast<size_t>(size));

@@ -13,6 +13,9 @@
 
 namespace lf::gl {
 
+// Waits for all that the card was given. False if it does not answer. While the context is current.
+bool wait_for_card();
+
 // What a compute shader has computed, in 32-bit words, and the way back of it. All calls while the context is current.
 class Computed {
  public:

@@ -5,8 +5,10 @@
 #include <EGL/eglext.h>
 #include <GLES3/gl31.h>
 
+#include <exception>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace lf::gl {
@@ -94,9 +96,26 @@ struct Context::Handles {
   }
 };
 
-Context::Context(std::unique_ptr<Handles> handles) : handles_(std::move(handles)) {}
+Context::Context(std::unique_ptr<Handles> handles, Foreign foreign)
+    : handles_(std::move(handles)), foreign_(std::move(foreign)) {}
 
 Context::~Context() = default;
+
+// Finds out what the driver is. False if the context can't be used.
+bool Context::look() {
+  return run([this] {
+    const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+    device_ = renderer ? renderer : "unknown";
+    // One by one: OpenGL's core profile has no list.
+    GLint count = 0;
+    glGetIntegerv(GL_NUM_EXTENSIONS, &count);
+    for (GLint i = 0; i < count; i++)
+      if (const GLubyte* name = glGetStringi(GL_EXTENSIONS, static_cast<GLuint>(i)))
+        extensions_.append(reinterpret_cast<const char*>(name)).append(" ");
+    software_ = software_ || is_software_name(device_);
+    glGetError();  // whatever was before, in somebody else's context, is none of ours
+  });
+}
 
 std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
   why.clear();
@@ -113,23 +132,24 @@ std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
       reject(candidate.name, *reason);
       continue;
     }
-    std::unique_ptr<Context> context(new Context(std::move(handles)));
-    {
-      const Current current(*context);
-      if (!current) {
-        reject(candidate.name, "its context can't be used without a window");
-        continue;
-      }
-      const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
-      context->device_ = renderer ? renderer : "unknown";
-      const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
-      context->extensions_ = extensions ? extensions : "";
-      context->software_ = candidate.software || is_software_name(context->device_);
+    std::unique_ptr<Context> context(new Context(std::move(handles), {}));
+    context->software_ = candidate.software;
+    if (!context->look()) {
+      reject(candidate.name, "its context can't be used without a window");
+      continue;
     }
     if (!context->software_ || drivers == Drivers::kAny) return context;
     reject(context->device_, "computes on the CPU");
   }
   if (why.empty()) why = "EGL lists no device";
+  return nullptr;
+}
+
+std::unique_ptr<Context> Context::create_in(Foreign foreign, Drivers drivers, std::string& why) {
+  std::unique_ptr<Context> context(new Context(nullptr, std::move(foreign)));
+  const bool is_there = context->look();
+  if (is_there && (!context->software_ || drivers == Drivers::kAny)) return context;
+  why = is_there ? context->device_ + ": computes on the CPU" : "the context is there no more";
   return nullptr;
 }
 
@@ -140,14 +160,31 @@ void Context::lose() {
   lost_ = true;
 }
 
-Context::Current::Current(Context& context) : context_(context), lock_(context.mutex_) {
-  good_ = !context.lost_ &&
-          eglMakeCurrent(context.handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, context.handles_->context);
-  if (!good_) context.lost_ = true;
-}
-
-Context::Current::~Current() {
-  eglMakeCurrent(context_.handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+bool Context::run(const std::function<void()>& job) {
+  const std::lock_guard lock(mutex_);
+  if (lost_) return false;
+  if (handles_) {
+    if (!eglMakeCurrent(handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, handles_->context)) {
+      lost_ = true;
+      return false;
+    }
+    struct Release {
+      EGLDisplay display;
+      ~Release() { eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); }
+    } const release{handles_->display};
+    job();
+    return true;
+  }
+  std::exception_ptr thrown;
+  lost_ = !foreign_.call([&] {
+    try {
+      job();
+    } catch (...) {
+      thrown = std::current_exception();
+    }
+  });
+  if (thrown) std::rethrow_exception(thrown);
+  return !lost_;
 }
 
 }  // namespace lf::gl

@@ -11,7 +11,7 @@
 
 #include "render/gl/sum_shader.h"
 
-// What a context of OpenGL ES holds for SumDrawer. All calls while that context is current.
+// What a context holds for SumDrawer. All calls while that context is current.
 namespace lf::gl {
 
 // A texture that keeps its memory as long as it is large enough.
@@ -51,8 +51,8 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// A buffer that keeps its memory as long as it is large enough. Where the driver can (GL_EXT_buffer_storage) a buffer
-// of kSent or kRead lies in this process's memory, too, as long as it is there.
+// A buffer that keeps its memory as long as it is large enough. Where the driver can (EXT_ or ARB_buffer_storage) a
+// buffer of kSent or kRead lies in this process's memory, too, as long as it is there.
 class Buffer {
  public:
   // What it is for: numbers that are replaced now and then, bytes that textures are made from, what the card computes,
@@ -141,6 +141,7 @@ class Stopwatch {
 struct Program {
   GLuint name = 0;
   GLint origin = -1, size = -1, extent = -1, map_scale = -1, chroma_places = -1, parts = -1;
+  GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 
 // All programs that have been asked for.

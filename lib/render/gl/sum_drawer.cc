@@ -8,6 +8,7 @@
 
 #include "render/camera_projection.h"
 #include "render/gl/block_sums.h"
+#include "render/gl/card_sum.h"
 #include "render/gl/face_sums.h"
 #include "render/gl/moment_sums.h"
 #include "render/gl/objects.h"
@@ -61,6 +62,7 @@ struct SumDrawer::Objects {
   std::unique_ptr<FaceSums> faces;    // one of
   std::unique_ptr<BlockSums> blocks;  // the two
   std::unique_ptr<MomentSums> moments;
+  Buffer scratch{Buffer::Use::kComputed};
   Stopwatch stopwatch;
   GLint max_size = 0;
 
@@ -74,8 +76,7 @@ struct SumDrawer::Objects {
 SumDrawer::SumDrawer(std::unique_ptr<Context> context) : context_(std::move(context)) {}
 
 SumDrawer::~SumDrawer() {
-  const Context::Current current(*context_);
-  objects_.reset();
+  context_->run([this] { objects_.reset(); });
 }
 
 // What fragment shaders draw with. False with the reason in `why` if the driver is unfit for it.
@@ -101,24 +102,32 @@ static bool prepare_faces(const Context& context, Programs& programs, std::uniqu
 }
 
 std::unique_ptr<SumDrawer> SumDrawer::create_with(Shaders shaders, Context::Drivers drivers, std::string& why) {
-  auto context = Context::create(drivers, why);
+  return create_on(Context::create(drivers, why), shaders, why);
+}
+
+std::unique_ptr<SumDrawer> SumDrawer::create_in(Context::Foreign foreign, Context::Drivers drivers, std::string& why) {
+  return create_on(Context::create_in(std::move(foreign), drivers, why), Shaders::kCompute, why);
+}
+
+std::unique_ptr<SumDrawer> SumDrawer::create_on(std::unique_ptr<Context> context, Shaders shaders, std::string& why) {
   if (!context) return nullptr;
   std::unique_ptr<SumDrawer> drawer(new SumDrawer(std::move(context)));
-  const Context::Current current(*drawer->context_);
-  if (!current) return nullptr;
-  if (shaders == Shaders::kFitting) shaders = drawer->is_software() ? Shaders::kFragment : Shaders::kCompute;
+  bool is_fit = false;
+  drawer->context_->run([&] { is_fit = drawer->prepare(shaders, why); });
+  return is_fit ? std::move(drawer) : nullptr;
+}
+
+// Unfit drivers are told from others before there is anything to draw.
+bool SumDrawer::prepare(Shaders shaders, std::string& why) {
+  if (shaders == Shaders::kFitting) shaders = is_software() ? Shaders::kFragment : Shaders::kCompute;
   // llvmpipe says of every compute shader that it took a second.
-  const bool tells_time = shaders == Shaders::kFragment || !drawer->is_software();
-  drawer->objects_ =
-      std::make_unique<Objects>(tells_time && drawer->context_->has_extension("GL_EXT_disjoint_timer_query"));
-  Objects& o = *drawer->objects_;
-  // Unfit drivers are told from others before there is anything to draw.
-  if (shaders == Shaders::kFragment)
-    return prepare_faces(*drawer->context_, o.programs, o.faces, why) ? std::move(drawer) : nullptr;
+  const bool tells_time = shaders == Shaders::kFragment || !is_software();
+  objects_ = std::make_unique<Objects>(tells_time && context_->has_extension("GL_EXT_disjoint_timer_query"));
+  Objects& o = *objects_;
+  if (shaders == Shaders::kFragment) return prepare_faces(*context_, o.programs, o.faces, why);
   o.blocks = std::make_unique<BlockSums>();
   o.moments = std::make_unique<MomentSums>();
-  const SumProgram program{.output = SumProgram::Output::kBlocksI420, .careful = true, .has_map = true};
-  return o.programs.use(program, why) ? std::move(drawer) : nullptr;
+  return o.programs.use({.output = SumProgram::Output::kBlocksI420, .careful = true, .has_map = true}, why);
 }
 
 static bool refuse(std::string& why, std::string reason) {
@@ -139,8 +148,8 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   const Atlases::Lease atlas(o.atlases);
   if (!atlas->lay_out(task, sources, needed, o.max_size)) return refuse(why, "the cameras' images are too large");
   const auto in_context = [&](const auto& job) {
-    const Context::Current current(*context_);
-    if (current) return job();
+    bool done = false;
+    if (context_->run([&] { done = job(); })) return done;
     lost_ = true;
     return refuse(why, "the context is lost");
   };
@@ -167,8 +176,10 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   });
 }
 
-bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
+// Into `out` or wherever `read` puts it.
+template <class Read>
+bool SumDrawer::draw_sum(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                         const ParallelFor& parallel, DrawnSum& out, const Read& read, std::string& why) {
   Objects& o = *objects_;
   out.family = task.family;
   out.rect = rect;
@@ -179,14 +190,50 @@ bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources,
     return o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
                     : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);
   };
+  return draw_now(task, sources, {part}, rect, parallel, begin, read, why);
+}
+
+bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
   const auto read = [&] {
-    if (o.blocks) return o.blocks->read(out);
-    o.faces->read(out);
+    if (objects_->blocks) return objects_->blocks->latest()->read(out);
+    objects_->faces->read(out);
     return true;
   };
-  if (!draw_now(task, sources, {part}, rect, parallel, begin, read, why)) return false;
+  if (!draw_sum(task, sources, rect, parallel, out, read, why)) return false;
   mended_ = mend(task, out);
   return true;
+}
+
+std::shared_ptr<CardSum> SumDrawer::draw_to_stay(const simd::SumTask& task, std::span<const Source> sources,
+                                                 const Rect& rect, const ParallelFor& parallel, std::string& why) {
+  Objects& o = *objects_;
+  if (!o.blocks) return nullptr;
+  DrawnSum open;  // what the card has left open
+  bool any_lost = false;
+  std::shared_ptr<BlockSum> sum;
+  const auto read = [&] {
+    sum = o.blocks->latest();
+    return sum->read_open(open, any_lost);
+  };
+  if (!draw_sum(task, sources, rect, parallel, open, read, why)) return nullptr;
+  const size_t mended = mend(task, open);  // mended_ is everybody's
+  mended_ = mended;
+  if (mended > 0 && !context_->run([&] { sum->write_back(open); })) {
+    lost_ = true;
+    refuse(why, "the context is lost");
+    return nullptr;
+  }
+  const View& view = task.plan->view();
+  return std::make_shared<CardSum>(shared_from_this(), std::move(sum), Rect{0, 0, view.width, view.height}, any_lost);
+}
+
+bool SumDrawer::work(const std::function<bool(Programs& programs, Buffer& scratch)>& job) {
+  bool done = false;
+  const auto work = [&] { done = job(objects_->programs, objects_->scratch) && glGetError() == GL_NO_ERROR; };
+  if (context_->run(work)) return done;
+  lost_ = true;
+  return false;
 }
 
 bool SumDrawer::draws_moments() const { return objects_->moments != nullptr; }

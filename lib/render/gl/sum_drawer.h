@@ -18,7 +18,10 @@
 
 namespace lf::gl {
 
+class Buffer;
+class CardSum;
 struct NeededPixels;
+class Programs;
 
 // A sum as it came from the card.
 struct DrawnSum {
@@ -60,7 +63,7 @@ struct DrawnMoments {
 // Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
 // from the CPU, in double, and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
 // computed there, too. So its bounds are SumRenderer's in every view.
-class SumDrawer {
+class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
  public:
   enum class Shaders {
     kFitting,   // kCompute, but kFragment where the CPU computes
@@ -72,6 +75,8 @@ class SumDrawer {
     return create_with(Shaders::kFitting, drivers, why);
   }
   static std::unique_ptr<SumDrawer> create_with(Shaders shaders, Context::Drivers drivers, std::string& why);
+  // One in somebody else's context, by compute shaders. Null, with the reason in `why`, if that is unfit.
+  static std::unique_ptr<SumDrawer> create_in(Context::Foreign foreign, Context::Drivers drivers, std::string& why);
   ~SumDrawer();
 
   const std::string& device() const { return context_->device(); }
@@ -85,6 +90,11 @@ class SumDrawer {
   bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, const ParallelFor& parallel,
             DrawnSum& out, std::string& why);
 
+  // The same, but the sum stays on the card. The drawer is owned by a shared_ptr. Null where draw() would have been
+  // false, and where it draws by fragment shaders.
+  std::shared_ptr<CardSum> draw_to_stay(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                                        const ParallelFor& parallel, std::string& why);
+
   // Whether it can draw moments, too: where it draws by compute shaders.
   bool draws_moments() const;
   // Draws the moments of a task's slots, which `sources` are the images of, into `out`; `part`: what is looked at of a
@@ -94,6 +104,15 @@ class SumDrawer {
   bool draw_moments(const MomentTask& task, std::span<const Source> sources,
                     const std::function<Rect(const Source&)>& part, const ParallelFor& parallel, DrawnMoments& out,
                     std::string& why);
+
+  // The contexts that its own shares textures with; 0: none.
+  ShareGroup group() const { return context_->group(); }
+  // Calls what works on what is there on the card, with the context current and a buffer that nobody else uses
+  // meanwhile. False if the job is, and where the context is lost or OpenGL tells of an error. Any thread.
+  bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job);
+
+  // To be called by such a job: the card has not done in time what it was given, and is left alone from now on.
+  void has_not_answered() { lost_ = true; }
 
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
@@ -108,6 +127,11 @@ class SumDrawer {
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
+  static std::unique_ptr<SumDrawer> create_on(std::unique_ptr<Context> context, Shaders shaders, std::string& why);
+  bool prepare(Shaders shaders, std::string& why);
+  template <class Read>
+  bool draw_sum(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
+                const ParallelFor& parallel, DrawnSum& out, const Read& read, std::string& why);
   template <class Begin, class Read>
   bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
                 const Rect& rect, const ParallelFor& parallel, const Begin& begin, const Read& read, std::string& why);

@@ -5,6 +5,7 @@
 
 #include "render/gl/block_shader-inl.h"
 #include "render/gl/moment_shader-inl.h"
+#include "render/gl/picture_shader-inl.h"
 #include "render/gl/run_shader-inl.h"
 #include "render/gl/shader_rule-inl.h"
 
@@ -183,7 +184,8 @@ void define(std::string& text, std::string_view name, auto value) {
 std::string head(const SumProgram& program) {
   std::string text = "#version 310 es\n";
   using Output = SumProgram::Output;
-  if (program.output == Output::kRgb || program.output == Output::kBlocksRgb || program.output == Output::kMomentsRgb)
+  if (program.output == Output::kRgb || program.output == Output::kBlocksRgb || program.output == Output::kMomentsRgb ||
+      program.output == Output::kPictureRgb)
     text += "#define RGB\n";
   if (program.output == Output::kMixedChroma) text += "#define MIXED\n";
   if (is_computed(program)) text += "#define COMPUTED\n";
@@ -196,6 +198,7 @@ std::string head(const SumProgram& program) {
   define(text, "TABLES", int{kTablesBinding});
   define(text, "RESULT", int{kResultBinding});
   define(text, "SURFACES", int{kSurfacesBinding});
+  define(text, "PICTURE", int{kPictureBinding});
   define(text, "GROUP", kGroup);
   define(text, "FACE_TEXELS", face_texels(program.has_map));
   define(text, "FACE_EDGE", int{kFaceEdge});
@@ -230,6 +233,7 @@ std::string vertex_shader(const SumProgram& program) {
 }
 
 std::string compute_shader(const SumProgram& program) {
+  if (is_of_picture(program)) return head(program).append(kPicture);
   return head(program).append(kRule).append(kRuns).append(is_of_moments(program) ? kMoments : kBlocks);
 }
 

@@ -20,6 +20,8 @@ struct SumProgram {
   //   kChromaBits: such sums as 16 bits.
   //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
   //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
+  //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, by a compute shader to which nothing below means
+  //     anything.
   enum class Output {
     kRgb,
     kLuma,
@@ -29,7 +31,9 @@ struct SumProgram {
     kBlocksRgb,
     kBlocksI420,
     kMomentsRgb,
-    kMomentsI420
+    kMomentsI420,
+    kPictureRgb,
+    kPictureI420
   } output = Output::kRgb;
   // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
@@ -82,12 +86,15 @@ inline constexpr double kMaxWeightError = 2e-5;
 inline constexpr double kEyeDoubt = 1e-5;
 
 // Buffers of a compute shader, and invocations a side of a group of it.
-enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding, kSurfacesBinding };
+enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding, kSurfacesBinding, kPictureBinding };
 inline constexpr int kGroup = 8;
 
-// By compute shaders, and moments among them: the last ones of Output.
+// By compute shaders, and moments and pictures among them: the last ones of Output.
 inline bool is_computed(const SumProgram& program) { return program.output >= SumProgram::Output::kBlocksRgb; }
-inline bool is_of_moments(const SumProgram& program) { return program.output >= SumProgram::Output::kMomentsRgb; }
+inline bool is_of_moments(const SumProgram& program) {
+  return program.output == SumProgram::Output::kMomentsRgb || program.output == SumProgram::Output::kMomentsI420;
+}
+inline bool is_of_picture(const SumProgram& program) { return program.output >= SumProgram::Output::kPictureRgb; }
 
 std::string vertex_shader(const SumProgram& program);
 std::string fragment_shader(const SumProgram& program);

@@ -5,12 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
 #include "lib/render/sum_arrays.h"
 #include "render/ownership.h"
+#include "support/process.h"
 
 namespace lf {
 namespace {
@@ -52,7 +50,7 @@ TEST(Card, IsLeftAloneForAWhileWhereItRefuses) {
   uint64_t now = 77 * kSecond;
   Card card(gl::SumDrawer::create, [&] { return now; });
   std::string news;
-  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
   ASSERT_TRUE(drawer) << news;
   const std::string draws = "gl: " + drawer->device();
   const auto refuse = [&](const std::string& why) {
@@ -94,11 +92,13 @@ TEST(Card, DrawsTrials) {
   Card card(open_with(gl::SumDrawer::Shaders::kCompute), [&] { return now; });
   std::string news;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), nullptr) << "it is opened for answers";
-  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
   ASSERT_TRUE(drawer) << news;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kCpu), nullptr);
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
-  if (drawer->is_software()) EXPECT_EQ(card.open_for_trials(RendererChoice::kAuto), nullptr);
+  if (drawer->is_software()) {
+    EXPECT_EQ(card.open_for_trials(RendererChoice::kAuto), nullptr);
+  }
   const std::string draws = "gl: " + drawer->device();
   card.rendered(RendererChoice::kGl, answer(true));
   EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
@@ -119,6 +119,45 @@ TEST(Card, DrawsTrials) {
   Card fragments(open_with(gl::SumDrawer::Shaders::kFragment));
   ASSERT_TRUE(fragments.open(RendererChoice::kGl, news)) << news;
   EXPECT_EQ(fragments.open_for_trials(RendererChoice::kGl), nullptr);
+}
+
+// To where pictures are: once, where there is something that draws, and who still draws with the one before may go on.
+TEST(Card, MovesToAnotherContext) {
+  Card card;
+  std::string news, why;
+  int opened = 0;
+  constexpr gl::ShareGroup kHere = 7, kThere = 8;
+  // Contexts of nobody's are as good as any.
+  const Card::OpenIn open = [&](std::string& reason) {
+    opened++;
+    return gl::SumDrawer::create(gl::Context::Drivers::kAny, reason);
+  };
+  const Card::OpenIn fail = [&](std::string& reason) {
+    opened++;
+    reason = "no more of them";
+    return std::unique_ptr<gl::SumDrawer>();
+  };
+  card.move_to(RendererChoice::kGl, kHere, open, why);
+  EXPECT_EQ(opened, 0) << "nothing draws yet";
+  const std::shared_ptr<gl::SumDrawer> before = card.open(RendererChoice::kGl, news);
+  ASSERT_TRUE(before) << news;
+  card.move_to(RendererChoice::kCpu, kHere, open, why);
+  card.move_to(RendererChoice::kAuto, kHere, open, why);
+  EXPECT_EQ(opened, 0) << "auto has not decided yet";
+  for (int i = 0; i < 3; i++) card.move_to(RendererChoice::kGl, kHere, open, why);
+  EXPECT_EQ(opened, 1);
+  const std::shared_ptr<gl::SumDrawer> after = card.open(RendererChoice::kGl, news);
+  EXPECT_TRUE(after);
+  EXPECT_NE(after, before);
+  for (int i = 0; i < 3; i++) card.move_to(RendererChoice::kGl, kThere, fail, why);
+  EXPECT_EQ(opened, 2);
+  EXPECT_EQ(why, "no more of them");
+  card.move_to(RendererChoice::kGl, kHere, open, why);
+  EXPECT_EQ(opened, 2) << "to and fro would take all the time";
+  EXPECT_EQ(card.open(RendererChoice::kGl, news), after) << "goes on where it was";
+  card.leave();
+  EXPECT_EQ(card.open(RendererChoice::kGl, news), after) << "it is nobody's";
+  EXPECT_EQ(news, "");
 }
 
 TEST(Card, AutoNeverTakesWhatComputesOnTheCpu) {
@@ -197,7 +236,7 @@ class CardLossTest : public testing::Test {
 TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
   Card card;
   std::string news;
-  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
   ASSERT_TRUE(drawer) << news;
   drawer->lose();
   View wide = view_;
@@ -205,7 +244,7 @@ TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
   const std::vector<CameraIndex> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
   const RenderJob job(rig_, build_mesh(rig_), wide, all);
   const std::vector<Source> sources = test::sources_of(rig_, job.plan(), images_);
-  const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kI420, Coordinates::kGrid, drawer);
+  const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kI420, Coordinates::kGrid, drawer.get());
   EXPECT_FALSE(drawer->is_lost());
   EXPECT_FALSE(renderer.drawing().drawn);
   EXPECT_FALSE(renderer.drawing().refused);
@@ -221,7 +260,7 @@ TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
 TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
   Card card;
   std::string news;
-  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
   ASSERT_TRUE(drawer) << news;
   View wide = view_;
   wide.width = 1 << 16;
@@ -230,7 +269,7 @@ TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
   const test::Production production(rig_, build_mesh(rig_), wide);
   const std::vector<Source> sources = test::sources_of(rig_, production.plan, images_);
   const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kI420, Coordinates::kGrid,
-                             drawer);
+                             drawer.get());
   EXPECT_FALSE(renderer.drawing().drawn);
   EXPECT_TRUE(renderer.drawing().refused);
   EXPECT_EQ(renderer.drawing().why_not, "the view or the array is too large");
@@ -240,50 +279,42 @@ TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
 TEST_F(CardLossTest, StartsAndStopsLeaveNothing) {
   const char* const wanted = std::getenv("LF_CYCLES");
   const int cycles = wanted ? std::atoi(wanted) : 8;
-  const auto resident = [] {
-    std::ifstream file("/proc/self/statm");
-    long size = 0, pages = 0;
-    file >> size >> pages;
-    return static_cast<double>(pages) * 4096 / (1 << 20);
-  };
-  const auto entries = [](const char* folder) {
-    return std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator());
-  };
+  const auto resident = [] { return static_cast<double>(test::resident_kib()) / 1024; };
   double megabytes = 0;
   ptrdiff_t files = 0, threads = 0;
   for (int i = 0; i < cycles; i++) {
     if (i == cycles / 4) {  // what is kept for good is there
       megabytes = resident();
-      files = entries("/proc/self/fd");
-      threads = entries("/proc/self/task");
+      files = test::count_of("fd");
+      threads = test::count_of("task");
     }
     Card card;
     std::string news;
-    gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+    const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
     ASSERT_TRUE(drawer) << news;
     bool drawn = false;
-    EXPECT_LE(render(drawer, drawn), 1);
+    EXPECT_LE(render(drawer.get(), drawn), 1);
     EXPECT_TRUE(drawn);
   }
   std::printf("%d cycles: %.1f MiB more than after a quarter of them\n", cycles, resident() - megabytes);
   EXPECT_LE(resident() - megabytes, 0.1 * megabytes + 8);
-  EXPECT_LE(entries("/proc/self/fd"), files);
-  EXPECT_LE(entries("/proc/self/task"), threads);
+  EXPECT_LE(test::count_of("fd"), files);
+  EXPECT_LE(test::count_of("task"), threads);
 }
 
 TEST_F(CardLossTest, PicturesGoOnThroughAHundredLosses) {
   for (int i = 0; i < 100; i++) {
     Card card;
     std::string news;
-    gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+    const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
     ASSERT_TRUE(drawer) << news;
     bool drawn = false;
     if (i % 10 == 0) {
-      EXPECT_LE(render(drawer, drawn), 1);
+      EXPECT_LE(render(drawer.get(), drawn), 1);
       EXPECT_TRUE(drawn);
     }
     drawer->lose();
-    EXPECT_LE(render(card.open(RendererChoice::kGl, news), drawn), 1);  // found out on the way
+    EXPECT_LE(render(card.open(RendererChoice::kGl, news).get(), drawn), 1);  // found out on the way
     EXPECT_FALSE(drawn);
     EXPECT_EQ(news, "");
     EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr);

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/gl/card_sum.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "render/gl/block_sums.h"
+#include "render/gl/objects.h"
+#include "render/gl/sum_drawer.h"
+
+namespace lf::gl {
+
+CardSum::CardSum(std::shared_ptr<SumDrawer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_lost)
+    : drawer_(std::move(drawer)), sum_(std::move(sum)), view_(view), has_lost_(has_lost) {}
+
+CardSum::~CardSum() = default;
+
+PixelFamily CardSum::family() const { return sum_->family; }
+
+ShareGroup CardSum::group() const { return drawer_->group(); }
+
+ConstSumPlanes CardSum::fetch() {
+  const std::lock_guard lock(mutex_);
+  if (!memory_.empty()) return fetched_;
+  DrawnSum drawn{.family = sum_->family, .rect = sum_->rect};
+  const bool is_there = drawer_->work([&](Programs&, Buffer&) {
+    if (sum_->read(drawn)) return true;
+    drawer_->has_not_answered();
+    return false;
+  });
+  is_gone_ = !is_there;
+  const size_t samples = packed_size(drawn.family, view_.width(), view_.height()),
+               pixels = static_cast<size_t>(view_.width()) * view_.height();
+  const bool has_lost = has_lost_ || !is_there;
+  memory_.resize(samples + (has_lost ? pixels : 0));
+  auto* const lost = has_lost ? reinterpret_cast<uint16_t*>(memory_.data() + samples) : nullptr;
+  const SumPlanes planes = packed_sums(drawn.family, view_, memory_.data(), lost);
+  if (is_there) {
+    drawn.copy_rows(0, view_.height(), planes);
+  } else {
+    std::fill_n(memory_.data(), samples, int16_t{0});
+    std::fill_n(lost, pixels, uint16_t{kLostOne});
+  }
+  fetched_ = packed_sums<const int16_t, const uint16_t>(drawn.family, view_, memory_.data(), lost);
+  return fetched_;
+}
+
+namespace {
+
+// Words of a row of bytes: OpenGL expects rows to begin at whole ones.
+GLuint words_of(int bytes) { return static_cast<GLuint>(bytes + 3) / 4; }
+
+// A plane of the picture in the buffer that its bytes are made in.
+struct Plane {
+  int width = 0, height = 0, bytes = 1;  // pixels, bytes of one
+  size_t first = 0;                      // word
+
+  GLuint row() const { return words_of(width * bytes); }
+  size_t end() const { return first + size_t{row()} * static_cast<size_t>(height); }
+  GLenum format() const {
+    constexpr GLenum kFormats[] = {GL_RED, GL_RG, GL_RGB, GL_RGBA};
+    return kFormats[bytes - 1];
+  }
+};
+
+// Returns how many there are.
+int lay_out(PixelFamily family, const Rect& view, const CardPicture& picture, Plane (&planes)[3]) {
+  const bool rgb = family == PixelFamily::kRgb;
+  planes[0] = {view.width(), view.height(), rgb ? picture.layout.pixel_stride : 1, 0};
+  const int count = rgb ? 1 : picture.is_interleaved ? 2 : 3;
+  for (int i = 1; i < count; i++)
+    planes[i] = {chroma_size(view.width()), chroma_size(view.height()), picture.is_interleaved ? 2 : 1,
+                 planes[i - 1].end()};
+  return count;
+}
+
+}  // namespace
+
+bool CardSum::draw(const CardPicture& picture, std::string& why) {
+  const bool rgb = sum_->family == PixelFamily::kRgb;
+  Plane planes[3];
+  const int count = lay_out(sum_->family, view_, picture, planes);
+  const auto make = [&](Programs& programs, Buffer& bytes) {
+    SumProgram what;
+    what.output = rgb ? SumProgram::Output::kPictureRgb : SumProgram::Output::kPictureI420;
+    if (auto* const fence = static_cast<GLsync>(picture.fence)) {
+      glWaitSync(fence, 0, GL_TIMEOUT_IGNORED);
+      glDeleteSync(fence);
+    }
+    const Program* program = programs.use(what, why);
+    if (!program) return false;
+    bytes.reserve(sizeof(uint32_t) * planes[count - 1].end());
+    const BlockSum& sum = *sum_;
+    glUniform2i(program->origin, sum.rect.x0, sum.rect.y0);
+    glUniform2i(program->size, sum.rect.width(), sum.rect.height());
+    glUniform2i(program->extent, view_.width(), view_.height());
+    glUniform4ui(program->parts, sum.parts.pixels, sum.parts.chroma, sum.parts.lost, sum.draw);
+    glUniform4ui(program->planes, planes[0].row(), planes[1].row(), static_cast<GLuint>(planes[1].first),
+                 static_cast<GLuint>(planes[2].first));
+    glUniform3f(program->byte_levels, picture.gain, picture.offset, picture.chroma_gain);
+    glUniform4f(program->background, picture.background[0], picture.background[1], picture.background[2],
+                static_cast<float>(picture.least_weight));
+    const RgbLayout& layout = picture.layout;
+    const int opaque = 6 - layout.r - layout.g - layout.b;
+    glUniform4i(program->channels, 8 * layout.r, 8 * layout.g, 8 * layout.b,
+                rgb ? (layout.pixel_stride == 4 ? 8 * opaque : -1) : picture.is_interleaved);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, sum.words.name());
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, bytes.name());
+    const int columns = rgb ? 4 : 8, rows = rgb ? 1 : 2;  // pixels of an invocation
+    const auto groups = [](int pixels, int of_one) {
+      return static_cast<GLuint>((pixels + kGroup * of_one - 1) / (kGroup * of_one));
+    };
+    glDispatchCompute(groups(view_.width(), columns), groups(view_.height(), rows), 1);
+    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, bytes.name());
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+    glActiveTexture(GL_TEXTURE0 + kTargets);
+    for (int i = 0; i < count; i++) {
+      const Plane& plane = planes[i];
+      glBindTexture(GL_TEXTURE_2D, picture.textures[i]);
+      const int halves = i > 0 ? 2 : 1;
+      glTexSubImage2D(GL_TEXTURE_2D, 0, picture.x / halves, picture.y / halves, plane.width, plane.height,
+                      plane.format(), GL_UNSIGNED_BYTE, reinterpret_cast<const void*>(sizeof(uint32_t) * plane.first));
+    }
+    glBindTexture(GL_TEXTURE_2D, 0);
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    if (wait_for_card()) return true;
+    drawer_->has_not_answered();
+    why = "the card does not answer";
+    return false;
+  };
+  if (drawer_->work(make)) return true;
+  if (why.empty()) why = drawer_->is_lost() ? "the context is lost" : "OpenGL refuses it";
+  return false;
+}
+
+}  // namespace lf::gl

@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/gl/card_sum.h"
+
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <GLES3/gl31.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <span>
+#include <thread>
+
+#include "composite/accumulator.h"
+#include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
+#include "reference/hard_cases.h"
+#include "render/gl/sum_drawer.h"
+#include "render/simd/sum_task.h"
+#include "render/sum_renderer.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+using test::Sum;
+
+// Somebody's context, by Mesa without a screen, in which the pictures' textures are.
+class Somebody {
+ public:
+  static constexpr gl::ShareGroup kGroup = 5;
+  explicit Somebody(EGLenum api) {
+    display_ = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
+    if (!eglInitialize(display_, nullptr, nullptr) || !eglBindAPI(api)) throw std::runtime_error("no display");
+    const EGLint of_es[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
+    const EGLint of_gl[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_NONE};
+    context_ = eglCreateContext(display_, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, api == EGL_OPENGL_ES_API ? of_es : of_gl);
+    api_ = api;
+    if (context_ == EGL_NO_CONTEXT) throw std::runtime_error("no context");
+  }
+  ~Somebody() { eglDestroyContext(display_, context_); }
+  Somebody(const Somebody&) = delete;
+  Somebody& operator=(const Somebody&) = delete;
+
+  bool call(const std::function<void()>& job) {
+    if (is_gone_) return false;
+    eglBindAPI(api_);
+    if (!eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) return false;
+    job();
+    eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    eglBindAPI(EGL_OPENGL_ES_API);
+    return true;
+  }
+  gl::Context::Foreign foreign() {
+    return {[this](const std::function<void()>& job) { return call(job); }, kGroup};
+  }
+  void leave() { is_gone_ = true; }
+
+  // A texture of so many bytes a pixel, which are all 77.
+  GLuint texture(int width, int height, int bytes) {
+    GLuint name = 0;
+    call([&] {
+      constexpr GLenum kSizes[] = {GL_R8, GL_RG8, GL_RGB8, GL_RGBA8};
+      const std::vector<uint8_t> grey(static_cast<size_t>(width) * height * bytes, 77);
+      glGenTextures(1, &name);
+      glBindTexture(GL_TEXTURE_2D, name);
+      glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+      glTexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(kSizes[bytes - 1]), width, height, 0, kFormats[bytes - 1],
+                   GL_UNSIGNED_BYTE, grey.data());
+      glBindTexture(GL_TEXTURE_2D, 0);
+    });
+    return name;
+  }
+  std::vector<uint8_t> bytes_of(GLuint texture, int width, int height, int bytes) {
+    std::vector<uint8_t> four(static_cast<size_t>(width) * height * 4), out;
+    call([&] {
+      GLuint frame = 0;
+      glGenFramebuffers(1, &frame);
+      glBindFramebuffer(GL_FRAMEBUFFER, frame);
+      glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+      EXPECT_EQ(glCheckFramebufferStatus(GL_FRAMEBUFFER), GLenum{GL_FRAMEBUFFER_COMPLETE});
+      glPixelStorei(GL_PACK_ALIGNMENT, 1);
+      glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, four.data());
+      glBindFramebuffer(GL_FRAMEBUFFER, 0);
+      glDeleteFramebuffers(1, &frame);
+      glDeleteTextures(1, &texture);
+      EXPECT_EQ(glGetError(), GLenum{GL_NO_ERROR});
+    });
+    for (size_t i = 0; i < four.size(); i += 4) out.insert(out.end(), &four[i], &four[i] + bytes);
+    return out;
+  }
+
+ private:
+  static constexpr GLenum kFormats[] = {GL_RED, GL_RG, GL_RGB, GL_RGBA};
+  EGLDisplay display_ = EGL_NO_DISPLAY;
+  EGLContext context_ = EGL_NO_CONTEXT;
+  EGLenum api_ = EGL_OPENGL_ES_API;
+  bool is_gone_ = false;
+};
+
+// In OpenGL ES, and in OpenGL, which windows are drawn with by default.
+class CardSum : public testing::TestWithParam<EGLenum> {
+ protected:
+  void SetUp() override {
+    std::string why;
+    drawer_ = gl::SumDrawer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
+    ASSERT_TRUE(drawer_) << why;
+  }
+
+  // An array's view, of which two cameras have no picture where `lost`, and one none of its sight beyond the middle.
+  struct Scene {
+    Scene(int seed, int width, int height, PixelFamily family, bool lost, bool is_turned)
+        : random(seed),
+          rig(test::jittered_array(random, 3, 160, 120, seed % 2 ? -0.25 : 0)),
+          view(test::view_into(rig, 3, width, height, random.small_rotation(is_turned ? 0.5 : 0.05))),
+          production(rig, build_mesh(rig), view),
+          rgb(images_of(rig, random, reference::smooth_image)),
+          images(family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb),
+          sources(test::sources_of(rig, production.plan, images)),
+          family(family) {
+      if (lost && sources.size() > 4) sources[1].image = sources[4].image = {.family = PixelFamily::kNone};
+    }
+    SumRenderer renderer(const std::shared_ptr<gl::SumDrawer>& card, bool may_stay) const {
+      return {production.plan, production.owners.runs(), sources, family, Coordinates::kExact, card.get(), serial_for,
+              may_stay};
+    }
+
+    Random random;
+    Rig rig;
+    View view;
+    test::Production production;
+    std::vector<Image> rgb, images;
+    std::vector<Source> sources;
+    PixelFamily family;
+  };
+
+  Somebody somebody_{GetParam()};
+  std::shared_ptr<gl::SumDrawer> drawer_;
+};
+INSTANTIATE_TEST_SUITE_P(, CardSum, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), [](const auto& of) {
+  return std::string(of.param == EGL_OPENGL_ES_API ? "OpenGlEs" : "OpenGl");
+});
+
+// What has stayed is what would have come, mended where the card was in doubt.
+TEST_P(CardSum, IsTheSumThatWouldHaveCome) {
+  int stayed = 0;
+  size_t mended = 0;
+  for (int seed = 0; seed < 12; seed++) {
+    const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    const Scene scene(seed, seed % 3 ? 157 : 160, seed % 3 ? 121 : 120, family, seed % 4 == 1, seed % 5 == 2);
+    const SumRenderer came = scene.renderer(drawer_, false), stays = scene.renderer(drawer_, true);
+    ASSERT_TRUE(came.drawing().drawn && stays.drawing().drawn) << came.drawing().why_not << stays.drawing().why_not;
+    EXPECT_EQ(came.card_sum(), nullptr);
+    if (!stays.card_sum()) continue;  // too little of the view
+    stayed++;
+    mended += drawer_->mended();
+    Sum expected(family, test::whole(scene.view));
+    const bool any_lost = came.render_rows(0, scene.view.height, expected.planes);
+    const ConstSumPlanes sum = stays.card_sum()->fetch();
+    EXPECT_EQ(sum.plane[0], stays.card_sum()->fetch().plane[0]) << "is fetched once";
+    ASSERT_EQ(sum.rect, test::whole(scene.view));
+    ASSERT_TRUE(sum.lost || !any_lost);
+    for (int c = 0; c < 3; c++)
+      for (size_t i = 0; i < expected.memory[c].size(); i++) ASSERT_EQ(sum.plane[c][i], expected.memory[c][i]) << i;
+    for (size_t i = 0; sum.lost && i < expected.lost.size(); i++) ASSERT_EQ(sum.lost[i], expected.lost[i]) << i;
+  }
+  EXPECT_GE(stayed, 8);
+  EXPECT_GT(mended, 0u);
+}
+
+// What is open of one's sum is mended whatever others, who have nothing to mend, draw meanwhile.
+TEST_P(CardSum, IsDrawnForSeveralAtOnce) {
+  std::vector<std::unique_ptr<const Scene>> scenes;
+  std::vector<Sum> expected;
+  for (int seed = 0; seed < 6; seed++) {
+    const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    scenes.push_back(std::make_unique<const Scene>(seed, 157, 121, family, seed % 4 == 1, seed % 3 == 2));
+    expected.emplace_back(family, test::whole(scenes.back()->view));
+    scenes.back()->renderer(drawer_, false).render_rows(0, 121, expected.back().planes);
+  }
+  std::atomic<int> wrong = 0, stayed = 0;
+  const auto draw = [&](size_t first) {
+    for (size_t i = 0; i < 4 * scenes.size(); i++) {
+      const size_t of = (first + i) % scenes.size();
+      const auto sum = scenes[of]->renderer(drawer_, true).card_sum();
+      if (!sum) continue;
+      stayed++;
+      const ConstSumPlanes planes = sum->fetch();
+      for (int c = 0; c < 3; c++)
+        wrong += !std::ranges::equal(std::span(planes.plane[c], expected[of].memory[c].size()), expected[of].memory[c]);
+      if (planes.lost)
+        wrong += !std::ranges::equal(std::span(planes.lost, expected[of].lost.size()), expected[of].lost);
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (size_t i = 0; i < 3; i++) threads.emplace_back(draw, 2 * i);
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(stayed, 36);
+}
+
+struct Layout {
+  RgbLayout rgb;
+  bool is_interleaved = false;
+};
+
+// Pictures are to the bit the compositor's, and within a level where what is left was divided by its weight.
+TEST_P(CardSum, BecomesTheCompositorsPicture) {
+  const Layout of_rgb[] = {{{3, 0, 1, 2}}, {{4, 0, 1, 2}}, {{4, 2, 1, 0}}, {{4, 1, 2, 3}}, {{4, 3, 2, 1}}};
+  const Layout of_i420[] = {{{}, false}, {{}, true}};
+  int pictures = 0, worst_whole = 0, worst = 0;
+  size_t off = 0, all = 0;
+  for (int seed = 0; seed < 40; seed++) {
+    const bool rgb = seed % 2;
+    const int width = 148 + 4 * (seed % 3) + seed % 7, height = 110 + seed % 5;
+    const Scene scene(seed, width, height, rgb ? PixelFamily::kRgb : PixelFamily::kI420, seed % 4 < 2, seed % 5 == 2);
+    const SumRenderer stays = scene.renderer(drawer_, true);
+    if (!stays.card_sum()) continue;
+    const Layout& layout = rgb ? of_rgb[seed / 2 % 5] : of_i420[seed / 2 % 2];
+    const Background background = seed % 3 ? Background{200, 30, 90} : Background{};
+    const Levels levels = seed % 8 < 4 || rgb ? kFullLevels : kVideoLevels;
+    Accumulator sum;
+    sum.reset(scene.family, width, height);
+    ASSERT_TRUE(sum.add_kept(stays.card_sum()));
+    ASSERT_EQ(sum.share_group(), Somebody::kGroup);
+
+    const int step = layout.rgb.pixel_stride, cw = chroma_size(width), ch = chroma_size(height);
+    struct Plane {
+      int width, height, bytes;
+    };
+    std::vector<Plane> planes{{width, height, rgb ? step : 1}};
+    if (!rgb && layout.is_interleaved) planes.push_back({cw, ch, 2});
+    if (!rgb && !layout.is_interleaved) planes.insert(planes.end(), 2, {cw, ch, 1});
+    gl::CardPicture to{.layout = layout.rgb, .is_interleaved = layout.is_interleaved};
+    for (size_t i = 0; i < planes.size(); i++)
+      to.textures[i] = somebody_.texture(planes[i].width, planes[i].height, planes[i].bytes);
+    std::string why;
+    ASSERT_TRUE(sum.resolve_on_card(background, levels, to, why)) << why;
+
+    std::vector<std::vector<uint8_t>> expected;
+    uint8_t* plane[3] = {};
+    ptrdiff_t stride[3] = {};
+    for (size_t i = 0; i < planes.size(); i++) {
+      expected.emplace_back(static_cast<size_t>(planes[i].width) * planes[i].height * planes[i].bytes);
+      stride[i] = planes[i].width * planes[i].bytes;
+    }
+    for (size_t i = 0; i < planes.size(); i++) plane[i] = expected[i].data();
+    if (layout.is_interleaved) {
+      plane[2] = plane[1] + 1;
+      stride[2] = stride[1];
+    }
+    sum.resolve(background, layout.rgb, plane, stride, levels);
+    EXPECT_EQ(sum.share_group(), Somebody::kGroup) << "looking at it does not take it away";
+    for (size_t i = 0; i < planes.size(); i++) {
+      const auto drawn = somebody_.bytes_of(to.textures[i], planes[i].width, planes[i].height, planes[i].bytes);
+      for (size_t k = 0; k < drawn.size(); k++) {
+        const int difference = std::abs(drawn[k] - expected[i][k]);
+        int& most = stays.card_sum()->has_lost() || levels != kFullLevels ? worst : worst_whole;
+        most = std::max(most, difference);
+        off += difference > 0;
+      }
+      all += drawn.size();
+    }
+    pictures++;
+  }
+  std::printf("%d pictures: off by %d at most, by %d where nothing is lost; %zu bytes of %zu\n", pictures, worst,
+              worst_whole, off, all);
+  EXPECT_GE(pictures, 24);
+  EXPECT_EQ(worst_whole, 0);
+  EXPECT_LE(worst, 1);
+  EXPECT_LE(off, all / 500);
+}
+
+// What else is added to it is added in this process's memory, in either order.
+TEST_P(CardSum, IsAddedToOthers) {
+  const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
+  const auto stays = [&] { return scene.renderer(drawer_, true).card_sum(); };
+  ASSERT_TRUE(stays());
+  Accumulator twice, after;
+  for (Accumulator* sum : {&twice, &after}) sum->reset(scene.family, 160, 120);
+  ASSERT_TRUE(twice.add_kept(stays()));
+  ASSERT_TRUE(twice.add_kept(stays()));
+  EXPECT_EQ(twice.share_group(), 0u);
+  std::string why;
+  EXPECT_FALSE(twice.resolve_on_card({}, kFullLevels, {}, why));
+  EXPECT_EQ(why, "it is not on a card");
+  ASSERT_TRUE(after.add(stays()->fetch()));
+  ASSERT_TRUE(after.add_kept(stays()));
+  EXPECT_EQ(after.share_group(), 0u);
+  const Image one = twice.resolve(), other_way = after.resolve();
+  for (int c = 0; c < 3; c++)
+    for (int y = 0; y < (c > 0 ? 60 : 120); y++)
+      ASSERT_TRUE(std::equal(one.view().plane[c] + y * one.view().stride[c],
+                             one.view().plane[c] + y * one.view().stride[c] + (c > 0 ? 80 : 160),
+                             other_way.view().plane[c] + y * other_way.view().stride[c]));
+  Accumulator lossy;
+  lossy.reset(scene.family, 160, 120);
+  ASSERT_TRUE(lossy.add_kept(stays()));
+  ASSERT_TRUE(lossy.add_lost_weights({0, 0, 10, 10}, std::vector<float>(100, 0.5f)));
+  EXPECT_EQ(lossy.share_group(), 0u);
+  Accumulator other;
+  other.reset(scene.family, 162, 120);
+  EXPECT_FALSE(other.add_kept(stays())) << "of another size";
+}
+
+// Whoever still holds a sum that can't be had any more has one of which all weight is lost.
+TEST_P(CardSum, IsLostWithItsCard) {
+  const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
+  const auto sum = scene.renderer(drawer_, true).card_sum();
+  ASSERT_TRUE(sum);
+  somebody_.leave();
+  std::string why;
+  EXPECT_FALSE(sum->draw({}, why));
+  EXPECT_EQ(why, "the context is lost");
+  const ConstSumPlanes nothing = sum->fetch();
+  ASSERT_TRUE(nothing.lost);
+  EXPECT_EQ(nothing.lost[0], kLostOne);
+  EXPECT_EQ(nothing.lost[160 * 120 - 1], kLostOne);
+  EXPECT_TRUE(drawer_->is_lost());
+  const SumRenderer next = scene.renderer(drawer_, true);
+  EXPECT_TRUE(next.drawing().refused);
+  EXPECT_EQ(next.card_sum(), nullptr);
+}
+
+TEST_P(CardSum, IsNoneOfTheCpus) {
+  std::string why;
+  Somebody other(GetParam());
+  if (drawer_->is_software()) {
+    EXPECT_EQ(gl::SumDrawer::create_in(other.foreign(), gl::Context::Drivers::kHardware, why), nullptr);
+    EXPECT_EQ(why, drawer_->device() + ": computes on the CPU");
+  }
+  other.leave();
+  EXPECT_EQ(gl::SumDrawer::create_in(other.foreign(), gl::Context::Drivers::kAny, why), nullptr);
+  EXPECT_EQ(why, "the context is there no more");
+}
+
+// Sums outlive drawers, and nothing is drawn over one that somebody holds.
+TEST_P(CardSum, IsHeldAsLongAsItIsWanted) {
+  std::vector<std::shared_ptr<gl::CardSum>> held;
+  std::vector<std::vector<int16_t>> expected;
+  for (int seed = 1; seed < 10; seed += 2) {
+    const Scene scene(seed, 160, 120, PixelFamily::kI420, false, false);
+    Sum came(PixelFamily::kI420, test::whole(scene.view));
+    scene.renderer(drawer_, false).render_rows(0, 120, came.planes);
+    const auto sum = scene.renderer(drawer_, true).card_sum();
+    if (!sum) continue;
+    held.push_back(sum);
+    expected.emplace_back(came.memory[0].begin(), came.memory[0].end());
+  }
+  ASSERT_GE(held.size(), 3u);
+  drawer_.reset();
+  for (size_t i = 0; i < held.size(); i++) {
+    const ConstSumPlanes sum = held[i]->fetch();
+    EXPECT_TRUE(std::equal(expected[i].begin(), expected[i].end(), sum.plane[0]));
+  }
+}
+
+}  // namespace
+}  // namespace lf

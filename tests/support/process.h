@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <malloc.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace lf::test {
+
+// Memory of this process that is in use, KiB.
+inline long resident_kib() {
+  std::ifstream file("/proc/self/statm");
+  long size = 0, pages = 0;
+  file >> size >> pages;
+  return pages * sysconf(_SC_PAGESIZE) / 1024;
+}
+
+// Memory that has been allocated and not freed, KiB; 0 under a sanitizer.
+inline long allocated_kib() {
+  const struct mallinfo2 info = mallinfo2();
+  return static_cast<long>((info.uordblks + info.hblkhd) / 1024);
+}
+
+// What a folder of this process has: "fd" open files, "task" threads.
+inline ptrdiff_t count_of(const char* folder) {
+  const std::filesystem::path path = std::filesystem::path("/proc/self") / folder;
+  return std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator());
+}
+
+}  // namespace lf::test
