@@ -88,16 +88,4 @@ std::optional<GstClockTime> live_latency(GstPad* sink) {
   return live ? std::optional(latency) : std::nullopt;
 }
 
-bool is_in_process_query(GstQuery* query) {
-  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
-  return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);
-}
-
-bool compositor_is_near(GstPad* src) {
-  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
-  const bool near = gst_pad_peer_query(src, query);
-  gst_query_unref(query);
-  return near;
-}
-
 }  // namespace lf

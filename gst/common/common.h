@@ -54,11 +54,6 @@
 // capture time of a picture: clock time for live sources, stream time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
 
-// Custom query with which a node asks downstream whether the compositor is in its process: lfcompositor answers TRUE.
-// Elements that keep buffers as they are (queue, tee, identity, funnel) pass it on; files, sockets and payloaders don't
-// know it.
-#define LF_IN_PROCESS_QUERY "lightfield-in-process"
-
 namespace lf {
 
 // Whether the event is a seek in reverse, which can't be taken: to be refused before anything is flushed for it.
@@ -71,10 +66,6 @@ void accept_unit_caps(GstPad* sink);
 
 // By how many nanoseconds buffers on this sink pad may be late; nothing where they do not come in real time.
 std::optional<GstClockTime> live_latency(GstPad* sink);
-
-bool is_in_process_query(GstQuery* query);
-// Whether answers pushed on this pad stay in this process up to the compositor.
-bool compositor_is_near(GstPad* src);
 
 // The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);

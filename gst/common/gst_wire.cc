@@ -11,7 +11,7 @@ namespace {
 
 template <class Decode>
 auto decode(GstBuffer* buffer, std::string* reason, Decode decode_bytes) -> decltype(decode_bytes({}, reason)) {
-  return decode_bytes(MappedBuffer(buffer).bytes(), reason);
+  return decode_bytes(MappedBuffer(buffer, MappedBuffer::Part::kHead).bytes(), reason);
 }
 
 template <class Owner, class Bytes>
@@ -28,8 +28,9 @@ struct OwnedAnswer {
 
 }  // namespace
 
-MappedBuffer::MappedBuffer(GstBuffer* buffer) : buffer_(gst_buffer_ref(buffer)) {
-  if (!gst_buffer_map(buffer, &map_, GST_MAP_READ)) map_ = {};
+MappedBuffer::MappedBuffer(GstBuffer* buffer, Part part) : buffer_(gst_buffer_ref(buffer)) {
+  const gint memories = part == Part::kHead && card_sum_of(buffer) ? 1 : -1;
+  if (!gst_buffer_map_range(buffer, 0, memories, &map_, GST_MAP_READ)) map_ = {};
 }
 MappedBuffer::~MappedBuffer() {
   if (map_.memory) gst_buffer_unmap(buffer_, &map_);
@@ -43,10 +44,10 @@ std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std
   return decode(buffer, reason, wire::decode_any_request);
 }
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
-  return wire::peek_answer_view(MappedBuffer(buffer).bytes());
+  return wire::peek_answer_view(MappedBuffer(buffer, MappedBuffer::Part::kHead).bytes());
 }
 bool is_moments_buffer(GstBuffer* buffer) {
-  const MappedBuffer mapped(buffer);
+  const MappedBuffer mapped(buffer, MappedBuffer::Part::kHead);
   return wire::is_moments(mapped.bytes());
 }
 std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
@@ -62,9 +63,11 @@ GstBuffer* wrap_bytes(ByteBuffer bytes) {
   auto* owned = new ByteBuffer(std::move(bytes));
   return wrap(owned, *owned);
 }
-GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory) {
+GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory, std::shared_ptr<gl::CardSum> payload) {
   auto* owned = new OwnedAnswer{std::move(bytes), std::move(memory)};
-  return wrap(owned, owned->bytes);
+  GstBuffer* answer = wrap(owned, owned->bytes);
+  if (payload) gst_buffer_append_memory(answer, card_memory_new(std::move(payload)));
+  return answer;
 }
 
 }  // namespace lf

@@ -11,6 +11,7 @@
 
 #include "base/byte_buffer.h"
 #include "base/kept_memory.h"
+#include "common/card_memory.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -30,7 +31,9 @@ std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buff
 // A buffer's bytes, mapped and held as long as this lives.
 class MappedBuffer {
  public:
-  explicit MappedBuffer(GstBuffer* buffer);
+  // kHead: of an answer whose payload is on a card what comes before that; of all others everything.
+  enum class Part { kAll, kHead };
+  explicit MappedBuffer(GstBuffer* buffer, Part part = Part::kAll);
   ~MappedBuffer();
   MappedBuffer(const MappedBuffer&) = delete;
   MappedBuffer& operator=(const MappedBuffer&) = delete;
@@ -50,6 +53,8 @@ GstBuffer* encode_request_buffer(const ViewRequest& request);
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
 // A new buffer of these bytes, owned by the caller. When it is freed its memory goes back to `memory`.
-GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory);
+// `payload`: what follows them and is still on a card; null: nothing.
+GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory,
+                       std::shared_ptr<gl::CardSum> payload = nullptr);
 
 }  // namespace lf

@@ -74,6 +74,7 @@ static GstBuffer* make_output(LfCompositor* self, GstFlowReturn* flow) {
   state.output.show(settings.show, state.rig);
   GstBuffer* picture = state.output.make_picture(state.assembly, *state.current, background, flow, &dropped);
   if (dropped) state.stats.count(lf::CompositorStats::kDroppedPictures);
+  if (picture && state.output.is_on_card()) state.stats.count(lf::CompositorStats::kCardPictures);
   return picture;
 }
 

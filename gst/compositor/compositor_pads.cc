@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/hold_event.h"
+#include "common/in_process.h"
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
@@ -143,7 +144,10 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
 
 static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
   LfCompositor* self = LF_COMPOSITOR(agg);
-  if (lf::is_in_process_query(query)) return TRUE;
+  if (lf::is_in_process_query(query)) {
+    lf::answer_in_process_query(query, self->state->output.context().get());
+    return TRUE;
+  }
   if (guint view_id; lf::is_focus_query(query, &view_id)) {
     const lf::CompositorSettings settings = lf_compositor_settings(self);
     if (view_id != settings.view_id || settings.view_focus().mode == lf::FocusMode::kPlane) return FALSE;

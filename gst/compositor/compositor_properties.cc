@@ -67,7 +67,8 @@ lf::RequestGuard* lf_compositor_guard_new() { return new lf::RequestGuard(kFirst
 void lf_compositor_install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
-      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped; "
+      "card-pictures: made on a graphics card), "
       "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
       "(refused, "
       "and of these refused-pixels, -aperture, -trials, -rate, -views), "

@@ -150,6 +150,7 @@ GstStructure* CompositorStats::structure() const {
   set("incomplete", pictures_ - complete_);
   set("unseen", unseen_);
   if (coverage_ >= 0) gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_, nullptr);
+  set("card-pictures", counters_[kCardPictures]);
   set("repeated", counters_[kRepeatedPictures]);
   set("dropped", counters_[kDroppedPictures]);
   set("skipped", counters_[kSkippedRequests]);

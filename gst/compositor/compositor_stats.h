@@ -26,6 +26,7 @@ class CompositorStats {
     kDroppedPictures,
     kSkippedRequests,
     kStrayAnswers,    // answers to requests that nobody has made
+    kCardPictures,    // pictures that were made on a graphics card
     kFailedPictures,  // pictures that failed for lack of memory or another exception
     kNumCounters
   };

@@ -19,18 +19,23 @@ static void refuse_rig(LfCompositor* self, const lf::wire::AnswerHeader& answer)
 
 static void add_answer(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
-  const auto mapped = std::make_shared<const lf::MappedBuffer>(buffer);
+  const std::shared_ptr<lf::gl::CardSum> card_sum = lf::card_sum_of(buffer);
+  const auto mapped = std::make_shared<const lf::MappedBuffer>(buffer, lf::MappedBuffer::Part::kHead);
   std::string reason;
-  const std::optional<lf::wire::AnswerView> answer = lf::wire::parse_answer(mapped->bytes(), &reason);
+  std::optional<lf::wire::AnswerView> answer;
+  if (!card_sum)
+    answer = lf::wire::parse_answer(mapped->bytes(), &reason);
+  else if (const auto head = lf::wire::parse_answer_header(mapped->bytes(), &reason))
+    answer = lf::wire::AnswerView{*head, {}};
   if (!answer) {
     GST_WARNING_OBJECT(self, "dropped an answer: %s", reason.c_str());
     state.stats.count(CompositorStats::kBadAnswers);
     return;
   }
   const int64_t begun = g_get_monotonic_time();
-  state.bytes += mapped->bytes().size();
+  state.bytes += gst_buffer_get_size(buffer);
   const unsigned damaged_before = state.assembly.damaged();
-  switch (state.assembly.add(*answer, mapped)) {
+  switch (card_sum ? state.assembly.add_on_card(*answer, card_sum) : state.assembly.add(*answer, mapped)) {
     case lf::Assembly::Verdict::kOtherRig: refuse_rig(self, *answer); break;
     case lf::Assembly::Verdict::kNeedsRig:
       state.stats.count(CompositorStats::kBadAnswers);

@@ -6,7 +6,9 @@
 
 #include "base/error.h"
 #include "common/common.h"
+#include "common/in_process.h"
 #include "common/pixel_family.h"
+#include "compositor/card_textures.h"
 #include "compositor/output_caps.h"
 
 namespace lf {
@@ -31,6 +33,10 @@ void PictureOutput::start(bool partial, GstPad* request) {
 }
 
 void PictureOutput::stop() {
+  GlContextPtr context;  // let go of without the lock
+  ObjectLock lock(element_);
+  context_.swap(context);
+  lock.unlock();
   drop_sheet();
   gst_clear_buffer(&last_picture_);
   pool_.clear();
@@ -65,9 +71,33 @@ bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
 }
 
 bool PictureOutput::decide_allocation(GstQuery* query) {
-  if (!partial_) return pool_.decide(query);
+  if (!partial_) {
+    GlContextPtr context;
+    const bool decided = pool_.decide(query, &context);
+    set_context(std::move(context));
+    return decided;
+  }
   while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
   return true;  // answers have memory of their own
+}
+
+GlContextPtr PictureOutput::context() const {
+  const ObjectLock lock(element_);
+  return context_;
+}
+
+// Nodes that have asked for the one before ask again.
+void PictureOutput::set_context(GlContextPtr context) {
+  ObjectLock lock(element_);
+  const bool is_new = context != context_;
+  context_.swap(context);
+  lock.unlock();
+  if (!is_new) return;
+  const auto tell = [](GstElement*, GstPad* pad, gpointer request) -> gboolean {
+    if (pad != request) gst_pad_push_event(pad, gst_event_new_reconfigure());
+    return TRUE;
+  };
+  gst_element_foreach_sink_pad(GST_ELEMENT(element_), tell, request_);
 }
 
 // Has the base class agree with downstream on caps and memory for pictures like this.
@@ -148,21 +178,39 @@ bool PictureOutput::begin_sheet(const ViewRequest& request) {
   drop_sheet();
   GstBufferPool* pool = gst_aggregator_get_buffer_pool(element_);
   sheet_ = {pool_.take(pool), first_of_set(request), std::vector<bool>(static_cast<size_t>(request.place.count())),
-            true};
+            true, true};
   gst_clear_object(&pool);
   return sheet_.buffer;
 }
 
-// The picture of one view, where it has its place. False if the memory can't be had.
-bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
-  assembly.finish(family_of(info_), background != Background{});
+// Where its sum has been left, on a graphics card. False if it has to be made here: it is not whole, or something else
+// is to be done to it.
+bool PictureOutput::draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background) {
+  const gl::ShareGroup group = assembly.picture().share_group();
+  if (group == 0 || !assembly.complete() || (shown_ != ShownWeights::kNone && rig_)) return false;
+  const CardTextures textures(sheet_.buffer, info_, group);
+  if (!textures) return false;
+  gl::CardPicture to = textures.picture();
+  to.x = request.place.column() * request.view.width;
+  to.y = request.place.row() * request.view.height;
+  const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
+  std::string why;
+  const bool drawn = assembly.picture().resolve_on_card(background, levels, to, why);
+  if (!drawn) GST_WARNING_OBJECT(element_, "a picture can't be made on the card: %s", why.c_str());
+  return drawn;
+}
+
+// Here. False if the memory can't be had.
+bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   GstVideoFrame frame;
-  if (!gst_video_frame_map(&frame, &info_, sheet_.buffer, GST_MAP_WRITE)) return false;
+  // What is there of other views is to stay, wherever it is.
+  const bool is_begun = std::ranges::find(sheet_.drawn, true) != sheet_.drawn.end();
+  if (!gst_video_frame_map(&frame, &info_, sheet_.buffer, is_begun ? GST_MAP_READWRITE : GST_MAP_WRITE)) return false;
   const Planes planes(frame, request);
   const RgbLayout layout = family_of(info_) == PixelFamily::kRgb ? rgb_layout(info_) : RgbLayout{};
   const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
   assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
-  if (!assembly.complete()) conceal(assembly, request, planes);
+  if (!assembly.complete() || assembly.picture().is_gone()) conceal(assembly, request, planes);
   if (shown_ != ShownWeights::kNone && rig_) {
     WeightOverlay::Picture picture{.family = family_of(info_), .layout = layout, .levels = levels};
     std::ranges::copy(planes.data, picture.plane);
@@ -170,8 +218,17 @@ bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const B
     overlay_.draw(shown_, *rig_, request, assembly.seeing(), picture);
   }
   gst_video_frame_unmap(&frame);
+  return true;
+}
+
+// The picture of one view, where it has its place. False if the memory can't be had.
+bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
+  assembly.finish(family_of(info_), background != Background{});
+  const bool on_card = draw_on_card(assembly, request, background);
+  if (!on_card && !draw_here(assembly, request, background)) return false;
   sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
   sheet_.complete = sheet_.complete && assembly.complete();
+  sheet_.on_card = sheet_.on_card && on_card;
   return true;
 }
 
@@ -184,7 +241,7 @@ GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& re
   *dropped = had_begun && !goes_on;
   // It would show the picture before, and the work would make a machine that is too slow slower still.
   if (last_picture_ && request.place.count() == 1 && assembly.all_is_missing()) {
-    sheet_.complete = false;
+    sheet_.complete = sheet_.on_card = false;
     return gst_buffer_copy(last_picture_);
   }
   if ((!goes_on && !begin_sheet(request)) || !draw(assembly, request, background)) {
@@ -199,7 +256,7 @@ GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& re
 GstFlowReturn PictureOutput::agree_on_answers(const View& view) {
   if (agreed_) return GST_FLOW_OK;
   const GstFlowReturn flow = agree_on(PixelFamily::kNone, view.width, view.height, SetLayout::kMono);
-  if (flow == GST_FLOW_OK) root_is_near_ = compositor_is_near(GST_AGGREGATOR_SRC_PAD(element_));
+  if (flow == GST_FLOW_OK) root_is_near_ = near_compositor(GST_AGGREGATOR_SRC_PAD(element_)).is_there;
   return flow;
 }
 

@@ -10,6 +10,7 @@
 #include <gst/video/video.h>
 
 #include "common/gst_wire.h"
+#include "common/in_process.h"
 #include "composite/assembly.h"
 #include "composite/weight_overlay.h"
 #include "compositor/lfcompositor.h"
@@ -53,6 +54,8 @@ class PictureOutput {
   // that has not all of its views: of that there is no picture.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
+  // Whether the latest picture was made where its sums had been left, on a graphics card.
+  bool is_on_card() const { return sheet_.on_card; }
   // Whether views of the request's set have been drawn, and it is not whole yet.
   bool is_drawing(const ViewRequest& request) const { return sheet_.buffer && sheet_.first == first_of_set(request); }
   // What was added for the request as the answer of one node, of the number `node`. Null if there is none; *flow then
@@ -70,6 +73,8 @@ class PictureOutput {
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
   bool is_pushing() const { return pushing_; }  // downstream may take its time
   bool has_begun() const { return negotiated_; }
+  // The context that downstream's memory for pictures belongs to; null: it is not a card's. Any thread.
+  GlContextPtr context() const;
 
  private:
   GstFlowReturn agree_on(PixelFamily family, int width, int height, SetLayout layout);
@@ -77,7 +82,10 @@ class PictureOutput {
   GstFlowReturn agree_on_answers(const View& view);
   struct Planes;
   void conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture);
+  bool draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background);
+  bool draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background);
   bool begin_sheet(const ViewRequest& request);
+  void set_context(GlContextPtr context);
   bool draw(Assembly& assembly, const ViewRequest& request, const Background& background);
   // The number of the request that the set begins with.
   static uint32_t first_of_set(const ViewRequest& request) {
@@ -95,6 +103,7 @@ class PictureOutput {
   int width_ = 0, height_ = 0;
   SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;
+  GlContextPtr context_;     // under the element's object lock
   bool in_card_ = false;     // what was negotiated is in a graphics card's memory, see is_in_card()
   bool wants_card_ = false;  // downstream takes no other
   PicturePool pool_;
@@ -104,6 +113,7 @@ class PictureOutput {
     uint32_t first = 0;           // see first_of_set()
     std::vector<bool> drawn;      // view by view
     bool complete = true;         // all views that were drawn were complete
+    bool on_card = true;          // and made on a graphics card
   } sheet_;
   void drop_sheet() { gst_clear_buffer(&sheet_.buffer); }
   ShownWeights shown_ = ShownWeights::kNone;

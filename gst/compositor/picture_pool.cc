@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/picture_pool.h"
 
+#include <gst/gl/gl.h>
 #include <gst/video/gstvideopool.h>
 
 #include "compositor/output_caps.h"
@@ -94,7 +95,7 @@ bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guin
 
 namespace lf {
 
-bool PicturePool::decide(GstQuery* query) {
+bool PicturePool::decide(GstQuery* query, GlContextPtr* context) {
   clear();
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -127,6 +128,8 @@ bool PicturePool::decide(GstQuery* query) {
     gst_query_set_nth_allocation_pool(query, 0, chosen, chosen_size, least, most);
   else
     gst_query_add_allocation_pool(query, chosen, chosen_size, least, most);
+  if (context && GST_IS_GL_BUFFER_POOL(chosen))
+    *context = {GST_GL_CONTEXT(gst_object_ref(GST_GL_BUFFER_POOL(chosen)->context)), gst_object_unref};
   gst_object_unref(chosen);
   return true;
 }

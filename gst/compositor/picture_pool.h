@@ -3,6 +3,8 @@
 
 #include <gst/gst.h>
 
+#include "common/in_process.h"
+
 namespace lf {
 
 // Memory of pictures that downstream has let go of: a 1080p picture on pages fresh from the system costs as much as
@@ -18,8 +20,9 @@ class PicturePool {
 
   // Decides on the pool that pictures of raw video come from, in GstAggregatorClass::decide_allocation: it becomes the
   // first one of the query, downstream's own if it offers one that serves, else one of ours. False if there is no
-  // memory: of a graphics card's (see is_in_card()) there is none but downstream's.
-  bool decide(GstQuery* query);
+  // memory: of a graphics card's (see is_in_card()) there is none but downstream's. `context`: becomes the one that the
+  // pool's memory belongs to, null if that is not a card's.
+  bool decide(GstQuery* query, GlContextPtr* context = nullptr);
   // A buffer of `chosen`, the pool that decide() decided on, owned by the caller; null if there is no memory. Where
   // that pool has run out the buffer is one of ours, as pictures are kept to be shown again and nobody may wait for
   // them.

@@ -13,7 +13,7 @@ namespace {
 struct Job {
   lf::wire::AnyRequest request;
   GstClockTime pts, duration;
-  bool in_process;
+  lf::NearCompositor compositor;
   double work = 0;   // of its answer, see WorkEstimate
   uint64_t due = 0;  // live: when its answer is of no use any more, now_ns(); 0: never
 };
@@ -92,13 +92,31 @@ static GstFlowReturn lf_fragment_push(LfFragment* self, GstPad* src, GstBuffer* 
   return gst_pad_push(src, unit);
 }
 
-static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings& settings) {
+// Sums that a card draws need not leave it where the compositor's pictures are there.
+static void move_to(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
+  std::string why;
+  const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::SumDrawer> {
+    const lf::GlContextPtr context = compositor.context.get();
+    if (!context) return nullptr;
+    lf::gl::Context::Foreign foreign = lf::share(context.get(), reason);
+    if (!foreign.call) return nullptr;
+    return lf::gl::SumDrawer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
+  };
+  self->state->card.move_to(choice, compositor.group, open, why);
+  if (!why.empty()) GST_INFO_OBJECT(self, "sums have to leave the card for the compositor: %s", why.c_str());
+}
+
+static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings& settings,
+                                    const lf::NearCompositor& compositor) {
   lf::Node::Options options;
   options.codec = settings.codec;
   options.strip_pixels = settings.strip_pixels;
   options.max_skew = settings.max_skew;
   options.resampling = settings.resampling;
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
+  options.in_process = compositor.is_there;
+  options.group = compositor.group;
+  if (compositor.group != 0) move_to(self, settings.renderer, compositor);
   std::string news;
   options.card = self->state->card.open(settings.renderer, news);
   options.trial_card = self->state->card.open_for_trials(settings.renderer);
@@ -112,8 +130,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   lf::Node& node = self->state->node;
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
   const lf::FragmentSettings settings = lf_fragment_settings(self);
-  lf::Node::Options options = options_of(self, settings);
-  options.in_process = job.in_process;
+  lf::Node::Options options = options_of(self, settings, job.compositor);
   options.live = requester.place.is_live();
   options.parallel = std::move(parallel);
   lf::Node::Reply reply = lf_fragment_is_too_late(pad, job, kept.estimate)
@@ -130,7 +147,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
     const GstFlowReturn flow = lf_fragment_push(self, src, lf::wrap_bytes(std::move(*before)), job);
     if (flow != GST_FLOW_OK) return flow;
   }
-  GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), requester.memory);
+  GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), requester.memory, std::move(reply.answer.payload));
   node.stats().answers++;
   node.stats().fragments += reply.answer.fragments;
   if (settings.post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
@@ -187,7 +204,7 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
   }
   lf_fragment_follow_requests(self, pad, lf::wire::head_of(*request));
   lf_fragment_tell_delay(self, pad);
-  Job job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.is_near(src),
+  Job job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.look(src),
           lf::WorkEstimate::kAnyAnswer + lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))};
   if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, std::move(job));
   return lf_fragment_answer(self, pad, src, job, requester.kept, lf_fragment_workers(self));

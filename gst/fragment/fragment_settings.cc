@@ -70,8 +70,8 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                               "that would come later, by what such answers have taken, is not begun (0: any time)",
                               0, G_MAXINT64),
       property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
-                             "What draws the sums: both give the same picture to 1 of 255. Trials, and views that are "
-                             "not blended by the array's mesh, are the CPU's in any case; stats say what renders",
+                             "What draws the sums, and trials: both give the same picture to 1 of 255. Views that are "
+                             "not blended by the array's mesh are the CPU's in any case; stats say what renders",
                              LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;

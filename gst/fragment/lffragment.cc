@@ -178,8 +178,13 @@ static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstSta
   // Pads are deactivated by the parent class, which waits for their streaming threads: wake these first.
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kStopped);
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_fragment_parent_class)->change_state(element, transition);
-  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY)
-    for (const lf::PadPtr& pad : lf_fragment_camera_pads(self)) LF_FRAGMENT_PAD(pad.get())->input->reset();
+  if (transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
+  for (const lf::PadPtr& pad : lf_fragment_camera_pads(self)) LF_FRAGMENT_PAD(pad.get())->input->reset();
+  // Downstream's context is not to outlive what it is for. Without the lock, as that takes its time.
+  std::vector<lf::NearCompositor> forgotten;
+  self->state->card.leave();
+  const lf::ObjectLock lock(self);
+  for (lf::Requester* requester : self->state->requesters) forgotten.push_back(requester->compositor.forget());
   return result;
 }
 

@@ -3,9 +3,11 @@
 
 #include <atomic>
 #include <memory>
+#include <utility>
 
 #include "common/common.h"
 #include "common/gst_wire.h"
+#include "common/in_process.h"
 #include "common/qos_watch.h"
 #include "fragment/live_answers.h"
 #include "fragment/request_place.h"
@@ -47,17 +49,25 @@ class PadPair {
 class CompositorSide {
  public:
   void note_change() { is_new_ = true; }
-  bool is_near(GstPad* src) {
+  // While no streaming thread is there. Returns what was known.
+  NearCompositor forget() {
+    is_new_ = true;
+    return std::exchange(near_, {});
+  }
+  const NearCompositor& look(GstPad* src) {
     if (is_new_.exchange(false)) {
-      near_ = compositor_is_near(src);
-      GST_INFO_OBJECT(src, "the compositor is %s", near_ ? "in this process" : "behind a link");
+      near_ = near_compositor(src);
+      GST_INFO_OBJECT(src, "the compositor is %s",
+                      near_.group != 0 ? "in this process, and its pictures on a card"
+                      : near_.is_there ? "in this process"
+                                       : "behind a link");
     }
     return near_;
   }
 
  private:
   std::atomic<bool> is_new_ = true;
-  bool near_ = false;
+  NearCompositor near_;
 };
 
 // One requester of lffragment, which belongs to its request pad and its answer pad.

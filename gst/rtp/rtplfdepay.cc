@@ -25,6 +25,7 @@
 #include <gst/rtp/gstrtpbuffer.h>
 
 #include "common/gst_wire.h"
+#include "common/in_process.h"
 #include "common/properties.h"
 #include "common/request_guard.h"
 #include "rtp/depacketizer.h"

@@ -31,6 +31,7 @@
 
 #include "common/buffer_ptr.h"
 #include "common/gst_wire.h"
+#include "common/in_process.h"
 #include "common/properties.h"
 #include "rtp/pacer.h"
 #include "rtp/packetizer.h"
