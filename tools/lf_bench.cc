@@ -183,10 +183,12 @@ void print_speed(const Array& array, const Options& options) {
   const lf::View plane = view_of(array, options);
   const lf::View surface =
       lf::focus_still(*array.rig, array.mesh, plane, array.images, {.mode = lf::FocusMode::kSurface});
-  std::printf("%zu cameras, views of %dx%d, one thread (%s), from camera images in memory to the picture\n\n",
-              array.cameras.size(), plane.width, plane.height, lf::simd_target_name());
-  std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
   const lf::RendererChoice renderer = *lf::renderer_choice(options.renderer);
+  const std::string by =
+      renderer == lf::RendererChoice::kCpu ? std::string("one thread (") + lf::simd_target_name() + ")" : "one thread";
+  std::printf("%zu cameras, views of %dx%d, %s, from camera images in memory to the picture\n\n", array.cameras.size(),
+              plane.width, plane.height, by.c_str());
+  std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
   std::string drawn_by;
   for (const bool jpeg : {false, true})
     for (const bool through_surface : {false, true}) {
