@@ -4,6 +4,7 @@
 #include <gst/gl/gl.h>
 
 namespace lf {
+
 static constexpr char kContext[] = "context";
 
 bool is_in_process_query(GstQuery* query) {

@@ -208,7 +208,10 @@ bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources,
 std::shared_ptr<CardSum> SumDrawer::draw_to_stay(const simd::SumTask& task, std::span<const Source> sources,
                                                  const Rect& rect, const ParallelFor& parallel, std::string& why) {
   Objects& o = *objects_;
-  if (!o.blocks) return nullptr;
+  if (!o.blocks) {
+    refuse(why, "what fragment shaders draw does not stay");
+    return nullptr;
+  }
   DrawnSum open;  // what the card has left open
   bool any_lost = false;
   std::shared_ptr<BlockSum> sum;

@@ -85,8 +85,14 @@ inline constexpr double kMaxWeightError = 2e-5;
 // How near to the eye a focal surface may be for float not to tell on which side of it.
 inline constexpr double kEyeDoubt = 1e-5;
 
-// Buffers of a compute shader, and invocations a side of a group of it.
-enum BufferBinding { kRunsBinding, kTablesBinding, kResultBinding, kSurfacesBinding, kPictureBinding };
+// Buffers of a compute shader, and invocations a side of a group of it. OpenGL ES 3.1 promises four bindings.
+enum BufferBinding {
+  kRunsBinding,
+  kTablesBinding,
+  kResultBinding,
+  kSurfacesBinding,
+  kPictureBinding = kSurfacesBinding  // no program has both
+};
 inline constexpr int kGroup = 8;
 
 // By compute shaders, and moments and pictures among them: the last ones of Output.
