@@ -2,6 +2,7 @@
 #include "render/sum_renderer.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -15,7 +16,10 @@ namespace lf {
 static size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
 struct SumRenderer::State : simd::PreparedTask {
-  using PreparedTask::PreparedTask;
+  State(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
+        Coordinates coordinates)
+      : PreparedTask(plan, runs, sources, family, coordinates), sources(sources) {}
+  const std::span<const Source> sources;
   gl::DrawnSum drawn;
   std::shared_ptr<gl::CardSum> card_sum;  // in its place
   Drawing drawing;
@@ -25,16 +29,35 @@ SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<
                          PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel,
                          bool may_stay)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
-  Drawing& drawing = state_->drawing;
-  if (plan.blend()) {
-    drawing.why_not = "the view is not blended by its mesh";
-  } else if (card && !rect_.empty()) {
-    // Rows and columns without anything have to be made, too, where the whole view is fetched all the same.
-    const bool stays = may_stay && 4 * area(rect_) >= 3 * area({0, 0, plan.view().width, plan.view().height});
-    if (stays) state_->card_sum = card->draw_to_stay(state_->task, sources, rect_, parallel, drawing.why_not);
-    drawing.drawn = stays ? state_->card_sum != nullptr
-                          : card->draw(state_->task, sources, rect_, parallel, state_->drawn, drawing.why_not);
-    drawing.refused = !drawing.drawn;
+  SumRenderer* const self = this;
+  if (card) draw({&self, 1}, *card, parallel, may_stay);
+  if (plan.blend()) state_->drawing.why_not = "the view is not blended by its mesh";
+}
+
+// Rows and columns without anything have to be made, too, where the whole view is fetched all the same.
+bool SumRenderer::may_stay() const {
+  const View& view = state_->task.plan->view();
+  return 4 * area(rect_) >= 3 * area({0, 0, view.width, view.height});
+}
+
+void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel,
+                       bool may_stay) {
+  std::vector<SumRenderer*> drawn;
+  std::vector<gl::SumOrder> orders;
+  for (SumRenderer* const renderer : renderers) {
+    const State& state = *renderer->state_;
+    if (state.task.plan->blend() || renderer->rect_.empty()) continue;
+    drawn.push_back(renderer);
+    orders.push_back({&state.task, state.sources, renderer->rect_, may_stay && renderer->may_stay()});
+  }
+  card.draw(orders, parallel);
+  for (size_t i = 0; i < orders.size(); i++) {
+    State& state = *drawn[i]->state_;
+    state.drawn = std::move(orders[i].drawn);
+    state.card_sum = std::move(orders[i].stayed);
+    state.drawing.drawn = orders[i].why_not.empty();
+    state.drawing.refused = !state.drawing.drawn;
+    state.drawing.why_not = std::move(orders[i].why_not);
   }
 }
 

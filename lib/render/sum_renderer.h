@@ -57,15 +57,20 @@ struct Drawing {
 class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
-  // `card`: draws the sum here and now, where there is one and it can, out of images that `parallel` copies to it; else
-  // the CPU does, row by row, as it is asked for. It is asked only for views that are blended by their mesh.
-  // `may_stay`: what it draws may stay there, see card_sum(); the card is then owned by a shared_ptr.
+  // `card`: draw() is called, for this sum alone, where there is one.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr,
               const ParallelFor& parallel = serial_for, bool may_stay = false);
   ~SumRenderer();
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
+
+  // Has a card draw the sums of renderers that were made without one here and now, where it can, out of images that
+  // `parallel` copies to it: of views of one moment in a pass, see SumDrawer::draw(). Else the CPU does, row by row, as
+  // it is asked for. The card is asked only for views that are blended by their mesh.
+  // `may_stay`: what it draws may stay there, see card_sum(); the card is then owned by a shared_ptr.
+  static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel,
+                   bool may_stay = false);
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
@@ -79,6 +84,7 @@ class SumRenderer {
 
  private:
   struct State;
+  bool may_stay() const;
   std::unique_ptr<State> state_;
   Rect rect_;
 };

@@ -8,10 +8,10 @@ namespace lf::gl {
 // What follows the rule and kRuns in the compute shader of BlockSums: an invocation computes two by two pixels and
 // their chroma.
 inline constexpr std::string_view kBlocks = R"(
-// A word for each row of blocks: `draw` if it has lost weight or doubts, else anything. Then another one for each:
-// `draw` if it has doubts. Then pixels, chroma and lost weight as in DrawnSum, two samples in 32 bits, at `parts`.
+// Of each view, as of_result has it: a word for each row of blocks, the draw's number if that has lost weight or doubts,
+// else anything; another one for each, the draw's number if it has doubts; pixels, chroma and lost weight as in
+// DrawnSum, two samples in 32 bits; the draw's number.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
-uniform uvec4 parts; // of pixels, chroma and lost weight; draw
 
 // Of a pixel: what its face's cameras weigh in it that see it. Its sum, and lost weight or DOUBT.
 vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
@@ -34,6 +34,7 @@ vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
 }
 
 void main() {
+  begin_view(gl_WorkGroupID.z);
   ivec2 block = ivec2(gl_GlobalInvocationID.xy), first = 2 * block;
   if (any(greaterThanEqual(first, size))) return;
   int owner[4];
@@ -93,24 +94,24 @@ void main() {
 #ifdef RGB
     for (int i = 0; i < 2; i++) {
       vec3 sum = sums[left + i];
-      uint at = parts.x + 4u * word + 2u * uint(i);
+      uint at = of_result[2] + 4u * word + 2u * uint(i);
       result[at] = bits(sum.r) | bits(sum.g) << 16;
       result[at + 1u] = bits(sum.b);
     }
 #else
-    result[parts.x + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
+    result[of_result[2] + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
 #endif
-    result[parts.z + word] = lost_of[left] | lost_of[left + 1] << 16;
+    result[of_result[4] + word] = lost_of[left] | lost_of[left + 1] << 16;
     any_lost |= lost_of[left] | lost_of[left + 1];
     any_doubt = any_doubt || lost_of[left] == uint(DOUBT) || lost_of[left + 1] == uint(DOUBT);
   }
 #ifndef RGB
   uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
-  result[parts.y + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
+  result[of_result[3] + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
   any_doubt = any_doubt || chroma_doubt;
 #endif
-  if (any_lost != 0u || any_doubt) result[block.y] = parts.w;
-  if (any_doubt) result[(size.y + 1) / 2 + block.y] = parts.w;
+  if (any_lost != 0u || any_doubt) result[of_result[0] + uint(block.y)] = of_result[5];
+  if (any_doubt) result[of_result[1] + uint(block.y)] = of_result[5];
 }
 )";
 

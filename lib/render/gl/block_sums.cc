@@ -2,124 +2,147 @@
 #include "render/gl/block_sums.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 
 #include "render/gl/sum_tables.h"
 
 namespace lf::gl {
+namespace {
 
-// One that nobody holds.
-BlockSum& BlockSums::next() {
-  latest_.reset();
-  for (const auto& sum : sums_)
-    if (sum.use_count() == 1) latest_ = sum;
-  if (!latest_) latest_ = sums_.emplace_back(std::make_shared<BlockSum>());
-  return *latest_;
-}
-
-bool BlockSums::begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-                      Stopwatch& stopwatch, std::string& why) {
-  const bool rgb = task.family == PixelFamily::kRgb;
-  SumProgram what = program_of(task);
-  what.output = rgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
-  what.careful = true;
-  const Program* program = programs.use(what, why);
-  if (!program) return false;
-  make_runs(task, rect, run_memory_);
-  runs_.set(run_memory_.data(), sizeof(run_memory_[0]) * run_memory_.size());
-  make_tables(task, view.atlas(), table_memory_);
-  tables_.set(table_memory_.data(), sizeof(table_memory_[0]) * table_memory_.size());
-  BlockSum& sum = next();
-  sum.family = task.family;
-  sum.rect = rect;
-  sum.draw = ++draw_;
+// Of a sum that begins with that word.
+BlockSum::Parts lay_out(PixelFamily family, const Rect& rect, uint32_t first) {
   // Whole words in each row.
   const auto columns = static_cast<uint32_t>(chroma_size(rect.width())), rows = static_cast<uint32_t>(rect.height()),
              blocks = static_cast<uint32_t>(chroma_size(rect.height()));
-  BlockSum::Parts& parts = sum.parts;
-  parts.pixels = 2 * blocks;
+  const bool rgb = family == PixelFamily::kRgb;
+  BlockSum::Parts parts{.lost_rows = first, .open_rows = first + blocks, .pixels = first + 2 * blocks};
   parts.chroma = parts.pixels + columns * rows * (rgb ? 4 : 1);
   parts.lost = parts.chroma + (rgb ? 0 : columns * blocks);
   parts.end = parts.lost + columns * rows;
-  if (!sum.words.reserve(parts.end, why)) return false;
-  view.describe(*program, task, rect);
-  glUniform4ui(program->parts, parts.pixels, parts.chroma, parts.lost, sum.draw);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kRunsBinding, runs_.name());
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kTablesBinding, tables_.name());
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, sum.words.name());
+  return parts;
+}
+
+}  // namespace
+
+// Words that nobody holds.
+std::shared_ptr<Computed> BlockSums::next() {
+  latest_.clear();
+  for (const auto& words : words_)
+    if (words.use_count() == 1) return words;
+  return words_.emplace_back(std::make_shared<Computed>());
+}
+
+bool BlockSums::fits(std::span<const DrawnView> views) const {
+  size_t words = 0;
+  for (const DrawnView& view : views) words += lay_out(view.task->family, view.rect, 0).end;
+  return words <= most_words_;
+}
+
+bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, const ViewTextures& textures,
+                      Programs& programs, Stopwatch& stopwatch, std::string& why) {
+  const PixelFamily family = views.front().task->family;
+  SumProgram what = program_of(*views.front().task);
+  what.output = family == PixelFamily::kRgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
+  what.careful = true;
+  const Program* program = programs.use(what, why);
+  if (!program) return false;
+  const std::shared_ptr<Computed> words = next();
+  draw_++;
+  uint32_t end = 0, columns = 0, rows = 0;  // groups
+  for (size_t i = 0; i < views.size(); i++) {
+    const Rect& rect = views[i].rect;
+    const BlockSum::Parts parts = lay_out(family, rect, end);
+    end = parts.end;
+    numbers.set_result(i, {parts.lost_rows, parts.open_rows, parts.pixels, parts.chroma, parts.lost, draw_});
+    latest_.push_back(std::make_shared<BlockSum>(BlockSum{family, rect, parts, draw_, words}));
+    const auto groups = [](int pixels) { return static_cast<uint32_t>((pixels + 2 * kGroup - 1) / (2 * kGroup)); };
+    columns = std::max(columns, groups(rect.width()));
+    rows = std::max(rows, groups(rect.height()));
+  }
+  if (!words->reserve(end, why)) return false;
+  numbers.send(numbers_);
+  textures.describe_images(*program);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, words->name());
   stopwatch.begin();
-  glDispatchCompute((columns + kGroup - 1) / kGroup, (blocks + kGroup - 1) / kGroup, 1);
+  glDispatchCompute(columns, rows, static_cast<GLuint>(views.size()));
   stopwatch.end();
   glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
   return true;
 }
 
-// Words [first, end) of each part, of rows [y0, y1) of the view, y0 even. False once `visit` is.
+namespace {
+
+// Words [first, end) of each part of a sum, of rows [y0, y1) of the view, y0 even; none of a part without any.
 template <class Visit>
-bool BlockSum::visit_rows(int y0, int y1, const Visit& visit) const {
-  const bool rgb = family == PixelFamily::kRgb;
-  const auto columns = static_cast<uint32_t>(chroma_size(rect.width())), first = static_cast<uint32_t>(y0 - rect.y0),
-             end = static_cast<uint32_t>(y1 - rect.y0);
+void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
+  const bool rgb = sum.family == PixelFamily::kRgb;
+  const auto columns = static_cast<uint32_t>(chroma_size(sum.rect.width())),
+             first = static_cast<uint32_t>(y0 - sum.rect.y0), end = static_cast<uint32_t>(y1 - sum.rect.y0);
   const auto visit_part = [&](uint32_t part, uint32_t row, uint32_t first_row, uint32_t end_row) {
-    return visit(part + row * first_row, part + row * end_row);
+    visit(part + row * first_row, part + row * end_row);
   };
-  return visit_part(parts.pixels, columns * (rgb ? 4 : 1), first, end) &&
-         (rgb || visit_part(parts.chroma, columns, first / 2, (end + 1) / 2)) &&
-         visit_part(parts.lost, columns, first, end);
+  visit_part(sum.parts.pixels, columns * (rgb ? 4 : 1), first, end);
+  if (!rgb) visit_part(sum.parts.chroma, columns, first / 2, (end + 1) / 2);
+  visit_part(sum.parts.lost, columns, first, end);
 }
 
-// The rows of the sum that are between the first and the last row of blocks with this draw.
-Rect BlockSum::find_rows(std::span<const uint32_t> draws) const {
-  const auto first = std::ranges::find(draws, draw);
-  if (first == draws.end()) return {};
-  const auto end = std::find(draws.rbegin(), draws.rend(), draw).base();
-  return {rect.x0, rect.y0 + 2 * static_cast<int>(first - draws.begin()), rect.x1,
+// The rows of a sum that are between the first and the last row of blocks whose word, from `first` on, is its draw's.
+Rect find_rows(const BlockSum& sum, const uint32_t* words, uint32_t first) {
+  const Rect& rect = sum.rect;
+  const std::span draws(words + first, static_cast<size_t>(chroma_size(rect.height())));
+  const auto begin = std::ranges::find(draws, sum.draw);
+  if (begin == draws.end()) return {};
+  const auto end = std::find(draws.rbegin(), draws.rend(), sum.draw).base();
+  return {rect.x0, rect.y0 + 2 * static_cast<int>(begin - draws.begin()), rect.x1,
           std::min(rect.y0 + 2 * static_cast<int>(end - draws.begin()), rect.y1)};
 }
 
-// Has a sum refer to what lies in memory as on the card.
-void BlockSum::point_to(uint32_t* memory, DrawnSum& out) const {
+// Has what was drawn refer to what lies in memory as on the card.
+void point_to(const BlockSum& sum, uint32_t* memory, DrawnSum& out) {
   const auto samples = [&](uint32_t first) { return reinterpret_cast<uint16_t*>(memory + first); };
-  const uint32_t columns = static_cast<uint32_t>(chroma_size(rect.width()));
+  const uint32_t columns = static_cast<uint32_t>(chroma_size(sum.rect.width()));
   out.pitch = out.lost_pitch = static_cast<int>(2 * columns);
-  out.pixels = samples(parts.pixels);
-  out.chroma = samples(parts.chroma);
+  out.pixels = samples(sum.parts.pixels);
+  out.chroma = samples(sum.parts.chroma);
   if (!out.lost_rect.empty())
-    out.lost = samples(parts.lost + columns * static_cast<uint32_t>(out.lost_rect.y0 - rect.y0));
+    out.lost = samples(sum.parts.lost + columns * static_cast<uint32_t>(out.lost_rect.y0 - sum.rect.y0));
 }
 
-bool BlockSum::read(DrawnSum& out) {
-  const std::shared_ptr<Computed::Fetched> fetched = words.begin_to_fetch();
-  out.memory = fetched;
-  if (!words.fetch(*fetched, 0, parts.lost)) return false;
-  out.lost_rect = find_rows({fetched->words(), parts.pixels / 2});
-  point_to(fetched->words(), out);
-  if (out.lost_rect.empty()) return true;
-  return visit_rows(out.lost_rect.y0, out.lost_rect.y1, [&](uint32_t first, uint32_t end) {
-    return first < parts.lost || words.fetch(*fetched, first, end);
-  });
-}
+}  // namespace
 
-bool BlockSum::read_open(DrawnSum& out, bool& any_lost) {
+bool read_sums(std::span<SumReading> sums) {
+  Computed& words = *sums.front().sum->words;
   const std::shared_ptr<Computed::Fetched> fetched = words.begin_to_fetch();
-  out.memory = fetched;
-  if (!words.fetch(*fetched, 0, parts.pixels)) return false;
-  const std::span<const uint32_t> draws(fetched->words(), parts.pixels);
-  any_lost = !find_rows(draws.first(draws.size() / 2)).empty();
-  out.lost_rect = find_rows(draws.last(draws.size() / 2));
-  point_to(fetched->words(), out);
-  if (out.lost_rect.empty()) return true;
-  return visit_rows(out.lost_rect.y0, out.lost_rect.y1,
-                    [&](uint32_t first, uint32_t end) { return words.fetch(*fetched, first, end); });
+  std::vector<Computed::Words> which;
+  for (const SumReading& reading : sums) {
+    const BlockSum::Parts& parts = reading.sum->parts;
+    which.push_back({parts.lost_rows, reading.only_open ? parts.pixels : parts.lost});
+  }
+  if (!words.fetch(*fetched, which)) return false;
+  which.clear();
+  for (SumReading& reading : sums) {
+    const BlockSum& sum = *reading.sum;
+    DrawnSum& out = *reading.out;
+    out.memory = fetched;
+    const Rect lost = find_rows(sum, fetched->words(), sum.parts.lost_rows);
+    reading.any_lost = !lost.empty();
+    out.lost_rect = reading.only_open ? find_rows(sum, fetched->words(), sum.parts.open_rows) : lost;
+    point_to(sum, fetched->words(), out);
+    if (out.lost_rect.empty()) continue;
+    visit_rows(sum, out.lost_rect.y0, out.lost_rect.y1, [&](uint32_t first, uint32_t end) {
+      if (reading.only_open || first >= sum.parts.lost) which.push_back({first, end});
+    });
+  }
+  return which.empty() || words.fetch(*fetched, which);
 }
 
 void BlockSum::write_back(const DrawnSum& from) {
   const auto* const memory = reinterpret_cast<const uint32_t*>(from.pixels) - parts.pixels;
-  glBindBuffer(GL_COPY_WRITE_BUFFER, words.name());
-  visit_rows(from.lost_rect.y0, from.lost_rect.y1, [&](uint32_t first, uint32_t end) {
+  glBindBuffer(GL_COPY_WRITE_BUFFER, words->name());
+  visit_rows(*this, from.lost_rect.y0, from.lost_rect.y1, [&](uint32_t first, uint32_t end) {
     glBufferSubData(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(first * sizeof *memory),
                     static_cast<GLsizeiptr>((end - first) * sizeof *memory), memory + first);
-    return true;
   });
 }
 

@@ -45,10 +45,9 @@ void Buffer::reserve(size_t bytes) {
                use_ == Use::kComputed ? GL_DYNAMIC_COPY : use_ == Use::kRead ? GL_STREAM_READ : GL_STREAM_DRAW);
 }
 
-void Buffer::set(const void* from, size_t bytes) {
-  reserve(bytes);
+void Buffer::put(size_t first, const void* from, size_t bytes) {
   glBindBuffer(GL_COPY_WRITE_BUFFER, name_);
-  glBufferSubData(GL_COPY_WRITE_BUFFER, 0, static_cast<GLsizeiptr>(bytes), from);
+  glBufferSubData(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(first), static_cast<GLsizeiptr>(bytes), from);
 }
 
 void SentTexture::reserve(size_t bytes) {

@@ -24,7 +24,8 @@ ConstSumPlanes CardSum::fetch() {
   if (!memory_.empty()) return fetched_;
   DrawnSum drawn{.family = sum_->family, .rect = sum_->rect};
   const bool is_there = drawer_->work([&](Programs&, Buffer&) {
-    if (sum_->read(drawn)) return true;
+    SumReading reading{sum_.get(), &drawn};
+    if (read_sums({&reading, 1})) return true;
     drawer_->has_not_answered();
     return false;
   });
@@ -94,6 +95,7 @@ bool CardSum::draw(const CardPicture& picture, std::string& why) {
     glUniform2i(program->origin, sum.rect.x0, sum.rect.y0);
     glUniform2i(program->size, sum.rect.width(), sum.rect.height());
     glUniform2i(program->extent, view_.width(), view_.height());
+    glUniform1ui(program->lost_rows, sum.parts.lost_rows);
     glUniform4ui(program->parts, sum.parts.pixels, sum.parts.chroma, sum.parts.lost, sum.draw);
     glUniform4ui(program->planes, planes[0].row(), planes[1].row(), static_cast<GLuint>(planes[1].first),
                  static_cast<GLuint>(planes[2].first));
@@ -104,7 +106,7 @@ bool CardSum::draw(const CardPicture& picture, std::string& why) {
     const int opaque = 6 - layout.r - layout.g - layout.b;
     glUniform4i(program->channels, 8 * layout.r, 8 * layout.g, 8 * layout.b,
                 rgb ? (layout.pixel_stride == 4 ? 8 * opaque : -1) : picture.is_interleaved);
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, sum.words.name());
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, sum.words->name());
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, bytes.name());
     const int columns = rgb ? 4 : 8, rows = rgb ? 1 : 2;  // pixels of an invocation
     const auto groups = [](int pixels, int of_one) {

@@ -15,10 +15,14 @@ bool wait_for_card() {
   return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
 }
 
-bool Computed::reserve(size_t words, std::string& why) {
+size_t Computed::most_words() {
   GLint64 most = 0;  // bytes
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
-  if (words > static_cast<size_t>(most) / kWord) {
+  return static_cast<size_t>(most) / kWord;
+}
+
+bool Computed::reserve(size_t words, std::string& why) {
+  if (words > most_words()) {
     why = "the view is too large";
     return false;
   }
@@ -40,17 +44,19 @@ std::shared_ptr<Computed::Fetched> Computed::begin_to_fetch() {
   return {free, [](Fetched* fetched) { fetched->is_free_ = true; }};
 }
 
-bool Computed::fetch(Fetched& to, size_t first, size_t end) {
+bool Computed::fetch(Fetched& to, std::span<const Words> which) {
   glBindBuffer(GL_COPY_READ_BUFFER, result_.name());
   glBindBuffer(GL_COPY_WRITE_BUFFER, to.buffer_.name());
-  const auto at = static_cast<GLintptr>(kWord * first);
-  const auto size = static_cast<GLsizeiptr>(kWord * (end - first));
-  glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, at, at, size);
+  const auto at = [](size_t word) { return static_cast<GLintptr>(kWord * word); };
+  for (const auto& [first, end] : which)
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, at(first), at(first), at(end - first));
   if (to.buffer_.memory()) return wait_for_card();
-  const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at, size, GL_MAP_READ_BIT);
-  if (!mapped) return false;
-  std::memcpy(to.memory_.data() + at, mapped, static_cast<size_t>(size));
-  glUnmapBuffer(GL_COPY_WRITE_BUFFER);
+  for (const auto& [first, end] : which) {
+    const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at(first), at(end - first), GL_MAP_READ_BIT);
+    if (!mapped) return false;
+    std::memcpy(to.memory_.data() + at(first), mapped, kWord * (end - first));
+    glUnmapBuffer(GL_COPY_WRITE_BUFFER);
+  }
   return true;
 }
 

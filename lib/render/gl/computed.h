@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -32,14 +33,19 @@ class Computed {
     std::atomic<bool> is_free_ = true;
   };
 
+  // As many as shaders can write.
+  static size_t most_words();
   // Room for so many words; what was in it is lost if there was less. False with the reason in `why` if shaders can't
   // write as many.
   bool reserve(size_t words, std::string& why);
   GLuint name() const { return result_.name(); }
   // What may be fetched into from now on, as large as what was reserved last. This outlives it.
   std::shared_ptr<Fetched> begin_to_fetch();
-  // Words [first, end), to the same place there. False if the card does not answer.
-  bool fetch(Fetched& to, size_t first, size_t end);
+  struct Words {
+    size_t first = 0, end = 0;
+  };
+  // All these words, to the same place there. False if the card does not answer.
+  bool fetch(Fetched& to, std::span<const Words> which);
 
  private:
   size_t words_ = 0;

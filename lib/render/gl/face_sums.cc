@@ -86,7 +86,7 @@ bool FaceSums::draw(const SumProgram& what, const std::vector<CoverCorner>& tria
   if (triangles.empty()) return true;
   const Program* program = job_.programs->use(what, why);
   if (!program) return false;
-  job_.view->describe(*program, *job_.task, job_.rect);
+  job_.textures->describe(*program, job_.view);
   glUniform2f(program->extent, static_cast<float>(width), static_cast<float>(height));
   glBindBuffer(GL_ARRAY_BUFFER, corners_);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(CoverCorner)), triangles.data(),
@@ -115,8 +115,8 @@ static bool fail(std::string& why, std::string reason) {
 
 // Pixels, and where they are careful what they have lost.
 bool FaceSums::draw_pixels(std::string& why) {
-  const simd::SumTask* const task = job_.task;
-  const Rect& rect = job_.rect;
+  const simd::SumTask* const task = job_.view.task;
+  const Rect& rect = job_.view.rect;
   const FaceCover& cover = job_.cover;
   const bool rgb = task->family == PixelFamily::kRgb;
   const SumProgram::Output output = rgb ? SumProgram::Output::kRgb : SumProgram::Output::kLuma;
@@ -136,12 +136,12 @@ bool FaceSums::draw_pixels(std::string& why) {
 }
 
 bool FaceSums::draw_chroma(std::string& why) {
-  const Rect& rect = job_.rect;
+  const Rect& rect = job_.view.rect;
   const FaceCover& cover = job_.cover;
   const int width = chroma_size(rect.width()), height = chroma_size(rect.height());
   bool drawn = true;
   const auto add = [&](SumProgram::Output output, bool careful, const std::vector<CoverCorner>& triangles) {
-    drawn = drawn && draw(program_for(*job_.task, output, careful), triangles, 2 * width, 2 * height, why);
+    drawn = drawn && draw(program_for(*job_.view.task, output, careful), triangles, 2 * width, 2 * height, why);
   };
   if (!begin(chroma_sums_, float_target_, block_owners_, width, height))
     return fail(why, "sums in float can't be drawn to");
@@ -163,11 +163,13 @@ bool FaceSums::draw_chroma(std::string& why) {
   return true;
 }
 
-bool FaceSums::begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-                     Stopwatch& stopwatch, std::string& why) {
-  job_ = {&task, &view, &programs, rect, cover_faces(task, rect)};
+bool FaceSums::begin(const DrawnView& view, const ViewTextures& textures, Programs& programs, Stopwatch& stopwatch,
+                     std::string& why) {
+  const simd::SumTask& task = *view.task;
+  const Rect& rect = view.rect;
+  job_ = {view, &textures, &programs, cover_faces(task, rect)};
   upload_owners(task, rect);
-  make_tables(task, view.atlas(), table_memory_);
+  make_tables(task, textures.atlas().offsets(0), table_memory_);
   const int texels = face_texels(task.plan->view().focus.map != nullptr),
             faces = static_cast<int>(task.plan->faces().size());
   tables_.bind(kTables, GL_RGBA32F, kMaxTableTexels, faces);

@@ -23,9 +23,9 @@ class FaceSums {
   FaceSums(const FaceSums&) = delete;
   FaceSums& operator=(const FaceSums&) = delete;
 
-  // Has the card draw the sum of a task in `rect`, whose view's textures are there. False with the reason in `why`.
-  bool begin(const simd::SumTask& task, const ViewTextures& view, Programs& programs, const Rect& rect,
-             Stopwatch& stopwatch, std::string& why);
+  // Has the card draw the sum of a view whose textures are there. False with the reason in `why`.
+  bool begin(const DrawnView& view, const ViewTextures& textures, Programs& programs, Stopwatch& stopwatch,
+             std::string& why);
   // Waits for it.
   void read(DrawnSum& out);
 
@@ -41,10 +41,9 @@ class FaceSums {
 
   // What is drawn now.
   struct Job {
-    const simd::SumTask* task = nullptr;
-    const ViewTextures* view = nullptr;
+    DrawnView view;
+    const ViewTextures* textures = nullptr;
     Programs* programs = nullptr;
-    Rect rect;
     FaceCover cover;
   } job_;
   const GLenum float_target_;

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <tuple>
 
 namespace lf::gl {
 namespace {
@@ -11,46 +13,67 @@ int even(int size) { return (size + 1) & ~1; }
 
 }  // namespace
 
-bool ImageAtlas::lay_out(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
-                         int max_size) {
+// What the views look at: pixels of the same memory are the same image.
+void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixels& needed) {
+  const PixelFamily family = views.front().task->family;
   pieces_.clear();
-  offsets_.assign(task.slots.size(), {});
+  uses_.clear();
   bytes_ = 1;
-  has_chroma_ = needed.colours && task.family == PixelFamily::kI420;
+  has_chroma_ = needed.colours && family == PixelFamily::kI420;
+  std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t>, size_t> known;
+  for (size_t v = 0; v < views.size(); v++)
+    for (const Source& source : views[v].sources) {
+      const int32_t slot = views[v].task->slot_of_camera[source.camera];
+      if (slot < 0 || source.image.family == PixelFamily::kNone) continue;
+      const ImageView& image = source.image;
+      const auto [at, is_new] = known.try_emplace({image.plane[0], image.plane[1], image.stride[0]}, pieces_.size());
+      if (is_new) pieces_.push_back({&image, {}, {}});
+      Piece& piece = pieces_[at->second];
+      piece.part = unite(piece.part, needed.part(views[v], source));
+      uses_.push_back({v, static_cast<size_t>(slot), at->second});
+      if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.layout.pixel_stride);
+    }
+}
+
+// On shelves, the highest first. Returns how high they are.
+int ImageAtlas::place_pieces() {
   double area = 0;
   int widest = 2;
-  for (const Source& source : sources) {
-    const int32_t slot = task.slot_of_camera[source.camera];
-    if (slot < 0 || source.image.family == PixelFamily::kNone) continue;
-    const Rect part = needed.part(source);
-    pieces_.push_back({&source.image, part, slot});
-    area += static_cast<double>(even(part.width())) * even(part.height());
-    widest = std::max(widest, even(part.width()));
-    if (task.family == PixelFamily::kRgb) bytes_ = std::max(bytes_, source.image.layout.pixel_stride);
+  std::vector<Piece*> highest_first;
+  for (Piece& piece : pieces_) {
+    area += static_cast<double>(even(piece.part.width())) * even(piece.part.height());
+    widest = std::max(widest, even(piece.part.width()));
+    highest_first.push_back(&piece);
   }
-  // On shelves, the highest first.
-  std::ranges::sort(pieces_, std::ranges::greater(), [](const Piece& piece) { return piece.part.height(); });
+  std::ranges::sort(highest_first, std::ranges::greater(), [](const Piece* piece) { return piece->part.height(); });
   width_ = std::max(widest, even(static_cast<int>(std::sqrt(1.1 * area))));
   int x = 0, y = 0, shelf = 0;
-  for (const Piece& piece : pieces_) {
-    const int width = even(piece.part.width()), height = even(piece.part.height());
+  for (Piece* const piece : highest_first) {
+    const int width = even(piece->part.width()), height = even(piece->part.height());
     if (x + width > width_) {
       x = 0;
       y += shelf;
       shelf = 0;
     }
     shelf = std::max(shelf, height);
-    offsets_[static_cast<size_t>(piece.slot)] = {x - piece.part.x0, y - piece.part.y0};
+    piece->at = {x - piece->part.x0, y - piece->part.y0};
     x += width;
   }
-  height_ = std::max(y + shelf, 2);
+  return y + shelf;
+}
+
+bool ImageAtlas::lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size) {
+  find_pieces(views, needed);
+  height_ = std::max(place_pieces(), 2);
+  offsets_.resize(views.size());
+  for (size_t v = 0; v < views.size(); v++) offsets_[v].assign(views[v].task->slots.size(), {});
+  for (const auto& [view, slot, piece] : uses_) offsets_[view][slot] = pieces_[piece].at;
   return std::max(width_, all_rows()) <= max_size;
 }
 
 // To where it is in the texture's memory.
 void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
-  const auto& [image, part, slot] = piece;
-  const Offset& at = offset(slot);
+  const auto& [image, part, at] = piece;
   const auto bytes = static_cast<size_t>(bytes_), row = static_cast<size_t>(width_) * bytes;
   const size_t count = static_cast<size_t>(part.width()) * bytes;
   uint8_t* out = to + static_cast<size_t>(at.y + part.y0) * row + static_cast<size_t>(at.x + part.x0) * bytes;

@@ -14,14 +14,22 @@
 
 namespace lf::gl {
 
+// One of the views that are drawn in a pass.
+struct DrawnView {
+  const simd::SumTask* task = nullptr;
+  std::span<const Source> sources;  // what the task was made of
+  Rect rect;                        // what is drawn of the view
+};
+
 // What is needed of cameras' images: which part of one, and whether its colours.
 struct NeededPixels {
-  std::function<Rect(const Source&)> part;
+  std::function<Rect(const DrawnView&, const Source&)> part;
   bool colours = true;
 };
 
-// What a view needs of cameras' images, side by side in one texture, which is a few times as large as the view, however
-// many and however large the images are. It is sent in one piece: cards are slow with many small ones.
+// What the views of a pass need of cameras' images, side by side in one texture, which is a few times as large as a
+// view, however many and however large the images are. It is sent in one piece: cards are slow with many small ones.
+// An image that several views look at is there once, with all that they need of it.
 //
 // Calls need no context but where they say so: what takes long, filling it, is done while the card draws something
 // else.
@@ -30,16 +38,17 @@ struct NeededPixels {
 // half the size, if colours are needed.
 class ImageAtlas {
  public:
-  // Gives each of the sources that has an image and a slot in the task its place, in a texture of at most `max_size`
-  // pixels a side; false if they don't fit. Sources are of the task's family, and stay where they are until they are
-  // uploaded.
-  bool lay_out(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed, int max_size);
+  // Gives each of the views' sources that has an image and a slot in its task a place, in a texture of at most
+  // `max_size` pixels a side; false if they don't fit. All images are of one family, and stay where they are until they
+  // are uploaded.
+  bool lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size);
 
-  // Where pixel (0, 0) of the slot's image would be; even.
+  // Where pixel (0, 0) of an image would be; even.
   struct Offset {
     int x = 0, y = 0;
   };
-  const Offset& offset(int32_t slot) const { return offsets_[static_cast<size_t>(slot)]; }
+  // Of the images of a view's slots.
+  std::span<const Offset> offsets(size_t view) const { return offsets_[view]; }
   // kI420: where Cb (1) and Cr (2) of what is at (0, 0) are.
   Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
@@ -55,16 +64,22 @@ class ImageAtlas {
   struct Piece {
     const ImageView* image;
     Rect part;  // of it
-    int32_t slot;
+    Offset at;
   };
+  struct Use {
+    size_t view, slot, piece;
+  };
+  void find_pieces(std::span<const DrawnView> views, const NeededPixels& needed);
+  int place_pieces();
   void copy(const Piece& piece, uint8_t* to) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
   size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
 
   std::vector<Piece> pieces_;
-  std::vector<Offset> offsets_;  // by slot
-  int width_ = 0, height_ = 0;   // of what is RGB or luma
-  int bytes_ = 1;                // a pixel
+  std::vector<Use> uses_;
+  std::vector<std::vector<Offset>> offsets_;  // by view and slot
+  int width_ = 0, height_ = 0;                // of what is RGB or luma
+  int bytes_ = 1;                             // a pixel
   bool has_chroma_ = false;
   SentTexture texture_;
 };

@@ -100,6 +100,7 @@ uvec3 moments_of(vec3 weights, vec2 d, float level) {
 }
 
 void main() {
+  begin_view(0u);
   ivec2 first = ivec2(2, 1) * ivec2(gl_GlobalInvocationID.xy);
   int surface = int(gl_GlobalInvocationID.z);
   if (any(greaterThanEqual(first, size))) return;

@@ -66,8 +66,8 @@ class Buffer {
   }
   // Room for as much; what was in it is lost if there was less.
   void reserve(size_t bytes);
-  // kNumbers: replaces what is in it.
-  void set(const void* from, size_t bytes);
+  // kNumbers: replaces bytes of it, from byte `first` on.
+  void put(size_t first, const void* from, size_t bytes);
   GLuint name() const { return name_; }
   size_t bytes() const { return bytes_; }
   // Null: reach it by OpenGL's functions.
@@ -140,7 +140,7 @@ class Stopwatch {
 // Where a program's numbers are.
 struct Program {
   GLuint name = 0;
-  GLint origin = -1, size = -1, extent = -1, map_scale = -1, chroma_places = -1, parts = -1;
+  GLint origin = -1, size = -1, extent = -1, map_scale = -1, chroma_places = -1, parts = -1, lost_rows = -1;
   GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 

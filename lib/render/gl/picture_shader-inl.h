@@ -15,6 +15,7 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 layout(std430, binding = RESULT) readonly buffer Sum { uint sum[]; }; // as BlockSum has it
 layout(std430, binding = PICTURE) writeonly buffer Picture { uint picture[]; };
 uniform uvec4 parts; // of the sum: pixels, chroma and lost weight; its draw
+uniform uint lost_rows; // of the sum
 uniform ivec2 origin, size, extent; // where the sum is in the view, and its size; the view's
 uniform uvec4 planes; // words of a row of the first plane, and of the others; where these begin
 uniform vec3 byte_levels; // gain, offset, chroma's gain
@@ -29,7 +30,7 @@ float value(uint word, int n) { return float(bitfieldExtract(int(sum[word]), 16 
 
 // Of a pixel of the sum; 32768 is all of it.
 float lost_at(ivec2 at) {
-  if (sum[at.y / 2] != parts.w) return 0.0;
+  if (sum[lost_rows + uint(at.y / 2)] != parts.w) return 0.0;
   return float(bitfieldExtract(sum[parts.z + word_of(at)], 16 * (at.x & 1), 16));
 }
 

@@ -67,7 +67,8 @@ const Program* Programs::use(const SumProgram& what, std::string& why) {
         std::pair("chroma_sums", kChromaSums)})
     glUniform1i(at(sampler), unit);
   return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("map_scale"), at("chroma_places"),
-                              at("parts"), at("planes"), at("byte_levels"), at("background"), at("channels")});
+                              at("parts"), at("lost_rows"), at("planes"), at("byte_levels"), at("background"),
+                              at("channels")});
 }
 
 }  // namespace lf::gl

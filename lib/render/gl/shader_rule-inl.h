@@ -12,19 +12,26 @@ precision highp int;
 uniform highp usampler2D levels;     // of the focal map: of its nodes
 uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
 uniform highp sampler2D centre_rays; // and of the middle of four
-uniform ivec2 origin;     // of the target in the view
-uniform ivec2 size;       // of the sum, pixels
-uniform vec4 map_scale;   // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 
 #ifdef COMPUTED
+// begin_view() sets what is of a view.
+#define OF_VIEW
+ivec2 nodes;         // of the focal map
+int first_level_row; // where they begin in `levels`
 layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
 int face_row; // of the face that is looked at now
 #define FACE(texel) tables[face_row * FACE_TEXELS + texel]
 #else
+#define OF_VIEW uniform
+#define nodes textureSize(levels, 0)
+const int first_level_row = 0;
 uniform highp sampler2D owners; // of each pixel: its face's depth, 0: none
 flat in vec4 face[FACE_TEXELS];
 #define FACE(texel) face[texel]
 #endif
+OF_VIEW ivec2 origin;   // of the target in the view
+OF_VIEW ivec2 size;     // of the sum, pixels
+OF_VIEW vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 vec4 edge(int k) { return FACE(FACE_EDGE + k); }
 vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
 
@@ -63,10 +70,10 @@ float bilinear(vec4 gathered, vec2 part) {
 #ifdef MAP
 // From the face's level.
 float level_at(vec2 pixel) {
-  ivec2 nodes = textureSize(levels, 0);
   vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(nodes - 1));
   ivec2 cell = min(ivec2(at), max(nodes - 2, 0));
-  vec4 around = vec4(textureGather(levels, vec2(cell + 1) / vec2(nodes)));
+  ivec2 corner = cell + ivec2(1, 1 + first_level_row);
+  vec4 around = vec4(textureGather(levels, vec2(corner) / vec2(textureSize(levels, 0))));
   return bilinear(around, at - vec2(cell)) - FACE(0).w;
 }
 #else

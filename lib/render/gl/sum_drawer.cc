@@ -12,52 +12,58 @@
 #include "render/gl/face_sums.h"
 #include "render/gl/moment_sums.h"
 #include "render/gl/objects.h"
+#include "render/gl/sum_tables.h"
 #include "render/gl/view_textures.h"
 
 namespace lf::gl {
 
 namespace {
 
-// Atlases for as many sums as are being made at once.
-class Atlases {
+// What a pass needs before it has the context.
+struct Pass {
+  ImageAtlas atlas;
+  PassNumbers numbers;
+};
+
+// The memory of as many passes as are being made at once.
+class Passes {
  public:
   // One that nobody else has, for as long as this lives. Without a context.
   class Lease {
    public:
-    explicit Lease(Atlases& from) : from_(from), atlas_(from.take()) {}
-    ~Lease() { from_.give_back(std::move(atlas_)); }
+    explicit Lease(Passes& from) : from_(from), pass_(from.take()) {}
+    ~Lease() { from_.give_back(std::move(pass_)); }
     Lease(const Lease&) = delete;
     Lease& operator=(const Lease&) = delete;
-    ImageAtlas* operator->() const { return atlas_.get(); }
-    ImageAtlas& operator*() const { return *atlas_; }
+    Pass* operator->() const { return pass_.get(); }
 
    private:
-    Atlases& from_;
-    std::unique_ptr<ImageAtlas> atlas_;
+    Passes& from_;
+    std::unique_ptr<Pass> pass_;
   };
 
  private:
-  std::unique_ptr<ImageAtlas> take() {
+  std::unique_ptr<Pass> take() {
     const std::lock_guard lock(mutex_);
-    if (free_.empty()) return std::make_unique<ImageAtlas>();
-    auto atlas = std::move(free_.back());
+    if (free_.empty()) return std::make_unique<Pass>();
+    auto pass = std::move(free_.back());
     free_.pop_back();
-    return atlas;
+    return pass;
   }
-  void give_back(std::unique_ptr<ImageAtlas> atlas) {
+  void give_back(std::unique_ptr<Pass> pass) {
     const std::lock_guard lock(mutex_);
-    free_.push_back(std::move(atlas));
+    free_.push_back(std::move(pass));
   }
 
   std::mutex mutex_;
-  std::vector<std::unique_ptr<ImageAtlas>> free_;
+  std::vector<std::unique_ptr<Pass>> free_;
 };
 
 }  // namespace
 
 struct SumDrawer::Objects {
-  Atlases atlases;
-  ViewTextures view;
+  Passes passes;
+  ViewTextures textures;
   Programs programs;
   std::unique_ptr<FaceSums> faces;    // one of
   std::unique_ptr<BlockSums> blocks;  // the two
@@ -135,18 +141,26 @@ static bool refuse(std::string& why, std::string reason) {
   return false;
 }
 
-// `begin`: has the card begin with what is drawn of the task's images in `rect`; `read` waits for it.
+// Sides of what is drawn, and numbers of faces. Images are seen to by their atlas.
+bool SumDrawer::fits(std::span<const DrawnView> views, std::string& why) const {
+  const Objects& o = *objects_;
+  if (o.blocks && !o.blocks->fits(views)) return refuse(why, "the view is too large");
+  int level_rows = 0;
+  for (const DrawnView& view : views) {
+    const auto faces = static_cast<int>(view.task->plan->faces().size());
+    if (faces >= kMixedOwners) return refuse(why, "too many faces");
+    if (const FocalMap* map = view.task->plan->view().focus.map.get()) level_rows += map->rows;
+    if (std::max({view.rect.width(), view.rect.height(), faces, level_rows}) > o.max_size)
+      return refuse(why, "the view or the array is too large");
+  }
+  return true;
+}
+
+// `begin`: has the card begin with what is drawn of views whose images `atlas` has laid out; `read` waits for it.
 template <class Begin, class Read>
-bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
-                         const Rect& rect, const ParallelFor& parallel, const Begin& begin, const Read& read,
-                         std::string& why) {
+bool SumDrawer::draw_now(std::span<const DrawnView> views, ImageAtlas& atlas, const ParallelFor& parallel,
+                         const Begin& begin, const Read& read, std::string& why) {
   Objects& o = *objects_;
-  const auto faces = static_cast<int>(task.plan->faces().size());
-  if (faces >= kMixedOwners) return refuse(why, "too many faces");
-  if (std::max({rect.width(), rect.height(), faces}) > o.max_size)
-    return refuse(why, "the view or the array is too large");
-  const Atlases::Lease atlas(o.atlases);
-  if (!atlas->lay_out(task, sources, needed, o.max_size)) return refuse(why, "the cameras' images are too large");
   const auto in_context = [&](const auto& job) {
     bool done = false;
     if (context_->run([&] { done = job(); })) return done;
@@ -154,20 +168,20 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
     return refuse(why, "the context is lost");
   };
   const auto reserve = [&] {
-    atlas->reserve();
+    atlas.reserve();
     return true;
   };
-  if (!atlas->has_room() && !in_context(reserve)) return false;
-  atlas->fill(parallel);
+  if (!atlas.has_room() && !in_context(reserve)) return false;
+  atlas.fill(parallel);
   return in_context([&] {
-    o.view.upload(task, rect, *atlas);
+    o.textures.upload(views, atlas);
     o.stopwatch.reset();
     if (!begin()) return false;
     if (!read()) {
       lost_ = true;
       return refuse(why, "the card does not answer");
     }
-    drawn_ns_ = o.stopwatch.nanoseconds();
+    drawn_ns_ += o.stopwatch.nanoseconds();
     if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
       lost_ = error == GL_OUT_OF_MEMORY || lost_;
       return refuse(why, "OpenGL error " + std::to_string(error));
@@ -176,59 +190,101 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   });
 }
 
-// Into `out` or wherever `read` puts it.
-template <class Read>
-bool SumDrawer::draw_sum(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                         const ParallelFor& parallel, DrawnSum& out, const Read& read, std::string& why) {
-  Objects& o = *objects_;
-  out.family = task.family;
-  out.rect = rect;
-  const auto part = [&task](const Source& source) {
-    return needed_pixels(*task.plan, source.camera, *source.rig_camera);
+// How many of the first orders may go in one pass: the same program draws them, so that what a sum comes to does not
+// depend on those beside it.
+size_t SumDrawer::together(std::span<const SumOrder> orders) const {
+  const simd::SumTask& first = *orders.front().task;
+  const SumProgram program = program_of(first);
+  if (!objects_->blocks || program.has_rays) return 1;
+  const auto end = std::ranges::find_if_not(orders, [&](const SumOrder& order) {
+    return order.task->family == first.family && program_of(*order.task) == program;
+  });
+  return static_cast<size_t>(end - orders.begin());
+}
+
+// Mends what the card has left open. False with the reason in `why` where that can't be put back.
+bool SumDrawer::finish(std::span<SumOrder> orders, std::span<SumReading> readings, const ParallelFor& parallel,
+                       std::string& why) {
+  std::vector<size_t> mended(orders.size());
+  parallel(orders.size(), [&](size_t i) { mended[i] = mend(*orders[i].task, *readings[i].out); });
+  const auto write_back = [&] {
+    for (size_t i = 0; i < orders.size(); i++)
+      if (orders[i].stays && mended[i] > 0) readings[i].sum->write_back(*readings[i].out);
   };
+  bool any = false;
+  for (size_t i = 0; i < orders.size(); i++) {
+    mended_ += mended[i];
+    any = any || (orders[i].stays && mended[i] > 0);
+  }
+  if (!any || context_->run(write_back)) return true;
+  lost_ = true;
+  return refuse(why, "the context is lost");
+}
+
+// All of them in one pass, or where that is too much, in two that are half as large.
+void SumDrawer::draw_pass(std::span<SumOrder> orders, const ParallelFor& parallel) {
+  Objects& o = *objects_;
+  const auto part = [](const DrawnView& view, const Source& source) {
+    return needed_pixels(*view.task->plan, source.camera, *source.rig_camera);
+  };
+  std::vector<DrawnView> views;
+  for (const SumOrder& order : orders) views.push_back({order.task, order.sources, order.rect});
+  const auto refuse_all = [&](const std::string& reason) {
+    for (SumOrder& order : orders) order.why_not = reason;
+  };
+  std::string why;
+  const Passes::Lease pass(o.passes);
+  if (!fits(views, why) ||
+      (!pass->atlas.lay_out(views, {part}, o.max_size) && !refuse(why, "the cameras' images are too large"))) {
+    if (orders.size() == 1) return refuse_all(why);
+    draw_pass(orders.first(orders.size() / 2), parallel);
+    return draw_pass(orders.subspan(orders.size() / 2), parallel);
+  }
+  if (o.blocks) pass->numbers.make(views, pass->atlas, parallel);
+  passes_++;
+  std::vector<DrawnSum> open(orders.size());  // of those that stay, what the card has left open
+  std::vector<SumReading> readings(orders.size());
+  std::vector<std::shared_ptr<BlockSum>> sums;
   const auto begin = [&] {
-    return o.blocks ? o.blocks->begin(task, o.view, o.programs, rect, o.stopwatch, why)
-                    : o.faces->begin(task, o.view, o.programs, rect, o.stopwatch, why);
+    return o.blocks ? o.blocks->begin(views, pass->numbers, o.textures, o.programs, o.stopwatch, why)
+                    : o.faces->begin(views.front(), o.textures, o.programs, o.stopwatch, why);
   };
-  return draw_now(task, sources, {part}, rect, parallel, begin, read, why);
+  for (size_t i = 0; i < orders.size(); i++) {
+    SumOrder& order = orders[i];
+    DrawnSum* const out = order.stays ? &open[i] : &order.drawn;
+    *out = {.family = order.task->family, .rect = order.rect};
+    readings[i] = {.out = out, .only_open = order.stays};
+  }
+  const auto read_all = [&] {
+    if (o.faces) {
+      o.faces->read(orders.front().drawn);
+      return true;
+    }
+    sums.assign(o.blocks->latest().begin(), o.blocks->latest().end());
+    for (size_t i = 0; i < orders.size(); i++) readings[i].sum = sums[i].get();
+    return read_sums(readings);
+  };
+  if (!draw_now(views, pass->atlas, parallel, begin, read_all, why) || !finish(orders, readings, parallel, why))
+    return refuse_all(why);
+  for (size_t i = 0; i < orders.size(); i++) {
+    const View& view = orders[i].task->plan->view();
+    if (orders[i].stays)
+      orders[i].stayed = std::make_shared<CardSum>(shared_from_this(), std::move(sums[i]),
+                                                   Rect{0, 0, view.width, view.height}, readings[i].any_lost);
+  }
 }
 
-bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                     const ParallelFor& parallel, DrawnSum& out, std::string& why) {
-  const auto read = [&] {
-    if (objects_->blocks) return objects_->blocks->latest()->read(out);
-    objects_->faces->read(out);
-    return true;
-  };
-  if (!draw_sum(task, sources, rect, parallel, out, read, why)) return false;
-  mended_ = mend(task, out);
-  return true;
-}
-
-std::shared_ptr<CardSum> SumDrawer::draw_to_stay(const simd::SumTask& task, std::span<const Source> sources,
-                                                 const Rect& rect, const ParallelFor& parallel, std::string& why) {
-  Objects& o = *objects_;
-  if (!o.blocks) {
-    refuse(why, "what fragment shaders draw does not stay");
-    return nullptr;
+void SumDrawer::draw(std::span<SumOrder> orders, const ParallelFor& parallel) {
+  passes_ = mended_ = 0;
+  drawn_ns_ = 0;
+  while (!orders.empty()) {
+    const size_t count = together(orders);
+    if (orders.front().stays && !objects_->blocks)
+      orders.front().why_not = "what fragment shaders draw does not stay";
+    else
+      draw_pass(orders.first(count), parallel);
+    orders = orders.subspan(count);
   }
-  DrawnSum open;  // what the card has left open
-  bool any_lost = false;
-  std::shared_ptr<BlockSum> sum;
-  const auto read = [&] {
-    sum = o.blocks->latest();
-    return sum->read_open(open, any_lost);
-  };
-  if (!draw_sum(task, sources, rect, parallel, open, read, why)) return nullptr;
-  const size_t mended = mend(task, open);  // mended_ is everybody's
-  mended_ = mended;
-  if (mended > 0 && !context_->run([&] { sum->write_back(open); })) {
-    lost_ = true;
-    refuse(why, "the context is lost");
-    return nullptr;
-  }
-  const View& view = task.plan->view();
-  return std::make_shared<CardSum>(shared_from_this(), std::move(sum), Rect{0, 0, view.width, view.height}, any_lost);
 }
 
 bool SumDrawer::work(const std::function<bool(Programs& programs, Buffer& scratch)>& job) {
@@ -246,9 +302,19 @@ bool SumDrawer::draw_moments(const MomentTask& task, std::span<const Source> sou
                              DrawnMoments& out, std::string& why) {
   Objects& o = *objects_;
   for (const simd::Slot& slot : task.sums.slots) out.rect = unite(out.rect, slot.rect);
-  const auto begin = [&] { return o.moments->begin(task, o.view, o.programs, out.rect, o.stopwatch, why); };
-  const auto read = [&] { return o.moments->read(out); };
-  return draw_now(task.sums, sources, {part, false}, out.rect, parallel, begin, read, why);
+  const DrawnView view{&task.sums, sources, out.rect};
+  const Passes::Lease pass(o.passes);
+  if (!fits({&view, 1}, why)) return false;
+  const auto part_of = [&part](const DrawnView&, const Source& source) { return part(source); };
+  if (!pass->atlas.lay_out({&view, 1}, {part_of, false}, o.max_size))
+    return refuse(why, "the cameras' images are too large");
+  pass->numbers.make({&view, 1}, pass->atlas, parallel, task.boxes);
+  const auto begin = [&] {
+    return o.moments->begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
+  };
+  const auto read_all = [&] { return o.moments->read(out); };
+  drawn_ns_ = 0;
+  return draw_now({&view, 1}, pass->atlas, parallel, begin, read_all, why);
 }
 
 }  // namespace lf::gl

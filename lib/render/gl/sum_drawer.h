@@ -20,8 +20,10 @@ namespace lf::gl {
 
 class Buffer;
 class CardSum;
-struct NeededPixels;
+struct DrawnView;
+class ImageAtlas;
 class Programs;
+struct SumReading;
 
 // A sum as it came from the card.
 struct DrawnSum {
@@ -37,6 +39,20 @@ struct DrawnSum {
 
   // Rows [y0, y1) as SumRenderer::render_rows() has them. True if any weight was lost in them.
   bool copy_rows(int y0, int y1, const SumPlanes& out) const;
+};
+
+// A sum that is to be drawn, and what comes of it.
+struct SumOrder {
+  // The task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in kI420), of images
+  // `sources` that the task was made of, of a view that is blended by its mesh.
+  const simd::SumTask* task = nullptr;
+  std::span<const Source> sources;
+  Rect rect;
+  bool stays = false;  // on the card; the drawer is owned by a shared_ptr
+
+  DrawnSum drawn;                   // what it comes to,
+  std::shared_ptr<CardSum> stayed;  // or where it has stayed
+  std::string why_not;              // neither; "": it is drawn
 };
 
 // What moments of luma are to be drawn of: see focus/moments.h. A view with a focal map, with a pixel for each of its
@@ -82,18 +98,13 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   const std::string& device() const { return context_->device(); }
   bool is_software() const { return context_->is_software(); }
 
-  // Draws the sum of the task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in
-  // kI420), into `out`. `sources`: those the task was made of, of a view that is blended by its mesh. False where that
-  // can't be done, with the reason in `why`: sizes beyond the card's, a context that is lost.
+  // Draws sums, or says why it can't: sizes beyond the card's, a context that is lost, one that is to stay where
+  // fragment shaders draw. Those that follow each other go in one pass where their images fit together, of which those
+  // that several look at go to the card once: with compute shaders, of one family, all with focal maps or all without,
+  // all of cameras of the same kinds, and none distorted. No sum depends on those beside it.
   // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
   // others, and drawing is one after the other.
-  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, const ParallelFor& parallel,
-            DrawnSum& out, std::string& why);
-
-  // The same, but the sum stays on the card. The drawer is owned by a shared_ptr. Null where draw() would have been
-  // false, and where it draws by fragment shaders.
-  std::shared_ptr<CardSum> draw_to_stay(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                                        const ParallelFor& parallel, std::string& why);
+  void draw(std::span<SumOrder> orders, const ParallelFor& parallel);
 
   // Whether it can draw moments, too: where it draws by compute shaders.
   bool draws_moments() const;
@@ -118,28 +129,32 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   bool is_lost() const { return lost_; }
   // Makes the context as if its driver had lost it, from now on. Any thread.
   void lose() { context_->lose(); }
-  // How long the card took for what the latest draw() had it draw, without sending anything there and back,
-  // nanoseconds; 0: its driver can't tell (GL_EXT_disjoint_timer_query).
+  // How long the card took for what the latest draw() or draw_moments() had it draw, without sending anything there and
+  // back, nanoseconds; 0: its driver can't tell (GL_EXT_disjoint_timer_query).
   uint64_t drawn_ns() const { return drawn_ns_; }
   // Pixels (and chroma samples) that the latest draw() left to the CPU.
   size_t mended() const { return mended_; }
+  // How many passes the latest draw() took.
+  size_t passes() const { return passes_; }
 
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
   static std::unique_ptr<SumDrawer> create_on(std::unique_ptr<Context> context, Shaders shaders, std::string& why);
   bool prepare(Shaders shaders, std::string& why);
-  template <class Read>
-  bool draw_sum(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                const ParallelFor& parallel, DrawnSum& out, const Read& read, std::string& why);
+  size_t together(std::span<const SumOrder> orders) const;
+  void draw_pass(std::span<SumOrder> orders, const ParallelFor& parallel);
+  bool fits(std::span<const DrawnView> views, std::string& why) const;
+  bool finish(std::span<SumOrder> orders, std::span<SumReading> readings, const ParallelFor& parallel,
+              std::string& why);
   template <class Begin, class Read>
-  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const NeededPixels& needed,
-                const Rect& rect, const ParallelFor& parallel, const Begin& begin, const Read& read, std::string& why);
+  bool draw_now(std::span<const DrawnView> views, ImageAtlas& atlas, const ParallelFor& parallel, const Begin& begin,
+                const Read& read, std::string& why);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // what the context holds
   std::atomic<bool> lost_ = false;
-  std::atomic<size_t> mended_ = 0;
+  std::atomic<size_t> mended_ = 0, passes_ = 0;
   std::atomic<uint64_t> drawn_ns_ = 0;
 };
 

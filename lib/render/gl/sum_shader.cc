@@ -213,6 +213,18 @@ std::string head(const SumProgram& program) {
   define(text, "CORNER_PER_FROM", int{kCornerPerFrom});
   define(text, "CORNER_PER_ALONG", int{kCornerPerAlong});
   define(text, "CORNER_PER_DOWN", int{kCornerPerDown});
+  const auto define_word = [&text](std::string_view name, ViewWord word) {
+    text += "#define " + std::string(name) + " " + std::to_string(word) + "u\n";
+  };
+  define_word("VIEW_ORIGIN", kViewOrigin);
+  define_word("VIEW_SIZE", kViewSize);
+  define_word("VIEW_RUNS", kViewRuns);
+  define_word("VIEW_FACES", kViewFaces);
+  define_word("VIEW_LEVELS", kViewLevels);
+  define_word("VIEW_NODES", kViewNodes);
+  define_word("VIEW_SCALE", kViewScale);
+  define_word("VIEW_RESULT", kViewResult);
+  define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "IS_CUBIC", int{kIsCubic});
   define(text, "DOUBT", kDoubt);

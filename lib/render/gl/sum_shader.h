@@ -76,6 +76,19 @@ constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texel
 inline constexpr int kMaxTableTexels = face_texels(true);
 enum CornerFlags { kHasImage = 1, kIsCubic = 2 };
 
+// What compute shaders know of each view of a pass: 32-bit words, in front of all views' runs.
+enum ViewWord {
+  kViewOrigin,       // x, y of what is drawn in the view
+  kViewSize = 2,     // of that, pixels
+  kViewRuns = 4,     // where its runs begin
+  kViewFaces,        // the row of the tables that its first face has
+  kViewLevels,       // the row of the texture of levels that its map begins with
+  kViewNodes,        // columns, rows of the map
+  kViewScale = 9,    // MapScale, in float
+  kViewResult = 13,  // six words about where its sum is, see BlockSum
+  kViewWords = 19
+};
+
 // Pixels of a camera's image.
 inline constexpr double kMaxPositionError = 1.0 / 128;
 // Of float: each product and sum is good to 2^-24 of what goes into it, and five of them in a row to this.

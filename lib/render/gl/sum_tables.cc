@@ -92,6 +92,14 @@ void add_no_corner(Tables& tables, bool has_map) {
 
 }  // namespace
 
+MapScale scale_of(const ViewPlan& plan) {
+  const FocalMap* map = plan.view().focus.map.get();
+  if (!map) return {};
+  return {static_cast<float>(map->step), static_cast<float>(map->farthest),
+          static_cast<float>((map->nearest - map->farthest) / FocalMap::kLevels),
+          static_cast<float>(plan.eye_distance())};
+}
+
 SumProgram program_of(const simd::SumTask& task) {
   SumProgram program;
   program.has_map = task.plan->view().focus.map != nullptr;
@@ -107,7 +115,7 @@ Vec2 anchor_of(const FacePlan& face) {
   return Vec2((face.rect.x0 + face.rect.x1) / 2, (face.rect.y0 + face.rect.y1) / 2);
 }
 
-void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values,
+void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
@@ -127,9 +135,8 @@ void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector
         add_no_corner(tables, map != nullptr);
         continue;
       }
-      const int32_t place = task.slot_of_camera[face.camera[k]];
-      const auto slot = static_cast<size_t>(place);
-      add_corner(tables, task, task.slots[slot], atlas.offset(place), anchor, near, boxes.empty() ? 0 : boxes[slot]);
+      const auto slot = static_cast<size_t>(task.slot_of_camera[face.camera[k]]);
+      add_corner(tables, task, task.slots[slot], places[slot], anchor, near, boxes.empty() ? 0 : boxes[slot]);
     }
   }
 }

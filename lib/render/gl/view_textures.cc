@@ -3,7 +3,11 @@
 
 #include <algorithm>
 
+#include "render/gl/sum_tables.h"
+
 namespace lf::gl {
+
+static const FocalMap* map_of(const DrawnView& view) { return view.task->plan->view().focus.map.get(); }
 
 void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool centres) {
   const int step = centres ? 2 : 1, width = centres ? chroma_size(rect.width()) : rect.width(),
@@ -20,30 +24,46 @@ void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool cen
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RG, GL_FLOAT, ray_memory_.data());
 }
 
-void ViewTextures::upload(const simd::SumTask& task, const Rect& rect, ImageAtlas& atlas) {
-  const ViewPlan& plan = *task.plan;
-  if (!plan.rays().separable()) {
-    upload_rays(plan.rays(), rect, false);
-    if (task.family == PixelFamily::kI420) upload_rays(plan.rays(), rect, true);
+// Of several maps one below the other.
+void ViewTextures::upload_levels(std::span<const DrawnView> views) {
+  int columns = 0, rows = 0;
+  for (const DrawnView& view : views)
+    if (const FocalMap* map = map_of(view)) {
+      columns = std::max(columns, map->columns);
+      rows += map->rows;
+    }
+  if (rows == 0) return;
+  levels_.reserve(static_cast<size_t>(columns) * rows);
+  uint8_t* to = levels_.room();
+  for (const DrawnView& view : views)
+    if (const FocalMap* map = map_of(view))
+      for (int y = 0; y < map->rows; y++, to += columns)
+        std::copy_n(&map->levels[static_cast<size_t>(y) * map->columns], map->columns, to);
+  levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, columns, rows, true);
+}
+
+void ViewTextures::upload(std::span<const DrawnView> views, ImageAtlas& atlas) {
+  const DrawnView& first = views.front();
+  if (const Rays& rays = first.task->plan->rays(); !rays.separable()) {
+    upload_rays(rays, first.rect, false);
+    if (first.task->family == PixelFamily::kI420) upload_rays(rays, first.rect, true);
   }
-  if (const FocalMap* map = plan.view().focus.map.get()) {
-    levels_.reserve(map->levels.size());
-    std::ranges::copy(map->levels, levels_.room());
-    levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, map->columns, map->rows, true);
-  }
+  upload_levels(views);
   atlas.send();
   atlas_ = &atlas;
 }
 
-void ViewTextures::describe(const Program& program, const simd::SumTask& task, const Rect& rect) const {
-  glUniform2i(program.origin, rect.x0, rect.y0);
-  glUniform2i(program.size, rect.width(), rect.height());
+void ViewTextures::describe_images(const Program& program) const {
   const ImageAtlas::Offset cb = atlas_->chroma_offset(1), cr = atlas_->chroma_offset(2);
   glUniform4i(program.chroma_places, cb.x, cb.y, cr.x, cr.y);
-  if (const FocalMap* map = task.plan->view().focus.map.get())
-    glUniform4f(program.map_scale, static_cast<float>(map->step), static_cast<float>(map->farthest),
-                static_cast<float>((map->nearest - map->farthest) / FocalMap::kLevels),
-                static_cast<float>(task.plan->eye_distance()));
+}
+
+void ViewTextures::describe(const Program& program, const DrawnView& view) const {
+  describe_images(program);
+  glUniform2i(program.origin, view.rect.x0, view.rect.y0);
+  glUniform2i(program.size, view.rect.width(), view.rect.height());
+  const MapScale scale = scale_of(*view.task->plan);
+  glUniform4f(program.map_scale, scale.step, scale.farthest, scale.of_level, scale.eye_distance);
 }
 
 }  // namespace lf::gl

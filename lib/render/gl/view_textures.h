@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "render/gl/image_atlas.h"
@@ -10,20 +11,22 @@
 
 namespace lf::gl {
 
-// What pixels look up of a view, whichever shaders compute them: the focal map's levels, lines of sight of distorted
+// What pixels look up of views, whichever shaders compute them: the focal maps' levels, lines of sight of distorted
 // views, and the cameras' images. All calls while the context is current.
 class ViewTextures {
  public:
-  // Sends and binds what the sum of a task in `rect` needs. `atlas` is filled with its images, and stays until the sum
-  // has been read.
-  void upload(const simd::SumTask& task, const Rect& rect, ImageAtlas& atlas);
-  // Tells a program in use where it all is.
-  void describe(const Program& program, const simd::SumTask& task, const Rect& rect) const;
+  // Sends and binds what the views of a pass need: one view, or several whose lines of sight are not looked up.
+  // `atlas` is filled with their images, and stays until what is drawn has been read.
+  void upload(std::span<const DrawnView> views, ImageAtlas& atlas);
+  // Tells a program in use where it all is: a compute shader, and one that draws the only view.
+  void describe_images(const Program& program) const;
+  void describe(const Program& program, const DrawnView& view) const;
 
   // What was uploaded last.
   const ImageAtlas& atlas() const { return *atlas_; }
 
  private:
+  void upload_levels(std::span<const DrawnView> views);
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
   const ImageAtlas* atlas_ = nullptr;
