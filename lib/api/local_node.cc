@@ -97,7 +97,9 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   std::string news;  // is in drawn_by(), too
   options.card = card_.open(renderer_, news);
   options.trial_card = card_.open_for_trials(renderer_);
-  AnswerMaker::Units units = maker_.make(*task, header, sources, options, scratch_, std::move(memory));
+  const AnswerMaker::Work work{task.get(), std::move(header)};
+  AnswerMaker::Units units =
+      std::move(maker_.make({&work, 1}, sources, options, scratch_, [&] { return std::move(memory); }).front());
   card_.rendered(renderer_, units.answer);
   card_.tried(renderer_, units.tried);
   return units;

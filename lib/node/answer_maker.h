@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -32,17 +33,24 @@ class AnswerMaker {
     uint64_t before_ns = 0;              // nanoseconds of wall time that these two took
     const CameraGains* gains = nullptr;  // gains that the images were divided by, valid until the next call; null: none
   };
-  // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `scratch`: for
-  // what is made of them. `memory` is recycled. Throws Error as AnswerTask::render() does.
-  Units make(const AnswerTask& task, const wire::AnswerHeader& header, std::span<const Source> images,
-             const Options& options, ImageMemory& scratch, ByteBuffer memory = {});
+  // An answer that is to be made.
+  struct Work {
+    const AnswerTask* task;
+    wire::AnswerHeader header;
+  };
+  // The answers of several tasks whose images are the same; of more than one none asks how bright cameras are. What one
+  // comes to does not depend on the others. `images`: of all cameras of the tasks, ascending, as render_answer() takes
+  // them and with Source::resampling left alone. `scratch`: for what is made of them. `memory`: to be recycled for one
+  // answer. Throws Error as AnswerTask::begin() does.
+  std::vector<Units> make(std::span<const Work> works, std::span<const Source> images, const Options& options,
+                          ImageMemory& scratch, const std::function<ByteBuffer()>& memory);
   void clear() { gains_.clear(); }
   // New views begin with what the other maker has learned.
   void begin_like(const AnswerMaker& other) { gains_.begin_like(other.gains_); }
 
  private:
-  void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,
-                   std::vector<ByteBuffer>& memory, std::vector<Source>& images, Units& units);
+  void match_gains(std::span<const Work> works, const Options& options, std::vector<ByteBuffer>& memory,
+                   std::vector<Source>& images, std::vector<Units>& units);
 
   GainMatcher gains_;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -81,46 +82,85 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
   return fragments;
 }
 
-void tell_of(const SumRenderer& renderer, RenderedAnswer& answer) {
-  answer.drawing = renderer.drawing();
-  answer.pixels = static_cast<size_t>(renderer.rect().width()) * renderer.rect().height();
-}
+class PendingSum : public PendingAnswer {
+ public:
+  PendingSum(const wire::AnswerHeader& header, const RenderJob& job, std::vector<Source> sources,
+             const AnswerForm& form)
+      : header_(header), job_(job), sources_(std::move(sources)), form_(form) {
+    const uint64_t begun = now_ns();
+    if (header_.family != PixelFamily::kNone)  // else no camera has an image yet
+      renderer_.emplace(job_.plan(), job_.runs(), sources_, header_.family, Coordinates::kGrid, nullptr, serial_for,
+                        form_.may_stay && form_.codec == wire::Codec::kRaw16);
+    ns_ = now_ns() - begun;
+  }
+  SumRenderer* sum() override { return renderer_ ? &*renderer_ : nullptr; }
+  RenderedAnswer finish(ByteBuffer memory, const ParallelFor& parallel) override {
+    if (!renderer_) return {.bytes = wire::AnswerWriter(header_, 0, std::move(memory)).finish()};
+    const uint64_t begun = now_ns();
+    RenderedAnswer answer = write(std::move(memory), parallel);
+    answer.drawing = renderer_->drawing();
+    answer.pixels = static_cast<size_t>(renderer_->rect().width()) * renderer_->rect().height();
+    answer.render_ns = ns_ + (now_ns() - begun) - answer.encode_ns;
+    return answer;
+  }
+
+ private:
+  RenderedAnswer write(ByteBuffer memory, const ParallelFor& parallel) const {
+    if (std::shared_ptr<gl::CardSum> sum = renderer_->card_sum())
+      return before(header_, std::move(sum), std::move(memory));
+    std::vector<CameraIndex> cameras;
+    for (const Source& source : sources_) cameras.push_back(source.camera);
+    const std::vector<Rect> tiles = sum_tiles(job_.plan(), job_.runs(), cameras, header_.family, form_.spare_pixels);
+    if (form_.codec == wire::Codec::kRaw16)
+      return render_sums16(header_, *renderer_, tiles, std::move(memory), parallel);
+    const std::vector<Fragment> strips =
+        render_strips(*renderer_, tiles, header_.family, form_.strip_pixels, parallel);
+    const uint64_t rendered = now_ns();
+    std::vector<wire::AnswerFragment> fragments;
+    for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
+    RenderedAnswer answer;
+    answer.bytes = wire::encode_fragments(header_, fragments, form_.quality, std::move(memory), parallel);
+    answer.fragments = fragments.size();
+    answer.encode_ns = now_ns() - rendered;
+    return answer;
+  }
+
+  const wire::AnswerHeader header_;
+  const RenderJob& job_;
+  const std::vector<Source> sources_;
+  const AnswerForm form_;
+  std::optional<SumRenderer> renderer_;
+  uint64_t ns_ = 0;  // of rendering so far
+};
 
 }  // namespace
 
+std::unique_ptr<PendingAnswer> begin_answer(const wire::AnswerHeader& header, const RenderJob& job,
+                                            std::vector<Source> sources, const AnswerForm& form) {
+  return std::make_unique<PendingSum>(header, job, std::move(sources), form);
+}
+
+std::vector<RenderedAnswer> finish_answers(std::span<PendingAnswer* const> answers, gl::SumDrawer* card,
+                                           const std::function<ByteBuffer()>& memory, const ParallelFor& parallel) {
+  const uint64_t begun = now_ns();
+  std::vector<SumRenderer*> sums;
+  for (PendingAnswer* const answer : answers)
+    if (SumRenderer* const sum = answer->sum()) sums.push_back(sum);
+  if (card && !sums.empty()) SumRenderer::draw(sums, *card, parallel);
+  const uint64_t drawing = now_ns() - begun;
+  std::vector<RenderedAnswer> finished;
+  for (PendingAnswer* const answer : answers) {
+    finished.push_back(answer->finish(memory(), parallel));
+    if (answer->sum()) finished.back().render_ns += drawing / sums.size();
+  }
+  return finished;
+}
+
 RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,
                              const AnswerForm& form, ByteBuffer memory, const ParallelFor& parallel) {
-  if (header.family == PixelFamily::kNone)  // no camera has an image yet
-    return {.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish()};
-  const uint64_t begin = now_ns();
-  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card, parallel,
-                             form.may_stay && form.codec == wire::Codec::kRaw16);
-  if (std::shared_ptr<gl::CardSum> sum = renderer.card_sum()) {
-    RenderedAnswer answer = before(header, std::move(sum), std::move(memory));
-    tell_of(renderer, answer);
-    answer.render_ns = now_ns() - begin;
-    return answer;
-  }
-  std::vector<CameraIndex> cameras;
-  for (const Source& source : sources) cameras.push_back(source.camera);
-  const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family, form.spare_pixels);
-  RenderedAnswer answer;
-  if (form.codec == wire::Codec::kRaw16) {
-    answer = render_sums16(header, renderer, tiles, std::move(memory), parallel);
-    tell_of(renderer, answer);
-    answer.render_ns = now_ns() - begin;
-    return answer;
-  }
-  const std::vector<Fragment> strips = render_strips(renderer, tiles, header.family, form.strip_pixels, parallel);
-  const uint64_t rendered = now_ns();
-  std::vector<wire::AnswerFragment> fragments;
-  for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
-  answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
-  answer.fragments = fragments.size();
-  tell_of(renderer, answer);
-  answer.render_ns = rendered - begin;
-  answer.encode_ns = now_ns() - rendered;
-  return answer;
+  PendingSum answer(header, job, {sources.begin(), sources.end()}, form);
+  PendingAnswer* const only = &answer;
+  return std::move(finish_answers({&only, 1}, form.card, [&] { return std::move(memory); }, parallel).front());
 }
 
 }  // namespace lf

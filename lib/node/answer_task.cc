@@ -39,13 +39,13 @@ class ViewTask : public SumTask {
   bool shows_detail(CameraIndex camera) const override {
     return lf::shows_detail(job_.plan().view(), rig_.cameras[camera]);
   }
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
-                        ByteBuffer memory, const ParallelFor& parallel) const override {
-    if (!wide_) return SumTask::render(header, sources, options, std::move(memory), parallel);
+  std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                       const Options& options) const override {
+    if (!wide_) return SumTask::begin(header, sources, options);
     std::vector<Source> in_view;
     std::ranges::copy_if(sources, std::back_inserter(in_view),
                          [this](const Source& source) { return is_in_view(source.camera); });
-    return SumTask::render(header, in_view, options, std::move(memory), parallel);
+    return SumTask::begin(header, in_view, options);
   }
   Tried moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                 const ParallelFor& parallel) const override {
@@ -92,13 +92,21 @@ class ViewTask : public SumTask {
 
 Rect SumTask::region(CameraIndex camera) const { return needed_pixels(job_.plan(), camera, rig_.cameras[camera]); }
 
-RenderedAnswer SumTask::render(const wire::AnswerHeader& header, std::span<const Source> sources,
-                               const Options& options, ByteBuffer memory, const ParallelFor& parallel) const {
+RenderedAnswer AnswerTask::render(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                  const Options& options, ByteBuffer memory, const ParallelFor& parallel) const {
+  const std::unique_ptr<PendingAnswer> answer = begin(header, sources, options);
+  PendingAnswer* const only = answer.get();
+  return std::move(
+      finish_answers({&only, 1}, options.card.get(), [&] { return std::move(memory); }, parallel).front());
+}
+
+std::unique_ptr<PendingAnswer> SumTask::begin(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                              const Options& options) const {
   AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
   form.strip_pixels = options.strip_pixels;
-  form.card = options.card.get();
-  form.may_stay = options.in_process && form.card && options.group != 0 && form.card->group() == options.group;
-  return render_answer(header, job_, sources, form, std::move(memory), parallel);
+  form.may_stay =
+      options.in_process && options.card && options.group != 0 && options.card->group() == options.group;
+  return begin_answer(header, job_, {sources.begin(), sources.end()}, form);
 }
 
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,

@@ -37,10 +37,13 @@ class AnswerTask {
   virtual Rect answer_region(CameraIndex camera) const { return region(camera); }
   // Whether the answer shows what bilinear samples of a camera's image lose: see shows_detail() of render/.
   virtual bool shows_detail(CameraIndex) const { return true; }
-  // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
-  virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources,
-                                const Options& options, ByteBuffer memory = {},
-                                const ParallelFor& parallel = serial_for) const = 0;
+  // The answer, to be finished; the task and what the images are in must outlive it. Arguments and errors as for
+  // begin_answer(); `sources` are of cameras().
+  virtual std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                               const Options& options) const = 0;
+  // The finished answer.
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
+                        ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const;
   // The part of a camera's image that answer and moments need; empty: the camera is only asked how bright it is.
   virtual Rect drawn(CameraIndex camera) const { return region(camera); }
   // How the cameras' brightness is to be matched; null: not at all.
@@ -75,8 +78,8 @@ class SumTask : public AnswerTask {
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override;
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
-                        ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const override;
+  std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                       const Options& options) const override;
 
  protected:
   const Rig& rig_;

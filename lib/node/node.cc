@@ -7,24 +7,11 @@
 #include "base/error.h"
 #include "base/schedule.h"
 #include "node/camera_access.h"
+#include "node/found_frames.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
 namespace {
-
-// Live cameras' frames have clock time, those of others running time, and a request may ask in either.
-uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t base_time) {
-  if (time == kNoTime || from_clock == to_clock) return time;
-  return to_clock ? time + base_time : time - std::min(time, base_time);
-}
-
-uint64_t wanted_of(const RequestHeader& request, const CameraFrames& frames, uint64_t base_time) {
-  return convert_time(request.target_time, request.absolute_time, frames.is_live(), base_time);
-}
-
-uint64_t time_of(const RequestHeader& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
-  return convert_time(time, frames.is_live(), request.absolute_time, base_time);
-}
 
 // An answer without fragments.
 Node::Reply empty_reply(const wire::AnswerHeader& header, std::string warning = "") {
@@ -79,13 +66,15 @@ Node::Reply Node::skip(const wire::AnyRequest& request) {
   return empty_reply(header_of(request, *inputs_.array()));
 }
 
-Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, const Options& options, ByteBuffer memory) {
-  stats_.requests++;
-  const RequestHeader& request = wire::head_of(any);
+std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> requests, Requester& requester,
+                                      const Options& options, const TakeMemory& memory) {
+  stats_.requests += requests.size();
+  const RequestHeader& first = wire::head_of(*requests.front());
   const uint64_t arrived = now_ns();
   const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(*requester.cancelled);
   const uint64_t waited = now_ns() - arrived;
-  const wire::AnswerHeader header = header_of(any, *array);
+  std::vector<wire::AnswerHeader> headers;
+  for (const wire::AnyRequest* request : requests) headers.push_back(header_of(*request, *array));
   if (requester.rig != array->rig) {
     requester.rig = array->rig;
     requester.mesh.clear();
@@ -95,20 +84,39 @@ Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, cons
     requester.warned_of = 0;
   }
   std::string warning;
-  if (request.rig_hash != 0 && request.rig_hash != header.rig_hash) {
-    stats_.rig_mismatches++;
-    if (requester.warned_of != request.rig_hash)
+  if (first.rig_hash != 0 && first.rig_hash != array->rig_hash) {
+    stats_.rig_mismatches += requests.size();
+    if (requester.warned_of != first.rig_hash)
       warning = "a request was made for another rig than the one of this node: not answered with a picture";
-    requester.warned_of = request.rig_hash;
+    requester.warned_of = first.rig_hash;
   } else {
     try {
-      return render(any, *array, requester, options, header, std::move(memory), waited);
+      return render(requests, *array, requester, options, headers, memory, waited);
     } catch (const Error& error) {
       warning = error.what();
-      stats_.bad_requests++;
+      stats_.bad_requests += requests.size();
     }
   }
-  return empty_reply(header, std::move(warning));
+  std::vector<Reply> replies;
+  for (const wire::AnswerHeader& header : headers) replies.push_back(empty_reply(header, std::exchange(warning, "")));
+  return replies;
+}
+
+Node::Reply Node::answer(const wire::AnyRequest& request, Requester& requester, const Options& options,
+                         ByteBuffer memory) {
+  const wire::AnyRequest* const only = &request;
+  return std::move(answer({&only, 1}, requester, options, [&] { return std::move(memory); }).front());
+}
+
+bool Node::may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b) {
+  const auto *one = std::get_if<ViewRequest>(&a), *other = std::get_if<ViewRequest>(&b);
+  const auto is_beside = [](const ViewRequest* request) {
+    return request && request->place.count() > 1 && !request->gains.ask && request->gains.mean.empty();
+  };
+  return is_beside(one) && is_beside(other) && one->view_id == other->view_id &&
+         one->target_time == other->target_time && one->target_time != kNoTime &&
+         one->absolute_time == other->absolute_time && one->rig_hash == other->rig_hash &&
+         one->out_of_service == other->out_of_service && one->gains.use == other->gains.use;
 }
 
 // Whether each of `count` cameras is among the node's or out of service; both ascend.
@@ -118,28 +126,20 @@ static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of
   return true;
 }
 
-Node::Plan Node::make_plan(const wire::AnyRequest& any, const Array& array, Requester& requester,
-                           const std::vector<CameraIndex>& own, bool live, const FindFrame& find) {
-  Plan plan;
-  const auto make = [&](const wire::AnyRequest& request) {
-    const uint64_t begun = now_ns();
-    plan.task = make_task(*array.rig, requester.mesh, request, own);
-    plan.ns += now_ns() - begun;
-    plan.frames.clear();
-    for (const CameraIndex camera : plan.task->cameras()) plan.frames.push_back(find(camera));
-  };
-  const auto* const view = std::get_if<ViewRequest>(&any);
-  if (live || !view || !has_all(own, view->out_of_service, array.rig->cameras.size())) {
-    make(any);
-    return plan;
-  }
-  ViewRequest request = *view;
-  const CameraRanges named(view->out_of_service);
+// Live, a compositor takes cameras that are missing out of service, after some pictures. Pictures of files must not
+// depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
+// that their neighbours close the gap (see out_of_mesh()).
+Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requester& requester,
+                           const std::vector<CameraIndex>& own, FoundFrames& frames) {
+  ViewRequest request = view;
+  const CameraRanges named(view.out_of_service);
   CameraRanges gone;
   // Those that had none for the request before are likely to have none again.
   CameraSet missing;
-  std::ranges::copy_if(requester.gone, std::back_inserter(missing),
-                       [&](CameraIndex camera) { return std::ranges::binary_search(own, camera) && !find(camera); });
+  std::ranges::copy_if(requester.gone, std::back_inserter(missing), [&](CameraIndex camera) {
+    return std::ranges::binary_search(own, camera) && !frames.find(camera);
+  });
+  Plan plan;
   do {
     if (!missing.empty()) {
       gone.add(CameraRanges(missing));
@@ -147,57 +147,111 @@ Node::Plan Node::make_plan(const wire::AnyRequest& any, const Array& array, Requ
       out.add(named);
       request.out_of_service = out.cameras();
     }
-    make(request);
+    const uint64_t begun = now_ns();
+    plan.task = make_task(*array.rig, requester.mesh, request, own);
+    plan.ns += now_ns() - begun;
     missing.clear();
-    for (size_t i = 0; i < plan.frames.size(); i++)
-      if (const CameraIndex camera = plan.task->cameras()[i]; !plan.frames[i] && !gone.contains(camera))
-        missing.push_back(camera);
+    for (const CameraIndex camera : plan.task->cameras())
+      if (!frames.find(camera) && !gone.contains(camera)) missing.push_back(camera);
   } while (!missing.empty() && !*requester.cancelled);  // who is stopped gets no frames from anybody
   plan.gone = gone.cameras();
   requester.gone = plan.gone;
   return plan;
 }
 
-Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Requester& requester, const Options& options,
-                         wire::AnswerHeader header, ByteBuffer memory, uint64_t waited) {
-  const RequestHeader& request = wire::head_of(any);
-  const uint64_t begun = now_ns();
-  std::vector<CameraIndex> own;
-  for (const auto& [camera, frames] : array.cameras) {
-    own.push_back(camera);
-    frames->advance(wanted_of(request, *frames, options.base_time));
+std::vector<Node::Plan> Node::make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
+                                         Requester& requester, const std::vector<CameraIndex>& own, bool live,
+                                         const ParallelFor& parallel, FoundFrames& frames) {
+  std::vector<Plan> plans(requests.size());
+  const auto* const first = std::get_if<ViewRequest>(requests.front());
+  if (!live && first && has_all(own, first->out_of_service, array.rig->cameras.size())) {
+    for (size_t i = 0; i < plans.size(); i++)
+      plans[i] = make_plan(std::get<ViewRequest>(*requests[i]), array, requester, own, frames);
+    return plans;
   }
-  std::vector<SkewWatch::Frame> skews;
-  // Nothing if the camera has none, or none of about the time asked for, or of another size than the rig has it since
-  // that was replaced.
-  const auto find = [&](CameraIndex camera) {
-    CameraFrames& frames = *array.cameras.at(camera);
-    const uint64_t wanted = wanted_of(request, frames, options.base_time);
-    std::optional<CameraFrame> frame = frames.find(wanted, !options.live, requester.cancelled.get());
-    if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
-    if (!frame || wanted == kNoTime || !frames.is_live() || frames.has_ended()) return frame;
-    skews.push_back({camera, frame->time, wanted, frames.mean_period(), frame->behind});
-    if (options.max_skew > 0 && time_between(frame->time, wanted) > options.max_skew) {
-      frame.reset();
-      stats_.stale_frames++;
+  const uint64_t begun = now_ns();
+  if (plans.size() == 1) {
+    plans.front().task = make_task(*array.rig, requester.mesh, *requests.front(), own);
+  } else {
+    const Mesh& mesh = requester.mesh.get(*array.rig, first->out_of_service);
+    parallel(plans.size(), [&](size_t i) {
+      plans[i].task = make_task(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own);
+    });
+  }
+  for (Plan& plan : plans) plan.ns = (now_ns() - begun) / plans.size();
+  return plans;
+}
+
+// The cameras of all of them, ascending.
+std::vector<CameraIndex> Node::cameras_of(const std::vector<Plan>& plans) {
+  std::vector<CameraIndex> cameras;
+  for (const Plan& plan : plans)
+    cameras.insert(cameras.end(), plan.task->cameras().begin(), plan.task->cameras().end());
+  std::ranges::sort(cameras);
+  cameras.erase(std::ranges::unique(cameras).begin(), cameras.end());
+  return cameras;
+}
+
+bool Node::has(const Plan& plan, CameraIndex camera) {
+  return std::ranges::binary_search(plan.task->cameras(), camera);
+}
+
+// What the answer to one request says of the node's cameras, and how far their frames are off. `absent`: live cameras
+// without a frame.
+uint64_t Node::describe(const Plan& plan, const FrameSources& sources, const FoundFrames& frames,
+                        const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header) {
+  CameraSet blind = plan.gone;
+  std::ranges::copy_if(absent, std::back_inserter(blind), [&](CameraIndex camera) { return !has(plan, camera); });
+  for (const CameraIndex camera : plan.gone)
+    if (!has(plan, camera)) stats_.missing_frames++;  // the others are counted below
+  uint64_t worst_skew = 0;
+  for (size_t i = 0; i < sources.sources().size(); i++) {
+    const Source& source = sources.sources()[i];
+    if (!has(plan, source.camera)) continue;
+    if (source.image.family == PixelFamily::kNone) {
+      stats_.missing_frames++;
+      blind.push_back(source.camera);
+      continue;
     }
-    return frame;
-  };
+    const uint64_t skew = frames.skew_of(source.camera, sources.time(i));
+    header.family = source.image.family;
+    if (header.actual_time == kNoTime || skew > worst_skew) {
+      worst_skew = skew;
+      header.actual_time = frames.time_of(source.camera, sources.time(i));
+    }
+  }
+  std::ranges::sort(blind);
+  blind.erase(std::ranges::unique(blind).begin(), blind.end());
+  header.cameras = CameraRanges(own);
+  header.blind = CameraRanges(blind);
+  return worst_skew;
+}
+
+std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> requests, const Array& array,
+                                      Requester& requester, const Options& options,
+                                      std::span<const wire::AnswerHeader> headers, const TakeMemory& memory,
+                                      uint64_t waited) {
+  const uint64_t begun = now_ns();
+  FoundFrames frames(array, wire::head_of(*requests.front()),
+                     {options.live, options.base_time, options.max_skew, requester.cancelled.get()});
+  std::vector<CameraIndex> own;
+  for (const auto& [camera, of_camera] : array.cameras) own.push_back(camera);
   const bool live =
       options.live || std::ranges::any_of(array.cameras, [](const auto& camera) { return camera.second->is_live(); });
-  Plan plan = make_plan(any, array, requester, own, live, find);
-  const std::unique_ptr<const AnswerTask>& task = plan.task;
-  FrameSources sources(*array.rig, [&task](CameraIndex camera) { return task->region(camera); });
-  for (size_t i = 0; i < plan.frames.size(); i++) sources.add(task->cameras()[i], std::move(plan.frames[i]));
-  CameraSet blind = plan.gone;
-  stats_.missing_frames += static_cast<uint64_t>(std::ranges::count_if(blind, [&](CameraIndex camera) {
-    return !std::ranges::binary_search(task->cameras(), camera);  // the others are counted below
-  }));
+  const std::vector<Plan> plans = make_plans(requests, array, requester, own, live, options.parallel, frames);
+  const std::vector<CameraIndex> cameras = cameras_of(plans);
+  FrameSources sources(*array.rig, [&plans](CameraIndex camera) {
+    Rect region;
+    for (const Plan& plan : plans)
+      if (has(plan, camera)) region = unite(region, plan.task->region(camera));
+    return region;
+  });
+  for (const CameraIndex camera : cameras) sources.add(camera, frames.find(camera));
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
+  CameraSet absent;
   for (const CameraIndex camera : own)
-    if ((options.live || array.cameras.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
-        !find(camera))
-      blind.push_back(camera);
+    if ((options.live || array.cameras.at(camera)->is_live()) && !frames.find(camera)) absent.push_back(camera);
+  stats_.stale_frames += frames.stale();
   const uint64_t found = now_ns();
   // Of whatever has a frame the family is known.
   const PixelFamily family = inputs_.choose_family();
@@ -213,47 +267,35 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
       options.parallel);
   const uint64_t decoded = now_ns();
 
-  uint64_t worst_skew = 0;
-  for (size_t i = 0; i < sources.sources().size(); i++) {
-    if (sources.sources()[i].image.family == PixelFamily::kNone) {
-      stats_.missing_frames++;
-      blind.push_back(sources.sources()[i].camera);
-      continue;
-    }
-    const CameraFrames& frames = *array.cameras.at(sources.sources()[i].camera);
-    const uint64_t wanted = wanted_of(request, frames, options.base_time);
-    const uint64_t skew = wanted == kNoTime ? 0 : time_between(sources.time(i), wanted);
-    if (header.actual_time == kNoTime || skew > worst_skew) {
-      worst_skew = skew;
-      header.actual_time = time_of(request, frames, sources.time(i), options.base_time);
-    }
+  std::vector<AnswerMaker::Work> works;
+  uint64_t worst_skew = 0, plan_ns = 0;
+  for (size_t i = 0; i < plans.size(); i++) {
+    AnswerMaker::Work& work = works.emplace_back(plans[i].task.get(), headers[i]);
+    // Without an image in the view the answer still says what the node's images are.
+    work.header.family = family;
+    worst_skew = std::max(worst_skew, describe(plans[i], sources, frames, own, absent, work.header));
+    plan_ns += plans[i].ns;
   }
-  std::ranges::sort(blind);
-  blind.erase(std::ranges::unique(blind).begin(), blind.end());
-  header.cameras = CameraRanges(own);
-  header.blind = CameraRanges(blind);
-  header.family = sources.family();
-  // Without an image in the view the answer still says what the node's images are.
-  const bool nothing = header.family == PixelFamily::kNone;
-  if (nothing) header.family = family;
-
-  std::span<const Source> images;
-  if (!nothing) images = sources.sources();
   AnswerMaker::Options how = options;
   how.colours = array.colours.get();
   ImageMemory scratch = requester.images->take();
-  Reply reply{requester.maker.make(*task, header, images, how, scratch, std::move(memory)), {}, {}};
+  std::vector<AnswerMaker::Units> units = requester.maker.make(works, sources.sources(), how, scratch, memory);
   requester.images->give_back(std::move(scratch));
-  if (reply.gains) stats_.set_gains(images, *reply.gains);
-  reply.stages = {.wait = waited + (found - begun - plan.ns),
-                  .decode = decoded - found,
-                  .render = plan.ns + reply.before_ns + reply.answer.render_ns,
-                  .encode = reply.answer.encode_ns};
-  stats_.add(reply.stages);
-  if (reply.answer.drawing.drawn) stats_.drawn++;
+  if (units.front().gains) stats_.set_gains(sources.sources(), *units.front().gains);
+  std::vector<Reply> replies;
+  const uint64_t count = units.size();
+  for (size_t i = 0; i < units.size(); i++) {
+    Reply& reply = replies.emplace_back(Reply{std::move(units[i]), {}, {}});
+    reply.stages = {.wait = (waited + (found - begun - plan_ns)) / count,
+                    .decode = (decoded - found) / count,
+                    .render = plans[i].ns + reply.before_ns + reply.answer.render_ns,
+                    .encode = reply.answer.encode_ns};
+    stats_.add(reply.stages);
+    if (reply.answer.drawing.drawn) stats_.drawn++;
+  }
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  reply.warning = skew_warning(*array.rig, requester.watch.see(skews), requester);
-  return reply;
+  replies.front().warning = skew_warning(*array.rig, requester.watch.see(frames.skews()), requester);
+  return replies;
 }
 
 }  // namespace lf

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "base/worker_pool.h"
 #include "node/answer_maker.h"
 #include "node/camera_inputs.h"
+#include "node/found_frames.h"
 #include "node/frame_sources.h"
 #include "node/node_stats.h"
 #include "node/skew_watch.h"
@@ -59,6 +61,13 @@ class Node {
   // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
   // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
   Reply answer(const wire::AnyRequest& request, Requester& requester, const Options& options, ByteBuffer memory);
+  // The same of several that may_go_together(): each gets the answer that it would get alone, of images that are made
+  // once, and a card draws as many as it can in a pass. `memory`: to be recycled for one answer.
+  using TakeMemory = std::function<ByteBuffer()>;
+  std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, Requester& requester,
+                            const Options& options, const TakeMemory& memory);
+  // Whether these two are of views of one moment and one set, beside the one that leads.
+  static bool may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b);
 
   // An answer without fragments, at once: nobody needs the picture.
   Reply skip(const wire::AnyRequest& request);
@@ -66,21 +75,24 @@ class Node {
  private:
   using Array = CameraInputs::Array;
   wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
-  Reply render(const wire::AnyRequest& request, const Array& array, Requester& requester, const Options& options,
-               wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
-  // What is to be done for a request, and the frames of its task's cameras.
+  // What is to be done for a request.
   struct Plan {
     std::unique_ptr<const AnswerTask> task;
-    std::vector<std::optional<CameraFrame>> frames;
     CameraSet gone;   // left out, see make_plan()
     uint64_t ns = 0;  // that the task took to make, nanoseconds
   };
-  using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
-  // Live, a compositor takes cameras that are missing out of service, after some pictures. Pictures of files must not
-  // depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
-  // that their neighbours close the gap (see out_of_mesh()).
-  static Plan make_plan(const wire::AnyRequest& any, const Array& array, Requester& requester,
-                        const std::vector<CameraIndex>& own, bool live, const FindFrame& find);
+  std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array,
+                            Requester& requester, const Options& options,
+                            std::span<const wire::AnswerHeader> headers, const TakeMemory& memory, uint64_t waited);
+  static Plan make_plan(const ViewRequest& view, const Array& array, Requester& requester,
+                        const std::vector<CameraIndex>& own, FoundFrames& frames);
+  static std::vector<Plan> make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
+                                      Requester& requester, const std::vector<CameraIndex>& own, bool live,
+                                      const ParallelFor& parallel, FoundFrames& frames);
+  static bool has(const Plan& plan, CameraIndex camera);
+  static std::vector<CameraIndex> cameras_of(const std::vector<Plan>& plans);
+  uint64_t describe(const Plan& plan, const FrameSources& sources, const FoundFrames& frames,
+                    const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;

@@ -64,6 +64,20 @@ wire::AnswerFragment cut(const PixelSource& from, const Rect& rect, ByteBuffer& 
   return fragment;
 }
 
+class PendingPixels : public PendingAnswer {
+ public:
+  PendingPixels(const wire::AnswerHeader& header, std::vector<PixelSource> pixels, int quality, int strip_pixels)
+      : header_(header), pixels_(std::move(pixels)), quality_(quality), strip_pixels_(strip_pixels) {}
+  RenderedAnswer finish(ByteBuffer memory, const ParallelFor& parallel) override {
+    return pixel_answer(header_, pixels_, quality_, strip_pixels_, std::move(memory), parallel);
+  }
+
+ private:
+  const wire::AnswerHeader header_;
+  const std::vector<PixelSource> pixels_;
+  const int quality_, strip_pixels_;
+};
+
 class PixelTask : public AnswerTask {
  public:
   PixelTask(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own)
@@ -82,13 +96,13 @@ class PixelTask : public AnswerTask {
   Rect region(CameraIndex camera) const override {
     return regions_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];
   }
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
-                        ByteBuffer memory, const ParallelFor& parallel) const override {
+  std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                       const Options& options) const override {
     std::vector<PixelSource> pixels;
     for (const Source& source : sources)
       if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
     const CodedAs form = choose_codec(options.codec, options.in_process, quality_);
-    return pixel_answer(header, pixels, form.quality, options.strip_pixels, std::move(memory), parallel);
+    return std::make_unique<PendingPixels>(header, std::move(pixels), form.quality, options.strip_pixels);
   }
 
  private:

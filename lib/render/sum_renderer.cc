@@ -20,6 +20,7 @@ struct SumRenderer::State : simd::PreparedTask {
         Coordinates coordinates)
       : PreparedTask(plan, runs, sources, family, coordinates), sources(sources) {}
   const std::span<const Source> sources;
+  bool may_stay = false;
   gl::DrawnSum drawn;
   std::shared_ptr<gl::CardSum> card_sum;  // in its place
   Drawing drawing;
@@ -29,26 +30,26 @@ SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<
                          PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel,
                          bool may_stay)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
+  state_->may_stay = may_stay;
   SumRenderer* const self = this;
-  if (card) draw({&self, 1}, *card, parallel, may_stay);
+  if (card) draw({&self, 1}, *card, parallel);
   if (plan.blend()) state_->drawing.why_not = "the view is not blended by its mesh";
 }
 
 // Rows and columns without anything have to be made, too, where the whole view is fetched all the same.
 bool SumRenderer::may_stay() const {
   const View& view = state_->task.plan->view();
-  return 4 * area(rect_) >= 3 * area({0, 0, view.width, view.height});
+  return state_->may_stay && 4 * area(rect_) >= 3 * area({0, 0, view.width, view.height});
 }
 
-void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel,
-                       bool may_stay) {
+void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel) {
   std::vector<SumRenderer*> drawn;
   std::vector<gl::SumOrder> orders;
   for (SumRenderer* const renderer : renderers) {
     const State& state = *renderer->state_;
     if (state.task.plan->blend() || renderer->rect_.empty()) continue;
     drawn.push_back(renderer);
-    orders.push_back({&state.task, state.sources, renderer->rect_, may_stay && renderer->may_stay()});
+    orders.push_back({&state.task, state.sources, renderer->rect_, renderer->may_stay()});
   }
   card.draw(orders, parallel);
   for (size_t i = 0; i < orders.size(); i++) {

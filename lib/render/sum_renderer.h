@@ -57,7 +57,8 @@ struct Drawing {
 class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
-  // `card`: draw() is called, for this sum alone, where there is one.
+  // `card`: draw() is called, for this sum alone, where there is one. `may_stay`: what a card draws may stay there, see
+  // card_sum(); the card is then owned by a shared_ptr.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr,
               const ParallelFor& parallel = serial_for, bool may_stay = false);
@@ -68,9 +69,7 @@ class SumRenderer {
   // Has a card draw the sums of renderers that were made without one here and now, where it can, out of images that
   // `parallel` copies to it: of views of one moment in a pass, see SumDrawer::draw(). Else the CPU does, row by row, as
   // it is asked for. The card is asked only for views that are blended by their mesh.
-  // `may_stay`: what it draws may stay there, see card_sum(); the card is then owned by a shared_ptr.
-  static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel,
-                   bool may_stay = false);
+  static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel);
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }

@@ -283,10 +283,11 @@ void drawn_set(benchmark::State& state, bool stays) {
     for (int i = 0; i < kViews; i++) {
       const Eye* const eye = eyes[i].get();
       renderers[i] =
-          std::make_unique<SumRenderer>(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid);
+          std::make_unique<SumRenderer>(eye->plan, eye->runs, eye->sources, PixelFamily::kI420, Coordinates::kGrid,
+                                        nullptr, serial_for, stays);
       drawn.push_back(renderers[i].get());
       if ((i + 1) % at_once != 0 && i + 1 < kViews) continue;
-      SumRenderer::draw(drawn, *card, parallel, stays);
+      SumRenderer::draw(drawn, *card, parallel);
       drawn_ns += static_cast<double>(card->drawn_ns());
       passes += card->passes();
       for (size_t k = 0; k < drawn.size(); k++) {

@@ -26,7 +26,12 @@ class AnswerMakerTest : public testing::Test {
     const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
     std::vector<Source> sources;
     for (const CameraIndex camera : task->cameras()) sources.push_back(all[camera]);
-    return maker_.make(*task, header_, sources, options_, scratch_);
+    return make(*task, sources, maker_, scratch_);
+  }
+  AnswerMaker::Units make(const AnswerTask& task, const std::vector<Source>& sources, AnswerMaker& maker,
+                          ImageMemory& scratch) {
+    const AnswerMaker::Work work{&task, header_};
+    return std::move(maker.make({&work, 1}, sources, options_, scratch, [] { return ByteBuffer(); }).front());
   }
   test::ArrayOfWalls walls_;
   ViewRequest request_;
@@ -113,7 +118,7 @@ TEST_F(AnswerMakerTest, ImagesOfOneViewAreMadeInAnothersMemory) {
     std::vector<Source> sources;
     for (const CameraIndex camera : task->cameras()) sources.push_back(walls_.sources()[camera]);
     ImageMemory memory = kept.take();
-    const ByteBuffer bytes = maker.make(*task, header_, sources, options_, memory).answer.bytes;
+    const ByteBuffer bytes = make(*task, sources, maker, memory).answer.bytes;
     std::vector<const uint8_t*> places;
     for (const ByteBuffer& image : memory.sharpened) places.push_back(image.data());
     kept.give_back(std::move(memory));

@@ -116,7 +116,7 @@ TEST(ViewsJson, ErrorsNameThePlace) {
                "v.json: views[1]: not valid JSON: parse error at line 1, column 201");
 }
 
-constexpr uint64_t kSecond = 1'000'000'000;
+constexpr uint64_t kSecondNs = 1'000'000'000;
 
 std::vector<NamedView> views_at(const std::vector<double>& times) {
   std::vector<NamedView> views;
@@ -150,45 +150,45 @@ std::vector<Shown> play(const ViewPlayback& playback, uint64_t limit) {
 TEST(ViewPlayback, AListIsShownOneViewPerPeriod) {
   const ViewPlayback playback(views_at({2, 2, 2}), Schedule(4, 1), false);
   EXPECT_FALSE(playback.has_times());
-  EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, 0, 250000000, 2 * kSecond},
-                                                    {1, 250000000, 250000000, 2 * kSecond},
-                                                    {2, 500000000, 250000000, 2 * kSecond}}));
+  EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, 0, 250000000, 2 * kSecondNs},
+                                                    {1, 250000000, 250000000, 2 * kSecondNs},
+                                                    {2, 500000000, 250000000, 2 * kSecondNs}}));
   EXPECT_EQ(playback.duration(), 750000000u);
 }
 
 TEST(ViewPlayback, APathIsShownAtItsTimes) {
   const ViewPlayback playback(views_at({1, 1.5, 3}), Schedule(4, 1), false);
   EXPECT_TRUE(playback.has_times());
-  EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, kSecond, kSecond / 2, kSecond},
-                                                    {1, 3 * kSecond / 2, 3 * kSecond / 2, 3 * kSecond / 2},
-                                                    {2, 3 * kSecond, 3 * kSecond / 2, 3 * kSecond}}));
-  EXPECT_EQ(playback.duration(), 7 * kSecond / 2);
+  EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, kSecondNs, kSecondNs / 2, kSecondNs},
+                                                    {1, 3 * kSecondNs / 2, 3 * kSecondNs / 2, 3 * kSecondNs / 2},
+                                                    {2, 3 * kSecondNs, 3 * kSecondNs / 2, 3 * kSecondNs}}));
+  EXPECT_EQ(playback.duration(), 7 * kSecondNs / 2);
 }
 
 TEST(ViewPlayback, LoopedTimesGoOnGrowing) {
   const ViewPlayback path(views_at({1, 2}), Schedule(4, 1), true);
-  EXPECT_EQ(play(path, 5), (std::vector<Shown>{{0, 1 * kSecond, kSecond, 1 * kSecond},
-                                               {1, 2 * kSecond, kSecond, 2 * kSecond},
-                                               {0, 3 * kSecond, kSecond, 3 * kSecond},
-                                               {1, 4 * kSecond, kSecond, 4 * kSecond},
-                                               {0, 5 * kSecond, kSecond, 5 * kSecond}}));
+  EXPECT_EQ(play(path, 5), (std::vector<Shown>{{0, 1 * kSecondNs, kSecondNs, 1 * kSecondNs},
+                                               {1, 2 * kSecondNs, kSecondNs, 2 * kSecondNs},
+                                               {0, 3 * kSecondNs, kSecondNs, 3 * kSecondNs},
+                                               {1, 4 * kSecondNs, kSecondNs, 4 * kSecondNs},
+                                               {0, 5 * kSecondNs, kSecondNs, 5 * kSecondNs}}));
   const ViewPlayback list(views_at({0, 0}), Schedule(1, 1), true);
   EXPECT_EQ(play(list, 3),
-            (std::vector<Shown>{{0, 0, kSecond, 0}, {1, kSecond, kSecond, 0}, {0, 2 * kSecond, kSecond, 0}}));
+            (std::vector<Shown>{{0, 0, kSecondNs, 0}, {1, kSecondNs, kSecondNs, 0}, {0, 2 * kSecondNs, kSecondNs, 0}}));
 }
 
 TEST(ViewPlayback, EqualTimesAtTheEndStillTakeAPeriod) {
   const ViewPlayback playback(views_at({0, 1, 1}), Schedule(2, 1), true);
-  EXPECT_EQ(playback.item(3)->time, 3 * kSecond / 2);
+  EXPECT_EQ(playback.item(3)->time, 3 * kSecondNs / 2);
 }
 
 TEST(ViewPlayback, FindsTheFirstViewFromATimeOn) {
   const ViewPlayback playback(views_at({1, 2, 2, 3}), Schedule(4, 1), false);
   EXPECT_EQ(playback.first_at(0), 0u);
-  EXPECT_EQ(playback.first_at(kSecond), 0u);
-  EXPECT_EQ(playback.first_at(kSecond + 1), 1u);
-  EXPECT_EQ(playback.first_at(3 * kSecond), 3u);
-  EXPECT_EQ(playback.first_at(3 * kSecond + 1), 4u);
+  EXPECT_EQ(playback.first_at(kSecondNs), 0u);
+  EXPECT_EQ(playback.first_at(kSecondNs + 1), 1u);
+  EXPECT_EQ(playback.first_at(3 * kSecondNs), 3u);
+  EXPECT_EQ(playback.first_at(3 * kSecondNs + 1), 4u);
   EXPECT_FALSE(playback.item(4));
 }
 

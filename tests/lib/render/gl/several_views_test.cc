@@ -33,9 +33,9 @@ class SeveralViews : public testing::TestWithParam<Shaders> {
   struct Eye {
     Eye(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images, PixelFamily family)
         : production(rig, mesh, view), sources(test::sources_of(rig, production.plan, images)), family(family) {}
-    std::unique_ptr<SumRenderer> renderer(gl::SumDrawer* card = nullptr) const {
+    std::unique_ptr<SumRenderer> renderer(gl::SumDrawer* card = nullptr, bool may_stay = false) const {
       return std::make_unique<SumRenderer>(production.plan, production.owners.runs(), sources, family,
-                                           Coordinates::kExact, card);
+                                           Coordinates::kExact, card, serial_for, may_stay);
     }
     Sum sum_of(const SumRenderer& renderer) const {
       const View& view = production.plan.view();
@@ -55,8 +55,8 @@ class SeveralViews : public testing::TestWithParam<Shaders> {
                                                  const ParallelFor& parallel = serial_for) {
     std::vector<std::unique_ptr<SumRenderer>> renderers;
     std::vector<SumRenderer*> all;
-    for (const auto& eye : eyes) all.push_back(renderers.emplace_back(eye->renderer()).get());
-    SumRenderer::draw(all, *card_, parallel, may_stay);
+    for (const auto& eye : eyes) all.push_back(renderers.emplace_back(eye->renderer(nullptr, may_stay)).get());
+    SumRenderer::draw(all, *card_, parallel);
     return renderers;
   }
 

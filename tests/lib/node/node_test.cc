@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/node.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lib/focus/array_of_walls.h"
+#include "render/gl/sum_drawer.h"
+#include "view/view_set.h"
+
+namespace lf {
+namespace {
+
+class Picture : public CameraPicture {
+ public:
+  explicit Picture(const ImageView& image) : image_(image) {}
+  int width() const override { return image_.width; }
+  int height() const override { return image_.height; }
+  bool takes_work(PixelFamily) const override { return false; }
+  std::shared_ptr<const ImageView> view(PixelFamily, const Rect&) override {
+    return std::make_shared<const ImageView>(image_);
+  }
+
+ private:
+  const ImageView image_;
+};
+
+// A node of all cameras, each of which shows its wall at all times.
+class NodeOfViews : public testing::Test {
+ protected:
+  static constexpr uint64_t kTime = 1'000'000'000;
+
+  // Those of `missing` have ended without a frame.
+  void start(bool live, const CameraSet& missing = {}) {
+    node_.inputs().set_rig(std::make_shared<const Rig>(walls_.rig));
+    for (CameraIndex i = 0; i < walls_.rig.cameras.size(); i++) {
+      const auto frames = std::make_shared<CameraFrames>();
+      frames->set_mode(CameraFrames::Mode::kRunning);
+      frames->start_stream(live);
+      node_.inputs().add(frames);
+      node_.inputs().set_camera(frames, walls_.rig.cameras[i].id);
+      node_.inputs().set_family(frames, PixelFamily::kRgb);
+      if (!std::ranges::binary_search(missing, i))
+        frames->push({.picture = std::make_shared<Picture>(walls_.images[i].view()), .time = kTime});
+      frames->end_stream();
+      frames_.push_back(frames);
+    }
+    node_.inputs().set_running(true);
+    options_.live = live;
+    options_.codec = CodecChoice::kRaw16;
+    options_.resampling = Resampling::kSharpened;
+  }
+
+  // A row of views of which one is too small to show what is sharpened, and one looks away.
+  std::vector<wire::AnyRequest> set() const {
+    std::vector<wire::AnyRequest> requests;
+    const ViewSet set{.layout = SetLayout::kRow, .columns = 6, .eye_distance = 0.01};
+    const View middle = walls_.view(100);
+    for (const PlaceInSet& place : set.places()) {
+      ViewRequest request;
+      request.view_id = 7;
+      request.sequence = static_cast<uint32_t>(requests.size());
+      request.target_time = kTime;
+      request.absolute_time = options_.live;
+      request.rig_hash = walls_.rig.hash();
+      request.place = place;
+      request.view = set.view(middle, place);
+      request.view.focus.map = walls_.view(static_cast<uint8_t>(60 + 20 * place.index)).focus.map;
+      request.gains.use = true;
+      if (place.index == 1) {
+        request.view.width = 40;
+        request.view.height = 30;
+        request.view.lens = Lens::from_fov_y(25, 40, 30);
+        request.view.focus.map = nullptr;
+      }
+      if (place.index == 4) request.view.pose.position.x += 0.1;
+      requests.push_back(request);
+    }
+    return requests;
+  }
+
+  // Whether answers are the same together as alone; how many passes the card took.
+  size_t expect_same(const std::vector<wire::AnyRequest>& requests) {
+    std::vector<ByteBuffer> alone;
+    for (const wire::AnyRequest& request : requests)
+      alone.push_back(node_.answer(request, requester_, options_, {}).answer.bytes);
+    std::vector<const wire::AnyRequest*> all;
+    for (const wire::AnyRequest& request : requests) all.push_back(&request);
+    const auto together = node_.answer(all, requester_, options_, [] { return ByteBuffer(); });
+    EXPECT_EQ(together.size(), requests.size());
+    for (size_t i = 0; i < together.size(); i++) {
+      EXPECT_EQ(together[i].answer.bytes, alone[i]) << i;
+      EXPECT_EQ(together[i].warning, "");
+    }
+    return options_.card ? options_.card->passes() : 0;
+  }
+
+  test::ArrayOfWalls walls_;
+  Node node_;
+  std::vector<CameraInputs::Frames> frames_;
+  Node::Requester requester_;
+  Node::Options options_;
+};
+
+TEST_F(NodeOfViews, AnswersSeveralAsEachAlone) {
+  start(true);
+  expect_same(set());
+  EXPECT_EQ(node_.stats().requests, 12u);
+  EXPECT_EQ(node_.stats().missing_frames, 0u);
+}
+
+TEST_F(NodeOfViews, AnswersSeveralOfFiles) {
+  start(false);
+  expect_same(set());
+}
+
+// Live they are lost weight, of files they are left out of the mesh.
+TEST_F(NodeOfViews, AnswersSeveralWithoutSomeCameras) {
+  start(true, {2, 4});
+  expect_same(set());
+  const uint64_t missing = node_.stats().missing_frames;
+  EXPECT_GT(missing, 0u);
+  EXPECT_EQ(missing % 2, 0u) << "as many together as alone";
+}
+
+TEST_F(NodeOfViews, AnswersSeveralOfFilesWithoutSomeCameras) {
+  start(false, {2, 4});
+  expect_same(set());
+  EXPECT_EQ(node_.stats().missing_frames % 2, 0u);
+}
+
+TEST_F(NodeOfViews, AnswersSeveralWithoutAnyCamera) {
+  start(true, {0, 1, 2, 3, 4, 5, 6, 7, 8});
+  expect_same(set());
+}
+
+TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsCard) {
+  start(true);
+  std::string why;
+  for (const auto shaders : {gl::SumDrawer::Shaders::kCompute, gl::SumDrawer::Shaders::kFragment}) {
+    options_.card = gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
+    ASSERT_TRUE(options_.card) << why;
+    // One has no map, so that what comes before and after it is in different passes; nothing is in the one that looks away.
+    EXPECT_EQ(expect_same(set()), shaders == gl::SumDrawer::Shaders::kCompute ? 3u : 5u);
+  }
+  EXPECT_EQ(node_.stats().drawn, 20u);
+}
+
+// What does not fit the rig does so for all of a set.
+TEST_F(NodeOfViews, RefusesSeveral) {
+  start(true);
+  const auto expect_refused = [&](const auto& change) {
+    std::vector<wire::AnyRequest> requests = set();
+    std::vector<const wire::AnyRequest*> all;
+    for (wire::AnyRequest& request : requests) {
+      change(std::get<ViewRequest>(request));
+      all.push_back(&request);
+    }
+    const auto replies = node_.answer(all, requester_, options_, [] { return ByteBuffer(); });
+    ASSERT_EQ(replies.size(), 6u);
+    EXPECT_NE(replies[0].warning, "");
+    for (size_t i = 1; i < replies.size(); i++) EXPECT_EQ(replies[i].warning, "") << "told once";
+    for (const auto& reply : replies) EXPECT_FALSE(reply.answer.bytes.empty());
+  };
+  expect_refused([](ViewRequest& request) { request.rig_hash = 1; });
+  EXPECT_EQ(node_.stats().rig_mismatches, 6u);
+  expect_refused([](ViewRequest& request) { request.out_of_service = {99}; });
+  EXPECT_EQ(node_.stats().bad_requests, 6u);
+}
+
+TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
+  const std::vector<wire::AnyRequest> requests = set();
+  EXPECT_TRUE(Node::may_go_together(requests[1], requests[2]));
+  const auto differs = [&](const auto& change) {
+    wire::AnyRequest other = requests[2];
+    change(std::get<ViewRequest>(other));
+    return !Node::may_go_together(requests[1], other) && !Node::may_go_together(other, requests[1]);
+  };
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.view_id++; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.target_time++; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.out_of_service = {1}; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.rig_hash++; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.gains.ask = true; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.gains.use = false; }));
+  EXPECT_TRUE(differs([](ViewRequest& request) { request.place = {}; }));
+  EXPECT_FALSE(Node::may_go_together(requests[1], wire::PixelCommand{}));
+  wire::AnyRequest any_time = requests[1];
+  std::get<ViewRequest>(any_time).target_time = kNoTime;
+  EXPECT_FALSE(Node::may_go_together(any_time, any_time)) << "each is of the newest frames";
+}
+
+}  // namespace
+}  // namespace lf
