@@ -62,9 +62,9 @@ _LfFragment::State* lf_fragment_state_new() { return new _LfFragment::State{.gua
 void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, what renders and why "
-      "(renderer), requests refused for "
-      "one of the limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, "
+      "Counts of requests, answers, of these skipped (too late to be shown), drawn by OpenGL and made together with "
+      "others of their set of views (together), what renders and why (renderer), requests refused for one of the "
+      "limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, "
       "frames that were missing (of these stale: farther than max-skew) and frames that were damaged; the largest skew "
       "of a frame; what waiting for frames, decoding, rendering and encoding took: the latest answer's time and p50, "
       "p95, p99 over the latest 1024, and of all of them together (answer-ns; nanoseconds)");

@@ -7,20 +7,9 @@
 #include "fragment/lffragment_private.h"
 #include "wire/request_codec.h"
 
-namespace {
-
-// A request that is to be answered, and what is known of it when it comes.
-struct Job {
-  lf::wire::AnyRequest request;
-  GstClockTime pts, duration;
-  lf::NearCompositor compositor;
-  double work = 0;   // of its answer, see WorkEstimate
-  uint64_t due = 0;  // live: when its answer is of no use any more, now_ns(); 0: never
-};
-
-}  // namespace
-
 using lf::Requester;
+using Job = lf::FragmentJob;
+using JobPtr = std::shared_ptr<Job>;
 
 lf::ParallelFor lf_fragment_workers(LfFragment* self) {
   return [self](size_t count, const std::function<void(size_t)>& task) {
@@ -124,22 +113,12 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   return options;
 }
 
-static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* src, const Job& job,
-                                        lf::Node::Requester& kept, lf::ParallelFor parallel) {
+// What has been answered goes downstream.
+static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src, const Job& job,
+                                      lf::Node::Reply reply) {
   Requester& requester = Requester::of(pad);
   lf::Node& node = self->state->node;
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
-  const lf::FragmentSettings settings = lf_fragment_settings(self);
-  lf::Node::Options options = options_of(self, settings, job.compositor);
-  options.live = requester.place.is_live();
-  options.parallel = std::move(parallel);
-  lf::Node::Reply reply = lf_fragment_is_too_late(pad, job, kept.estimate)
-                              ? node.skip(job.request)
-                              : node.answer(job.request, kept, options, requester.memory->take());
-  self->state->card.rendered(settings.renderer, reply.answer);
-  self->state->card.tried(settings.renderer, reply.tried);
-  const lf::NodeStats::Stages& stages = reply.stages;
-  if (stages.render > 0) kept.estimate.done(job.work, stages.decode + stages.render + stages.encode);
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
   for (lf::ByteBuffer* before : {&reply.brightness, &reply.tried.unit}) {
@@ -150,10 +129,52 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), requester.memory, std::move(reply.answer.payload));
   node.stats().answers++;
   node.stats().fragments += reply.answer.fragments;
-  if (settings.post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
+  if (lf_fragment_settings(self).post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
                  reply.answer.fragments, gst_buffer_get_size(out));
   return lf_fragment_push(self, src, out, job);
+}
+
+// Of several that may go together.
+static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* src, std::span<const JobPtr> jobs,
+                                        lf::Node::Requester& kept, lf::ParallelFor parallel) {
+  Requester& requester = Requester::of(pad);
+  lf::Node& node = self->state->node;
+  const lf::FragmentSettings settings = lf_fragment_settings(self);
+  lf::Node::Options options = options_of(self, settings, jobs.front()->compositor);
+  options.live = requester.place.is_live();
+  options.parallel = std::move(parallel);
+  std::vector<const lf::wire::AnyRequest*> requests;
+  std::vector<JobPtr> answered;
+  for (const JobPtr& job : jobs) {
+    if (lf_fragment_is_too_late(pad, *job, kept.estimate)) {
+      const GstFlowReturn flow = lf_fragment_send(self, pad, src, *job, node.skip(job->request));
+      if (flow != GST_FLOW_OK) return flow;
+      continue;
+    }
+    requests.push_back(&job->request);
+    answered.push_back(job);
+  }
+  if (requests.empty()) return GST_FLOW_OK;
+  std::vector<lf::Node::Reply> replies = node.answer(requests, kept, options, [&] { return requester.memory->take(); });
+  if (replies.size() > 1) node.stats().together += replies.size();
+  GstFlowReturn flow = GST_FLOW_OK;
+  for (size_t i = 0; i < replies.size() && flow == GST_FLOW_OK; i++) {
+    self->state->card.rendered(settings.renderer, replies[i].answer);
+    self->state->card.tried(settings.renderer, replies[i].tried);
+    const lf::NodeStats::Stages& stages = replies[i].stages;
+    if (stages.render > 0) kept.estimate.done(answered[i]->work, stages.decode + stages.render + stages.encode);
+    flow = lf_fragment_send(self, pad, src, *answered[i], std::move(replies[i]));
+  }
+  return flow;
+}
+
+// A live one whose turn it is. Where a card draws several at once those of its set that wait go with it.
+static GstFlowReturn lf_fragment_answer_with_set(LfFragment* self, GstPad* pad, GstPad* src, const JobPtr& job,
+                                                 lf::Node::Requester& kept, lf::ParallelFor parallel) {
+  const bool alone = !self->state->card.draws_several(lf_fragment_settings(self).renderer);
+  const std::vector<JobPtr> jobs = Requester::of(pad).waiting.take_with(job, alone);
+  return jobs.empty() ? GST_FLOW_OK : lf_fragment_answer(self, pad, src, jobs, kept, std::move(parallel));
 }
 
 static void lf_fragment_answer_loop(gpointer data) {
@@ -172,17 +193,17 @@ static bool lf_fragment_is_to_be_answered(LfFragment* self, const Requester& req
 }
 
 // Hands the request over to the answer pad's thread.
-static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, GstPad* src, Job job) {
+static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, GstPad* src, const JobPtr& job) {
   Requester& requester = Requester::of(pad);
   const GstClockTime max_delay = lf_fragment_settings(self).max_delay;
-  if (max_delay > 0) job.due = lf::now_ns() + max_delay;
+  if (max_delay > 0) job->due = lf::now_ns() + max_delay;
   bool dropped = false;
-  const auto shared = std::make_shared<const Job>(std::move(job));
-  const auto* const view = std::get_if<lf::ViewRequest>(&shared->request);
+  const auto* const view = std::get_if<lf::ViewRequest>(&job->request);
+  requester.waiting.add(job);
   const GstFlowReturn flow = requester.live_answers.add(
-      src, lf::wire::head_of(shared->request).view_id, shared->work,
-      [self, pad, src, shared](lf::Node::Requester& kept, const lf::ParallelFor& parallel) {
-        return lf_fragment_answer(self, pad, src, *shared, kept, parallel);
+      src, lf::wire::head_of(job->request).view_id, job->work,
+      [self, pad, src, job](lf::Node::Requester& kept, const lf::ParallelFor& parallel) {
+        return lf_fragment_answer_with_set(self, pad, src, job, kept, parallel);
       },
       &dropped, view ? lf::views_that_wait_together(*view) : 1);
   self->state->node.stats().superseded += dropped;
@@ -204,10 +225,11 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
   }
   lf_fragment_follow_requests(self, pad, lf::wire::head_of(*request));
   lf_fragment_tell_delay(self, pad);
-  Job job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.look(src),
-          lf::WorkEstimate::kAnyAnswer + lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))};
-  if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, std::move(job));
-  return lf_fragment_answer(self, pad, src, job, requester.kept, lf_fragment_workers(self));
+  const auto job = std::make_shared<Job>(
+      Job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.look(src),
+          lf::WorkEstimate::kAnyAnswer + lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))});
+  if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, job);
+  return lf_fragment_answer(self, pad, src, {&job, 1}, requester.kept, lf_fragment_workers(self));
 }
 
 GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {

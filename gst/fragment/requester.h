@@ -9,6 +9,7 @@
 #include "common/gst_wire.h"
 #include "common/in_process.h"
 #include "common/qos_watch.h"
+#include "fragment/fragment_job.h"
 #include "fragment/live_answers.h"
 #include "fragment/request_place.h"
 #include "node/arrival_watch.h"
@@ -84,6 +85,7 @@ struct Requester {
   QosWatch qos;          // any thread
   DelayNotice delay;     // streaming thread
   Node::Requester kept;  // what is kept for requests that are not live, and what all requests have in common
+  WaitingJobs waiting;   // of live_answers
   LiveAnswers live_answers;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
   bool ended = false;  // the requester has sent EOS; under the object lock of the element

@@ -214,7 +214,7 @@ Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::
     seeing.push_back(source);
   }
   Drawing drawing;
-  if (card && card->draws_moments() && !seeing.empty() && !trials.empty()) {
+  if (card && card->computes() && !seeing.empty() && !trials.empty()) {
     drawing.drawn = draw(*card, job, seeing, trials, sums, parallel, drawing.why_not);
     drawing.refused = !drawing.drawn;
     if (drawing.drawn) return drawing;

@@ -107,8 +107,7 @@ void AnswerMaker::match_gains(Works works, const Options& options, std::vector<B
                               std::vector<Source>& images, std::vector<Units>& units) {
   const auto& [task, header] = works.front();
   const CameraGains& gains = gains_.gains_for(header.view_id, *task->gains());
-  AnswerTask::Brightness brightness =
-      task->brightness(header, images_of(*task, images), gains, options.parallel);
+  AnswerTask::Brightness brightness = task->brightness(header, images_of(*task, images), gains, options.parallel);
   if (task->gains()->use) {
     const auto part = [&works](CameraIndex camera) { return united(works, camera, &AnswerTask::drawn); };
     images = gains_.match(images, gains, part, memory, options.parallel);

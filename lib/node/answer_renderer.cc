@@ -113,8 +113,7 @@ class PendingSum : public PendingAnswer {
     const std::vector<Rect> tiles = sum_tiles(job_.plan(), job_.runs(), cameras, header_.family, form_.spare_pixels);
     if (form_.codec == wire::Codec::kRaw16)
       return render_sums16(header_, *renderer_, tiles, std::move(memory), parallel);
-    const std::vector<Fragment> strips =
-        render_strips(*renderer_, tiles, header_.family, form_.strip_pixels, parallel);
+    const std::vector<Fragment> strips = render_strips(*renderer_, tiles, header_.family, form_.strip_pixels, parallel);
     const uint64_t rendered = now_ns();
     std::vector<wire::AnswerFragment> fragments;
     for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
@@ -160,7 +159,9 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
                              const AnswerForm& form, ByteBuffer memory, const ParallelFor& parallel) {
   PendingSum answer(header, job, {sources.begin(), sources.end()}, form);
   PendingAnswer* const only = &answer;
-  return std::move(finish_answers({&only, 1}, form.card, [&] { return std::move(memory); }, parallel).front());
+  return std::move(finish_answers(
+                       {&only, 1}, form.card, [&] { return std::move(memory); }, parallel)
+                       .front());
 }
 
 }  // namespace lf

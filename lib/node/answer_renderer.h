@@ -33,8 +33,8 @@ class PendingAnswer {
   virtual ~PendingAnswer() = default;
   // What a card may draw; null: nothing.
   virtual SumRenderer* sum() { return nullptr; }
-  // The answer; once. `memory` is recycled (see AnswerWriter). The result does not depend on `parallel`. Throws Error as
-  // AnswerWriter.
+  // The answer; once. `memory` is recycled (see AnswerWriter). The result does not depend on `parallel`. Throws Error
+  // as AnswerWriter.
   virtual RenderedAnswer finish(ByteBuffer memory, const ParallelFor& parallel) = 0;
 };
 

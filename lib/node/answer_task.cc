@@ -96,16 +96,16 @@ RenderedAnswer AnswerTask::render(const wire::AnswerHeader& header, std::span<co
                                   const Options& options, ByteBuffer memory, const ParallelFor& parallel) const {
   const std::unique_ptr<PendingAnswer> answer = begin(header, sources, options);
   PendingAnswer* const only = answer.get();
-  return std::move(
-      finish_answers({&only, 1}, options.card.get(), [&] { return std::move(memory); }, parallel).front());
+  return std::move(finish_answers(
+                       {&only, 1}, options.card.get(), [&] { return std::move(memory); }, parallel)
+                       .front());
 }
 
 std::unique_ptr<PendingAnswer> SumTask::begin(const wire::AnswerHeader& header, std::span<const Source> sources,
                                               const Options& options) const {
   AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
   form.strip_pixels = options.strip_pixels;
-  form.may_stay =
-      options.in_process && options.card && options.group != 0 && options.card->group() == options.group;
+  form.may_stay = options.in_process && options.card && options.group != 0 && options.card->group() == options.group;
   return begin_answer(header, job_, {sources.begin(), sources.end()}, form);
 }
 

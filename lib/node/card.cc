@@ -67,6 +67,13 @@ std::shared_ptr<gl::SumDrawer> Card::open(RendererChoice choice, std::string& ne
   return draws(choice) ? drawer_ : nullptr;
 }
 
+bool Card::draws_several(RendererChoice choice) const {
+  if (choice == RendererChoice::kCpu) return false;
+  const std::lock_guard lock(mutex_);
+  const bool is_decided = choice == RendererChoice::kGl || race_.decided();
+  return drawer_ && !drawer_->is_lost() && drawer_->computes() && is_decided && draws(choice);
+}
+
 void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
   if (choice == RendererChoice::kCpu || answer.pixels == 0) return;
   const Drawing& drawing = answer.drawing;
@@ -107,7 +114,7 @@ void Card::leave() {
 std::shared_ptr<gl::SumDrawer> Card::open_for_trials(RendererChoice choice) {
   if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
-  if (!drawer_ || drawer_->is_lost() || !drawer_->draws_moments() || trial_patience_.is_at_end(now_())) return nullptr;
+  if (!drawer_ || drawer_->is_lost() || !drawer_->computes() || trial_patience_.is_at_end(now_())) return nullptr;
   const bool is_wanted = choice == RendererChoice::kGl || (!drawer_->is_software() && trial_race_.card_is_next());
   return is_wanted ? drawer_ : nullptr;
 }

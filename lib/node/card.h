@@ -71,6 +71,8 @@ class Card {
   // What is to draw the next answer; null: the CPU has to render it. `news`: what the user should know, once: why there
   // is no card (any more), or why it does not draw. Nobody needs to know that of kAuto.
   std::shared_ptr<gl::SumDrawer> open(RendererChoice choice, std::string& news);
+  // Whether it draws several views in a pass, so that answers are quicker together.
+  bool draws_several(RendererChoice choice) const;
   // That answer, to decide by.
   void rendered(RendererChoice choice, const RenderedAnswer& answer);
   // What is to draw the trials of the answer that open() was called for; null: the CPU has to. kAuto decides apart from

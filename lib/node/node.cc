@@ -174,9 +174,8 @@ std::vector<Node::Plan> Node::make_plans(std::span<const wire::AnyRequest* const
     plans.front().task = make_task(*array.rig, requester.mesh, *requests.front(), own);
   } else {
     const Mesh& mesh = requester.mesh.get(*array.rig, first->out_of_service);
-    parallel(plans.size(), [&](size_t i) {
-      plans[i].task = make_task(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own);
-    });
+    parallel(plans.size(),
+             [&](size_t i) { plans[i].task = make_task(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own); });
   }
   for (Plan& plan : plans) plan.ns = (now_ns() - begun) / plans.size();
   return plans;

@@ -81,9 +81,9 @@ class Node {
     CameraSet gone;   // left out, see make_plan()
     uint64_t ns = 0;  // that the task took to make, nanoseconds
   };
-  std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array,
-                            Requester& requester, const Options& options,
-                            std::span<const wire::AnswerHeader> headers, const TakeMemory& memory, uint64_t waited);
+  std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array, Requester& requester,
+                            const Options& options, std::span<const wire::AnswerHeader> headers,
+                            const TakeMemory& memory, uint64_t waited);
   static Plan make_plan(const ViewRequest& view, const Array& array, Requester& requester,
                         const std::vector<CameraIndex>& own, FoundFrames& frames);
   static std::vector<Plan> make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,

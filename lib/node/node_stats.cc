@@ -26,6 +26,7 @@ std::vector<std::pair<std::string, uint64_t>> NodeStats::all() const {
       {"rig-mismatches", rig_mismatches},
       {"answers", answers},
       {"drawn", drawn},
+      {"together", together},
       {"skipped", skipped},
       {"superseded", superseded},
       {"fragments", fragments},

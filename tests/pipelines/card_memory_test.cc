@@ -104,25 +104,28 @@ class CardMemory : public testing::Test {
     }
     gst_object_unref(bus);
     EXPECT_EQ(came, error);
-    made_in_it_ = made_in_card(GST_BIN(pipeline.get()));
+    made_in_it_ = sum_of(GST_BIN(pipeline.get()), "lfcompositor", "card-pictures");
+    together_ = sum_of(GST_BIN(pipeline.get()), "lffragment", "together");
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
     return all;
   }
 
-  // Pictures that its compositors have made without their leaving the card.
-  static guint64 made_in_card(GstBin* pipeline) {
+  // What elements of a kind have counted under this name.
+  static guint64 sum_of(GstBin* pipeline, const char* kind, const char* name) {
     guint64 all = 0;
-    GstIterator* compositors = gst_bin_iterate_all_by_element_factory_name(pipeline, "lfcompositor");
-    const auto add = [](const GValue* item, gpointer sum) {
+    GstIterator* elements = gst_bin_iterate_all_by_element_factory_name(pipeline, kind);
+    GValue item = G_VALUE_INIT;
+    while (gst_iterator_next(elements, &item) == GST_ITERATOR_OK) {
       GstStructure* stats = nullptr;
       guint64 count = 0;
-      g_object_get(g_value_get_object(item), "stats", &stats, nullptr);
-      gst_structure_get_uint64(stats, "card-pictures", &count);
+      g_object_get(g_value_get_object(&item), "stats", &stats, nullptr);
+      gst_structure_get_uint64(stats, name, &count);
       gst_structure_free(stats);
-      *static_cast<guint64*>(sum) += count;
-    };
-    gst_iterator_foreach(compositors, add, &all);
-    gst_iterator_free(compositors);
+      all += count;
+      g_value_reset(&item);
+    }
+    g_value_unset(&item);
+    gst_iterator_free(elements);
     return all;
   }
 
@@ -180,7 +183,8 @@ class CardMemory : public testing::Test {
   const TempDir dir_;
   EGLDisplay display_ = EGL_NO_DISPLAY;
   int came_ = 0, in_card_ = 0;
-  guint64 made_in_it_ = 0;  // see made_in_card()
+  guint64 made_in_it_ = 0;  // pictures that compositors have made without their leaving the card
+  guint64 together_ = 0;    // answers that nodes have made together with others
 };
 
 // Nothing is copied between the compositor and the card: what is behind it proposes memory, and that is what pictures
@@ -231,6 +235,27 @@ TEST_F(CardMemory, PicturesOfLfviewsrcAre) {
   EXPECT_GE(made_in_it_, 8u);
 }
 
+// Live, what waits of a set is drawn in a pass, and no picture is another for it.
+TEST_F(CardMemory, SetsAreDrawnTogether) {
+  const std::string cameras = "videotestsrc pattern=smpte100 num-buffers=30 ! video/x-raw,format=RGBA,width=96,height=72",
+                    of_set = " focus=plane renderer=gl width=96 height=72 views=quilt columns=4 rows=3 "
+                             "eye-distance=0.002 rig=" +
+                             dir_ / "rig.json" +
+                             " ! video/x-raw(memory:GLMemory),format=RGBA ! gldownload ! video/x-raw,format=RGBA";
+  save_array("rig.json", cameras);
+  const auto alone = pictures("lfviewsrc is-live=false num-buffers=6" + of_set);
+  ASSERT_EQ(alone.size(), 6u);
+  EXPECT_TRUE(shows_something(alone.back())) << "its white bar";
+  EXPECT_GT(made_in_it_, 0u);
+  EXPECT_EQ(together_, 0u);
+  save_array("rig.json", cameras + " ! imagefreeze is-live=true");
+  const auto live = pictures("lfviewsrc is-live=true num-buffers=8 framerate=2/1" + of_set);
+  ASSERT_EQ(live.size(), 8u);
+  EXPECT_TRUE(live.back() == alone.back());
+  EXPECT_GT(made_in_it_, 0u);
+  EXPECT_GE(together_, 2 * 11u);
+}
+
 // What the card has drawn stays there up to the picture. The first one is made before it is known where that goes.
 TEST_F(CardMemory, SumsNeedNotLeaveIt) {
   const struct {
@@ -279,8 +304,9 @@ TEST_F(CardMemory, StartsAndStopsLeaveNothing) {
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << i;
     g_usleep(static_cast<gulong>(20'000 * (i % 7)));
     const gint64 end = g_get_monotonic_time() + 20 * G_TIME_SPAN_SECOND;
-    while (i % 2 && made_in_card(GST_BIN(pipeline.get())) == 0 && g_get_monotonic_time() < end) g_usleep(10'000);
-    with_pictures += made_in_card(GST_BIN(pipeline.get())) > 0;
+    const auto made = [&] { return sum_of(GST_BIN(pipeline.get()), "lfcompositor", "card-pictures"); };
+    while (i % 2 && made() == 0 && g_get_monotonic_time() < end) g_usleep(10'000);
+    with_pictures += made() > 0;
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_FAILURE) << i;
   }
   EXPECT_EQ(renderer_of(GST_BIN(pipeline.get())), "gl: a card") << "stopped, it still says what rendered";

@@ -295,7 +295,7 @@ bool SumDrawer::work(const std::function<bool(Programs& programs, Buffer& scratc
   return false;
 }
 
-bool SumDrawer::draws_moments() const { return objects_->moments != nullptr; }
+bool SumDrawer::computes() const { return objects_->blocks != nullptr; }
 
 bool SumDrawer::draw_moments(const MomentTask& task, std::span<const Source> sources,
                              const std::function<Rect(const Source&)>& part, const ParallelFor& parallel,

@@ -106,8 +106,8 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   // others, and drawing is one after the other.
   void draw(std::span<SumOrder> orders, const ParallelFor& parallel);
 
-  // Whether it can draw moments, too: where it draws by compute shaders.
-  bool draws_moments() const;
+  // Whether it draws by compute shaders: only then can it draw moments, and several views in a pass.
+  bool computes() const;
   // Draws the moments of a task's slots, which `sources` are the images of, into `out`; `part`: what is looked at of a
   // source's image. They are the CPU's to the bit but where float's rounding takes a position to the next 256th of a
   // pixel or a weight to the next of Moments, which is a level of luma at most, or where it can't tell whether a camera

@@ -285,7 +285,7 @@ TEST(CardMoments, AreTheCpusWhereTheCardIsNoneForThem) {
   std::string why;
   const auto drawer = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kFragment, gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
-  EXPECT_FALSE(drawer->draws_moments());
+  EXPECT_FALSE(drawer->computes());
   const auto lost = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(lost) << why;
   lost->lose();

@@ -82,7 +82,7 @@ TEST(Card, IsLeftAloneForAWhileWhereItRefuses) {
 }
 
 // Trials are drawn by compute shaders alone, and are left alone where they are refused, whatever becomes of answers.
-TEST(Card, DrawsTrials) {
+TEST(Card, DrawsTrialsAndSeveralViewsByComputeShaders) {
   uint64_t now = 1;
   const auto open_with = [](gl::SumDrawer::Shaders shaders) {
     return [shaders](gl::Context::Drivers, std::string& why) {
@@ -92,10 +92,14 @@ TEST(Card, DrawsTrials) {
   Card card(open_with(gl::SumDrawer::Shaders::kCompute), [&] { return now; });
   std::string news;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), nullptr) << "it is opened for answers";
+  EXPECT_FALSE(card.draws_several(RendererChoice::kGl));
   const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
   ASSERT_TRUE(drawer) << news;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kCpu), nullptr);
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
+  EXPECT_TRUE(card.draws_several(RendererChoice::kGl));
+  EXPECT_FALSE(card.draws_several(RendererChoice::kCpu));
+  EXPECT_FALSE(card.draws_several(RendererChoice::kAuto)) << "it has not decided yet";
   if (drawer->is_software()) {
     EXPECT_EQ(card.open_for_trials(RendererChoice::kAuto), nullptr);
   }
@@ -119,6 +123,7 @@ TEST(Card, DrawsTrials) {
   Card fragments(open_with(gl::SumDrawer::Shaders::kFragment));
   ASSERT_TRUE(fragments.open(RendererChoice::kGl, news)) << news;
   EXPECT_EQ(fragments.open_for_trials(RendererChoice::kGl), nullptr);
+  EXPECT_FALSE(fragments.draws_several(RendererChoice::kGl));
 }
 
 // To where pictures are: once, where there is something that draws, and who still draws with the one before may go on.

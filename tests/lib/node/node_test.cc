@@ -144,7 +144,8 @@ TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsCard) {
   for (const auto shaders : {gl::SumDrawer::Shaders::kCompute, gl::SumDrawer::Shaders::kFragment}) {
     options_.card = gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
     ASSERT_TRUE(options_.card) << why;
-    // One has no map, so that what comes before and after it is in different passes; nothing is in the one that looks away.
+    // One has no map, so that what comes before and after it is in different passes; nothing is in the one that looks
+    // away.
     EXPECT_EQ(expect_same(set()), shaders == gl::SumDrawer::Shaders::kCompute ? 3u : 5u);
   }
   EXPECT_EQ(node_.stats().drawn, 20u);
