@@ -4,6 +4,8 @@
 #include <GLES3/gl31.h>
 #include <gst/gl/gl.h>
 
+#include <utility>
+
 #include "common/gl_share.h"
 #include "common/pixel_family.h"
 
@@ -33,31 +35,54 @@ static bool fits(GstMemory* memory, const GstVideoInfo& info, guint plane, gl::S
          gst_gl_memory_get_texture_height(texture) >= GST_VIDEO_INFO_COMP_HEIGHT(&info, components[0]);
 }
 
-CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) {
+CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) : group_(group) {
   const guint planes = GST_VIDEO_INFO_N_PLANES(&info);
   if (gst_buffer_n_memory(picture) != planes) return;
   for (guint i = 0; i < planes; i++)
     if (!fits(gst_buffer_peek_memory(picture, i), info, i, group)) return;
   is_mapped_ = gst_video_frame_map(&frame_, &info, picture, static_cast<GstMapFlags>(GST_MAP_READWRITE | GST_MAP_GL));
+  if (!is_mapped_) return;
+  if (family_of(info) == PixelFamily::kRgb) picture_.layout = rgb_layout(info);
+  picture_.is_interleaved = planes == 2;
+  for (guint i = 0; i < planes; i++) picture_.textures[i] = *static_cast<const guint*>(frame_.data[i]);
+  picture_.fence = put_fence();
 }
 
 CardTextures::~CardTextures() {
+  std::string why;
+  finish(why);
   if (is_mapped_) gst_video_frame_unmap(&frame_);
 }
 
-gl::CardPicture CardTextures::picture() const {
-  gl::CardPicture picture;
-  const auto put_fence = [](GstGLContext*, gpointer fence) {
-    *static_cast<void**>(fence) = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+// Behind all that the textures' own context has been given to do with them.
+void* CardTextures::put_fence() const {
+  void* fence = nullptr;
+  const auto put = [](GstGLContext*, gpointer to) {
+    *static_cast<void**>(to) = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
     glFlush();
   };
   auto* const texture = reinterpret_cast<GstGLMemory*>(frame_.map[0].memory);
-  gst_gl_context_thread_add(texture->mem.context, put_fence, &picture.fence);
-  if (family_of(frame_.info) == PixelFamily::kRgb) picture.layout = rgb_layout(frame_.info);
-  const guint planes = GST_VIDEO_FRAME_N_PLANES(&frame_);
-  picture.is_interleaved = planes == 2;
-  for (guint i = 0; i < planes; i++) picture.textures[i] = *static_cast<const guint*>(frame_.data[i]);
-  return picture;
+  gst_gl_context_thread_add(texture->mem.context, put, &fence);
+  return fence;
+}
+
+bool CardTextures::draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why) {
+  const std::shared_ptr<gl::CardSum> next = sum.card_sum();
+  // Those of one drawer are drawn in their order.
+  if (latest_ && next && !next->is_beside(*latest_) && !finish(why)) return false;
+  gl::CardPicture to = picture_;
+  to.x = x;
+  to.y = y;
+  const Levels levels = has_video_levels(frame_.info) ? kVideoLevels : kFullLevels;
+  if (!sum.resolve_on_card(background, levels, to, why)) return false;
+  picture_.fence = nullptr;  // it is gone
+  latest_ = next;
+  return true;
+}
+
+bool CardTextures::finish(std::string& why) {
+  const std::shared_ptr<gl::CardSum> latest = std::move(latest_);
+  return !latest || latest->wait(why);
 }
 
 }  // namespace lf

@@ -8,7 +8,6 @@
 #include "common/common.h"
 #include "common/in_process.h"
 #include "common/pixel_family.h"
-#include "compositor/card_textures.h"
 #include "compositor/output_caps.h"
 
 namespace lf {
@@ -177,26 +176,29 @@ void PictureOutput::conceal(const Assembly& assembly, const ViewRequest& request
 bool PictureOutput::begin_sheet(const ViewRequest& request) {
   drop_sheet();
   GstBufferPool* pool = gst_aggregator_get_buffer_pool(element_);
-  sheet_ = {pool_.take(pool), first_of_set(request), std::vector<bool>(static_cast<size_t>(request.place.count())),
-            true, true};
+  sheet_ = {.buffer = pool_.take(pool),
+            .first = first_of_set(request),
+            .drawn = std::vector<bool>(static_cast<size_t>(request.place.count()))};
   gst_clear_object(&pool);
   return sheet_.buffer;
 }
 
-// Where its sum has been left, on a graphics card. False if it has to be made here: it is not whole, or something else
-// is to be done to it.
+// Where its sum has been left, on a graphics card, which is waited for with the last view of a set. False if it has to
+// be made here: it is not whole, or something else is to be done to it.
 bool PictureOutput::draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   const gl::ShareGroup group = assembly.picture().share_group();
   if (group == 0 || !assembly.complete() || (shown_ != ShownWeights::kNone && rig_)) return false;
-  const CardTextures textures(sheet_.buffer, info_, group);
-  if (!textures) return false;
-  gl::CardPicture to = textures.picture();
-  to.x = request.place.column() * request.view.width;
-  to.y = request.place.row() * request.view.height;
-  const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
+  std::unique_ptr<CardTextures>& textures = sheet_.textures;
+  if (!textures || textures->group() != group) {
+    textures.reset();
+    textures = std::make_unique<CardTextures>(sheet_.buffer, info_, group);
+  }
   std::string why;
-  const bool drawn = assembly.picture().resolve_on_card(background, levels, to, why);
-  if (!drawn) GST_WARNING_OBJECT(element_, "a picture can't be made on the card: %s", why.c_str());
+  bool drawn = *textures && textures->draw(assembly.picture(), background, request.place.column() * request.view.width,
+                                           request.place.row() * request.view.height, why);
+  const bool is_last = std::ranges::count(sheet_.drawn, false) == 1;
+  if (drawn && is_last && !textures->finish(why)) drawn = sheet_.complete = false;
+  if (!why.empty()) GST_WARNING_OBJECT(element_, "a picture can't be made on the card: %s", why.c_str());
   return drawn;
 }
 
@@ -225,6 +227,7 @@ bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& reque
 bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
   assembly.finish(family_of(info_), background != Background{});
   const bool on_card = draw_on_card(assembly, request, background);
+  if (!on_card) sheet_.textures.reset();
   if (!on_card && !draw_here(assembly, request, background)) return false;
   sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
   sheet_.complete = sheet_.complete && assembly.complete();
@@ -250,7 +253,9 @@ GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& re
     return nullptr;
   }
   const bool whole = std::ranges::find(sheet_.drawn, false) == sheet_.drawn.end();
-  return whole ? std::exchange(sheet_.buffer, nullptr) : nullptr;
+  if (!whole) return nullptr;
+  sheet_.textures.reset();
+  return std::exchange(sheet_.buffer, nullptr);
 }
 
 GstFlowReturn PictureOutput::agree_on_answers(const View& view) {

@@ -13,6 +13,7 @@
 #include "common/in_process.h"
 #include "composite/assembly.h"
 #include "composite/weight_overlay.h"
+#include "compositor/card_textures.h"
 #include "compositor/lfcompositor.h"
 #include "compositor/picture_pool.h"
 #include "node/answer_form.h"
@@ -114,8 +115,13 @@ class PictureOutput {
     std::vector<bool> drawn;      // view by view
     bool complete = true;         // all views that were drawn were complete
     bool on_card = true;          // and made on a graphics card
+    // The buffer's, while views are drawn there; in front of nothing else that is done with the buffer.
+    std::unique_ptr<CardTextures> textures = {};
   } sheet_;
-  void drop_sheet() { gst_clear_buffer(&sheet_.buffer); }
+  void drop_sheet() {
+    sheet_.textures.reset();
+    gst_clear_buffer(&sheet_.buffer);
+  }
   ShownWeights shown_ = ShownWeights::kNone;
   std::shared_ptr<const Rig> rig_;
   WeightOverlay overlay_;

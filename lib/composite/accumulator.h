@@ -52,8 +52,10 @@ class Accumulator {
   gl::ShareGroup share_group() const;
   // Whether what was added was on a card that was there no more when somebody looked at it: all weight is lost.
   bool is_gone() const { return card_sum_ && card_sum_->is_gone(); }
-  // The same as resolve() in such textures; `to` says which. False with the reason in `why` if that can't be
-  // done.
+  // What was added, where it is on a card alone; else null.
+  const std::shared_ptr<gl::CardSum>& card_sum() const { return card_sum_; }
+  // The same as resolve() in such textures, once its CardSum::wait() has returned; `to` says which. False with the
+  // reason in `why` if that can't be done.
   bool resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to, std::string& why) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;

@@ -112,8 +112,9 @@ bool CardSum::draw(const CardPicture& picture, std::string& why) {
     const auto groups = [](int pixels, int of_one) {
       return static_cast<GLuint>((pixels + kGroup * of_one - 1) / (kGroup * of_one));
     };
+    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // the picture before has left the buffer
     glDispatchCompute(groups(view_.width(), columns), groups(view_.height(), rows), 1);
-    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);
+    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER, bytes.name());
     glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
     glActiveTexture(GL_TEXTURE0 + kTargets);
@@ -127,12 +128,23 @@ bool CardSum::draw(const CardPicture& picture, std::string& why) {
     glBindTexture(GL_TEXTURE_2D, 0);
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    return true;
+  };
+  return work(make, why);
+}
+
+bool CardSum::wait(std::string& why) {
+  const auto wait = [&](Programs&, Buffer&) {
     if (wait_for_card()) return true;
     drawer_->has_not_answered();
     why = "the card does not answer";
     return false;
   };
-  if (drawer_->work(make)) return true;
+  return work(wait, why);
+}
+
+bool CardSum::work(const std::function<bool(Programs&, Buffer&)>& job, std::string& why) {
+  if (drawer_->work(job)) return true;
   if (why.empty()) why = drawer_->is_lost() ? "the context is lost" : "OpenGL refuses it";
   return false;
 }

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -16,6 +17,8 @@
 namespace lf::gl {
 
 struct BlockSum;
+class Buffer;
+class Programs;
 class SumDrawer;
 
 // How a sum becomes a picture of bytes, in textures on its card.
@@ -60,12 +63,18 @@ class CardSum {
   ConstSumPlanes fetch();
   // Whether fetch() found the card to be there no more.
   bool is_gone() const { return is_gone_; }
-  // Makes a picture of it, without any of that coming here: to the level what resolve() of composite/ makes of it;
-  // within a level where weight was lost, or with less than full levels. False with the reason in `why` if that can't
-  // be done. The picture is there on return.
+  // Has the card make a picture of it, without any of that coming here: to the level what resolve() of composite/ makes
+  // of it; within a level where weight was lost, or with less than full levels. False with the reason in `why` if that
+  // can't be done. The picture is there once wait() has returned.
   bool draw(const CardPicture& picture, std::string& why);
+  // Waits for the pictures of all sums that are beside it. False if they will never be there, with the reason in `why`.
+  bool wait(std::string& why);
+  // Whether another one is of the same drawer: what that does comes one after the other.
+  bool is_beside(const CardSum& other) const { return drawer_ == other.drawer_; }
 
  private:
+  bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job, std::string& why);
+
   const std::shared_ptr<SumDrawer> drawer_;  // outlives what it has drawn
   const std::shared_ptr<BlockSum> sum_;
   const Rect view_;

@@ -240,6 +240,7 @@ TEST_P(CardSum, BecomesTheCompositorsPicture) {
       to.textures[i] = somebody_.texture(planes[i].width, planes[i].height, planes[i].bytes);
     std::string why;
     ASSERT_TRUE(sum.resolve_on_card(background, levels, to, why)) << why;
+    ASSERT_TRUE(sum.card_sum()->wait(why)) << why;
 
     std::vector<std::vector<uint8_t>> expected;
     uint8_t* plane[3] = {};
@@ -315,6 +316,9 @@ TEST_P(CardSum, IsLostWithItsCard) {
   somebody_.leave();
   std::string why;
   EXPECT_FALSE(sum->draw({}, why));
+  EXPECT_EQ(why, "the context is lost");
+  why.clear();
+  EXPECT_FALSE(sum->wait(why));
   EXPECT_EQ(why, "the context is lost");
   const ConstSumPlanes nothing = sum->fetch();
   ASSERT_TRUE(nothing.lost);
