@@ -77,9 +77,9 @@ GstAllocator* allocator() {
 namespace lf {
 
 GstMemory* card_memory_new(std::shared_ptr<gl::CardSum> sum) {
-  const Rect& view = sum->view();
-  const size_t pixels = static_cast<size_t>(view.width()) * view.height(),
-               samples = packed_size(sum->family(), view.width(), view.height()) + (sum->has_lost() ? pixels : 0),
+  const Rect& rect = sum->rect();
+  const size_t pixels = static_cast<size_t>(rect.width()) * rect.height(),
+               samples = packed_size(sum->family(), rect.width(), rect.height()) + (sum->has_lost() ? pixels : 0),
                bytes = 2 * samples;
   auto* const memory = g_new0(CardMemory, 1);
   gst_memory_init(&memory->parent, GST_MEMORY_FLAG_READONLY, allocator(), nullptr, bytes, 1, 0, bytes);

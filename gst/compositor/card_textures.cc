@@ -67,15 +67,15 @@ void* CardTextures::put_fence() const {
 }
 
 bool CardTextures::draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why) {
-  const std::shared_ptr<gl::CardSum> next = sum.card_sum();
-  // Those of one drawer are drawn in their order.
-  if (latest_ && next && !next->is_beside(*latest_) && !finish(why)) return false;
   gl::CardPicture to = picture_;
   to.x = x;
   to.y = y;
   const Levels levels = has_video_levels(frame_.info) ? kVideoLevels : kFullLevels;
-  if (!sum.resolve_on_card(background, levels, to, why)) return false;
+  const std::shared_ptr<gl::CardSum> next = sum.resolve_on_card(background, levels, to, why);
+  if (!next) return false;
   picture_.fence = nullptr;  // it is gone
+  // Those of one drawer are drawn in their order.
+  if (latest_ && !next->is_beside(*latest_) && !finish(why)) return false;
   latest_ = next;
   return true;
 }

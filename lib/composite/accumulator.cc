@@ -39,7 +39,8 @@ void Accumulator::reset(PixelFamily family, int width, int height) {
   height_ = height;
   touched_ = {};
   kept_.reset();
-  card_sum_.reset();
+  card_sums_.clear();
+  if (looked_at_) looked_at_->reset(PixelFamily::kNone, 0, 0);
   own_set_ = own_lost_set_ = false;
   zeros_.resize(width);
   uncovered_.clear();
@@ -55,9 +56,20 @@ SumPlanes Accumulator::own() {
   return packed_sums(family_, all(), sum_.data(), own_lost_set_ ? lost_.data() : nullptr);
 }
 
-// The only sums so far, wherever they are.
+// What is on a card.
+ConstSumPlanes Accumulator::fetched() const {
+  if (card_sums_.size() == 1 && card_sums_.front()->rect() == all()) return card_sums_.front()->fetch();
+  if (!looked_at_) looked_at_ = std::make_unique<Accumulator>();
+  if (looked_at_->family() == PixelFamily::kNone) {
+    looked_at_->reset(family_, width_, height_);
+    for (const std::shared_ptr<gl::CardSum>& sum : card_sums_) looked_at_->add(sum->fetch());
+  }
+  return looked_at_->whole();
+}
+
+// All sums so far of a whole picture that need not be copied, wherever they are.
 std::optional<ConstSumPlanes> Accumulator::kept() const {
-  return card_sum_ ? std::optional(card_sum_->fetch()) : kept_;
+  return card_sums_.empty() ? kept_ : std::optional(fetched());
 }
 
 ConstSumPlanes Accumulator::whole() const {
@@ -80,7 +92,8 @@ void Accumulator::materialize() {
   }
   const ConstSumPlanes from = *kept;
   // Its memory lives until the end of this.
-  const std::shared_ptr<gl::CardSum> card_sum = std::move(card_sum_);
+  const std::vector<std::shared_ptr<gl::CardSum>> card_sums = std::move(card_sums_);
+  card_sums_.clear();
   kept_.reset();
   if (from.lost) materialize_lost();
   const SumPlanes to = own();
@@ -147,10 +160,12 @@ bool Accumulator::add_kept(const ConstSumPlanes& sums) {
 }
 
 bool Accumulator::add_kept(std::shared_ptr<gl::CardSum> sum) {
-  if (sum->view() != all() || sum->family() != family_) return false;
-  if (!touched_.empty()) return add(sum->fetch());
-  card_sum_ = std::move(sum);
-  touched_ = all();
+  if (sum->view() != all() || !fits(sum->family(), sum->rect())) return false;
+  const bool are_alone = touched_.empty() || !card_sums_.empty();
+  if (!are_alone || (!card_sums_.empty() && card_sums_.front()->group() != sum->group())) return add(sum->fetch());
+  touched_ = unite(touched_, sum->rect());
+  card_sums_.push_back(std::move(sum));
+  if (looked_at_) looked_at_->reset(PixelFamily::kNone, 0, 0);
   return true;
 }
 
@@ -189,15 +204,21 @@ void Accumulator::resolve(const Background& background, const RgbLayout& layout,
 }
 
 gl::ShareGroup Accumulator::share_group() const {
-  return card_sum_ && !own_lost_set_ && uncovered_.empty() ? card_sum_->group() : 0;
+  return !card_sums_.empty() && !own_lost_set_ && uncovered_.empty() ? card_sums_.front()->group() : 0;
 }
 
-bool Accumulator::resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to,
-                                  std::string& why) const {
+bool Accumulator::is_gone() const {
+  return std::ranges::any_of(card_sums_, [](const auto& sum) { return sum->is_gone(); });
+}
+
+std::shared_ptr<gl::CardSum> Accumulator::resolve_on_card(const Background& background, const Levels& levels,
+                                                          gl::CardPicture to, std::string& why) const {
   if (share_group() == 0) {
     why = "it is not on a card";
-    return false;
+    return nullptr;
   }
+  std::shared_ptr<gl::CardSum> sum = card_sums_.size() == 1 ? card_sums_.front() : gl::CardSum::add(card_sums_, why);
+  if (!sum) return nullptr;
   to.gain = levels.gain;
   to.offset = levels.offset;
   to.chroma_gain = levels.chroma_gain;
@@ -206,7 +227,7 @@ bool Accumulator::resolve_on_card(const Background& background, const Levels& le
   const YCbCr ycbcr = ycbcr_of(r, g, b);
   const bool rgb = family_ == PixelFamily::kRgb;
   std::ranges::copy(rgb ? std::array{r, g, b} : std::array{ycbcr.y, ycbcr.cb, ycbcr.cr}, to.background);
-  return card_sum_->draw(to, why);
+  return sum->draw(to, why) ? sum : nullptr;
 }
 
 void Accumulator::conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const {

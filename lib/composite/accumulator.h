@@ -36,7 +36,8 @@ class Accumulator {
   bool add(const ConstSumPlanes& sums);
   // Adds sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
   bool add_kept(const ConstSumPlanes& sums);
-  // Adds what is on a card. It comes to this process's memory when something is added to it, or somebody looks at it.
+  // Adds what is on a card. It comes to this process's memory when something else is added to it, or somebody looks at
+  // it.
   bool add_kept(std::shared_ptr<gl::CardSum> sum);
   // The weights of a camera whose answer never came count as lost: `weights` as from pixel_weights() over `rect`.
   bool add_lost_weights(const Rect& rect, const std::vector<float>& weights);
@@ -51,12 +52,11 @@ class Accumulator {
   // not.
   gl::ShareGroup share_group() const;
   // Whether what was added was on a card that was there no more when somebody looked at it: all weight is lost.
-  bool is_gone() const { return card_sum_ && card_sum_->is_gone(); }
-  // What was added, where it is on a card alone; else null.
-  const std::shared_ptr<gl::CardSum>& card_sum() const { return card_sum_; }
-  // The same as resolve() in such textures, once its CardSum::wait() has returned; `to` says which. False with the
-  // reason in `why` if that can't be done.
-  bool resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to, std::string& why) const;
+  bool is_gone() const;
+  // The same as resolve() in such textures, once CardSum::wait() of what it returns has returned; `to` says which. Null
+  // with the reason in `why` if that can't be done.
+  std::shared_ptr<gl::CardSum> resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to,
+                                               std::string& why) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;
   // Call after resolve(): the picture before shows where most of the weight was lost, see conceal().
@@ -69,6 +69,7 @@ class Accumulator {
  private:
   Rect all() const { return {0, 0, width_, height_}; }
   std::optional<ConstSumPlanes> kept() const;
+  ConstSumPlanes fetched() const;
   SumPlanes own();               // the sum of the whole picture in own memory, after materialize()
   ConstSumPlanes whole() const;  // the sum of the whole picture, in own or kept memory, or zeros
   void materialize();            // copies what was added into own memory
@@ -76,11 +77,12 @@ class Accumulator {
 
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
-  Rect touched_;                                 // bounds all rectangles that were added
-  std::optional<ConstSumPlanes> kept_;           // the only sums so far, in the caller's memory
-  std::shared_ptr<gl::CardSum> card_sum_;        // or on a card
-  bool own_set_ = false, own_lost_set_ = false;  // whether sum_, lost_ hold anything yet; they are cleared late
-  UninitializedVector<int16_t> sum_;             // three planes, of the whole picture
+  Rect touched_;                                         // bounds all rectangles that were added
+  std::optional<ConstSumPlanes> kept_;                   // the only sums so far, in the caller's memory
+  std::vector<std::shared_ptr<gl::CardSum>> card_sums_;  // or on a card
+  mutable std::unique_ptr<Accumulator> looked_at_;       // what these come to, once somebody has looked at it
+  bool own_set_ = false, own_lost_set_ = false;          // whether sum_, lost_ hold anything yet; they are cleared late
+  UninitializedVector<int16_t> sum_;                     // three planes, of the whole picture
   UninitializedVector<uint16_t> lost_;
   std::vector<int16_t> zeros_;      // a row of zeros
   std::vector<uint8_t> uncovered_;  // per pixel, not 0: no face owns it; empty: not known

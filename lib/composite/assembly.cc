@@ -57,7 +57,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
 }
 
 Assembly::Verdict Assembly::add_on_card(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::CardSum> sum) {
-  const wire::FragmentHeader of_all{{}, answer.family, sum->view(), wire::Codec::kRaw16, 0, sum->has_lost()};
+  const wire::FragmentHeader of_all{{}, answer.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_lost()};
   return add(wire::AnswerView{answer, {{of_all, {}}}}, nullptr, std::move(sum));
 }
 

@@ -53,7 +53,7 @@ RenderedAnswer render_sums16(const wire::AnswerHeader& header, const SumRenderer
 RenderedAnswer before(const wire::AnswerHeader& header, std::shared_ptr<gl::CardSum> sum, ByteBuffer memory) {
   wire::AnswerWriter writer(header, 1, std::move(memory));
   const size_t payload =
-      writer.add(wire::FragmentHeader{{}, header.family, sum->view(), wire::Codec::kRaw16, 0, sum->has_lost()}).size();
+      writer.add(wire::FragmentHeader{{}, header.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_lost()}).size();
   ByteBuffer bytes = writer.finish();
   bytes.resize(bytes.size() - payload);
   return {.bytes = std::move(bytes), .fragments = 1, .payload = std::move(sum)};

@@ -36,12 +36,6 @@ SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<
   if (plan.blend()) state_->drawing.why_not = "the view is not blended by its mesh";
 }
 
-// Rows and columns without anything have to be made, too, where the whole view is fetched all the same.
-bool SumRenderer::may_stay() const {
-  const View& view = state_->task.plan->view();
-  return state_->may_stay && 4 * area(rect_) >= 3 * area({0, 0, view.width, view.height});
-}
-
 void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel) {
   std::vector<SumRenderer*> drawn;
   std::vector<gl::SumOrder> orders;
@@ -49,7 +43,9 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
     const State& state = *renderer->state_;
     if (state.task.plan->blend() || renderer->rect_.empty()) continue;
     drawn.push_back(renderer);
-    orders.push_back({&state.task, state.sources, renderer->rect_, renderer->may_stay()});
+    // What may be added to others on the card begins at even pixels.
+    const Rect rect = state.may_stay ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;
+    orders.push_back({&state.task, state.sources, rect, state.may_stay});
   }
   card.draw(orders, parallel);
   for (size_t i = 0; i < orders.size(); i++) {

@@ -74,7 +74,8 @@ class SumRenderer {
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
   const Drawing& drawing() const;
-  // The sum, if it has stayed on the card, as one does that fills most of the view: render_rows() is then not called.
+  // The sum of rect(), grown to whole blocks of two by two pixels, if it has stayed on the card: render_rows() is then
+  // not called.
   std::shared_ptr<gl::CardSum> card_sum() const;
   // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
   // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
@@ -83,7 +84,6 @@ class SumRenderer {
 
  private:
   struct State;
-  bool may_stay() const;
   std::unique_ptr<State> state_;
   Rect rect_;
 };

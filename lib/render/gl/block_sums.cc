@@ -71,6 +71,46 @@ bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, co
   return true;
 }
 
+std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view,
+                                         Programs& programs, std::string& why) {
+  const Program* const program = programs.use({.output = SumProgram::Output::kAdded}, why);
+  if (!program) return nullptr;
+  const PixelFamily family = sums.front()->family;
+  const bool rgb = family == PixelFamily::kRgb;
+  const BlockSum::Parts to = lay_out(family, view, 0);
+  const auto all = std::make_shared<BlockSum>(BlockSum{family, view, to, ++draw_, next()});
+  if (!all->words->reserve(to.end, why)) return nullptr;
+  enum Mode : GLuint { kAdd, kAddLost, kClear };
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, all->words->name());
+  // `columns` by `rows` words; `lost_row`: the word of the first row with loss.
+  const auto dispatch = [&](Mode mode, uint32_t columns, uint32_t rows, uint32_t from, uint32_t to_first,
+                            uint32_t to_row, uint32_t lost_row = 0) {
+    glUniform2i(program->size, static_cast<GLint>(columns), static_cast<GLint>(rows));
+    glUniform4ui(program->parts, from, columns, to_first, to_row);
+    glUniform4ui(program->planes, mode, lost_row, 0, all->draw);
+    glDispatchCompute((columns + kGroup - 1) / kGroup, (rows + kGroup - 1) / kGroup, 1);
+  };
+  constexpr uint32_t kClearRow = 4096;  // words
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, sums.front()->words->name());
+  dispatch(kClear, kClearRow, to.end / kClearRow, 0, 0, kClearRow);
+  dispatch(kClear, to.end % kClearRow, 1, 0, to.end / kClearRow * kClearRow, kClearRow);
+  const auto words_of = [](const Rect& rect) { return static_cast<uint32_t>(chroma_size(rect.width())); };
+  for (const std::shared_ptr<BlockSum>& sum : sums) {
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, sum->words->name());
+    const Rect& rect = sum->rect;
+    const uint32_t columns = words_of(rect), row = words_of(view), rows = static_cast<uint32_t>(rect.height()),
+                   blocks = static_cast<uint32_t>(chroma_size(rect.height())),
+                   x = static_cast<uint32_t>(rect.x0 - view.x0) / 2, y = static_cast<uint32_t>(rect.y0 - view.y0);
+    const uint32_t words = rgb ? 4 : 1;  // of two pixels
+    dispatch(kAdd, words * columns, rows, sum->parts.pixels, to.pixels + words * (y * row + x), words * row);
+    if (!rgb) dispatch(kAdd, columns, blocks, sum->parts.chroma, to.chroma + y / 2 * row + x, row);
+    dispatch(kAddLost, columns, rows, sum->parts.lost, to.lost + y * row + x, row, to.lost_rows + y / 2);
+  }
+  glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
+  return all;
+}
+
 namespace {
 
 // Words [first, end) of each part of a sum, of rows [y0, y1) of the view, y0 even; none of a part without any.

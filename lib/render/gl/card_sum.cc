@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "render/gl/block_sums.h"
 #include "render/gl/objects.h"
@@ -17,6 +18,8 @@ CardSum::~CardSum() = default;
 
 PixelFamily CardSum::family() const { return sum_->family; }
 
+const Rect& CardSum::rect() const { return sum_->rect; }
+
 ShareGroup CardSum::group() const { return drawer_->group(); }
 
 ConstSumPlanes CardSum::fetch() {
@@ -30,20 +33,33 @@ ConstSumPlanes CardSum::fetch() {
     return false;
   });
   is_gone_ = !is_there;
-  const size_t samples = packed_size(drawn.family, view_.width(), view_.height()),
-               pixels = static_cast<size_t>(view_.width()) * view_.height();
+  const Rect& rect = sum_->rect;
+  const size_t samples = packed_size(drawn.family, rect.width(), rect.height()),
+               pixels = static_cast<size_t>(rect.width()) * rect.height();
   const bool has_lost = has_lost_ || !is_there;
   memory_.resize(samples + (has_lost ? pixels : 0));
   auto* const lost = has_lost ? reinterpret_cast<uint16_t*>(memory_.data() + samples) : nullptr;
-  const SumPlanes planes = packed_sums(drawn.family, view_, memory_.data(), lost);
+  const SumPlanes planes = packed_sums(drawn.family, rect, memory_.data(), lost);
   if (is_there) {
-    drawn.copy_rows(0, view_.height(), planes);
+    drawn.copy_rows(rect.y0, rect.y1, planes);
   } else {
     std::fill_n(memory_.data(), samples, int16_t{0});
     std::fill_n(lost, pixels, uint16_t{kLostOne});
   }
-  fetched_ = packed_sums<const int16_t, const uint16_t>(drawn.family, view_, memory_.data(), lost);
+  fetched_ = packed_sums<const int16_t, const uint16_t>(drawn.family, rect, memory_.data(), lost);
   return fetched_;
+}
+
+std::shared_ptr<CardSum> CardSum::add(std::span<const std::shared_ptr<CardSum>> sums, std::string& why) {
+  const CardSum& first = *sums.front();
+  std::vector<std::shared_ptr<BlockSum>> parts;
+  bool has_lost = false;
+  for (const std::shared_ptr<CardSum>& sum : sums) {
+    parts.push_back(sum->sum_);
+    has_lost = has_lost || sum->has_lost_;
+  }
+  std::shared_ptr<BlockSum> all = first.drawer_->add(parts, first.view_, why);
+  return all ? std::make_shared<CardSum>(first.drawer_, std::move(all), first.view_, has_lost) : nullptr;
 }
 
 namespace {

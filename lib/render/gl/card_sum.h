@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 
 #include "base/byte_buffer.h"
@@ -45,7 +46,7 @@ struct CardPicture {
 // The sum of a view that has stayed on the card that drew it. Any thread.
 class CardSum {
  public:
-  // `view`: all of the view's pixels; what is beyond the sum's rectangle is nothing.
+  // `view`: all of the view's pixels, of which the sum has some; the others are nothing.
   CardSum(std::shared_ptr<SumDrawer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_lost);
   ~CardSum();
   CardSum(const CardSum&) = delete;
@@ -53,16 +54,20 @@ class CardSum {
 
   PixelFamily family() const;
   const Rect& view() const { return view_; }
+  const Rect& rect() const;  // of the view: what it is the sum of; begins at even pixels
   // Whether weight may be lost somewhere.
   bool has_lost() const { return has_lost_; }
   // The contexts whose textures draw() writes to; 0: nobody's.
   ShareGroup group() const;
 
-  // The sum of the whole view in this process's memory, where it is from the first call on and as long as this lives,
+  // The sum of its rectangle in this process's memory, where it is from the first call on and as long as this lives,
   // without a gap between rows and planes. If the card does not answer all weight is lost.
   ConstSumPlanes fetch();
   // Whether fetch() found the card to be there no more.
   bool is_gone() const { return is_gone_; }
+  // The sum of several of one view, family and group, on the card of the first one. Null with the reason in `why` if
+  // that can't be done.
+  static std::shared_ptr<CardSum> add(std::span<const std::shared_ptr<CardSum>> sums, std::string& why);
   // Has the card make a picture of it, without any of that coming here: to the level what resolve() of composite/ makes
   // of it; within a level where weight was lost, or with less than full levels. False with the reason in `why` if that
   // can't be done. The picture is there once wait() has returned.

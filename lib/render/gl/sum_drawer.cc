@@ -207,18 +207,21 @@ bool SumDrawer::finish(std::span<SumOrder> orders, std::span<SumReading> reading
                        std::string& why) {
   std::vector<size_t> mended(orders.size());
   parallel(orders.size(), [&](size_t i) { mended[i] = mend(*orders[i].task, *readings[i].out); });
-  const auto write_back = [&] {
-    for (size_t i = 0; i < orders.size(); i++)
-      if (orders[i].stays && mended[i] > 0) readings[i].sum->write_back(*readings[i].out);
-  };
-  bool any = false;
+  bool any = false, is_there = true;
   for (size_t i = 0; i < orders.size(); i++) {
     mended_ += mended[i];
     any = any || (orders[i].stays && mended[i] > 0);
   }
-  if (!any || context_->run(write_back)) return true;
+  if (!any) return true;
+  // Another drawer may add them to its own as soon as they are known.
+  const auto write_back = [&] {
+    for (size_t i = 0; i < orders.size(); i++)
+      if (orders[i].stays && mended[i] > 0) readings[i].sum->write_back(*readings[i].out);
+    is_there = wait_for_card();
+  };
+  if (context_->run(write_back) && is_there) return true;
   lost_ = true;
-  return refuse(why, "the context is lost");
+  return refuse(why, is_there ? "the context is lost" : "the card does not answer");
 }
 
 // All of them in one pass, or where that is too much, in two that are half as large.
@@ -293,6 +296,18 @@ bool SumDrawer::work(const std::function<bool(Programs& programs, Buffer& scratc
   if (context_->run(work)) return done;
   lost_ = true;
   return false;
+}
+
+std::shared_ptr<BlockSum> SumDrawer::add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view,
+                                         std::string& why) {
+  std::shared_ptr<BlockSum> sum;
+  const auto add = [&](Programs& programs, Buffer&) {
+    sum = objects_->blocks->add(sums, view, programs, why);
+    return sum != nullptr;
+  };
+  if (work(add)) return sum;
+  if (why.empty()) why = lost_ ? "the context is lost" : "OpenGL refuses it";
+  return nullptr;
 }
 
 bool SumDrawer::computes() const { return objects_->blocks != nullptr; }

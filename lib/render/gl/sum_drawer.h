@@ -18,6 +18,7 @@
 
 namespace lf::gl {
 
+struct BlockSum;
 class Buffer;
 class CardSum;
 struct DrawnView;
@@ -43,8 +44,8 @@ struct DrawnSum {
 
 // A sum that is to be drawn, and what comes of it.
 struct SumOrder {
-  // The task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in kI420), of images
-  // `sources` that the task was made of, of a view that is blended by its mesh.
+  // The task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in kI420 and what
+  // stays), of images `sources` that the task was made of, of a view that is blended by its mesh.
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;
   Rect rect;
@@ -105,6 +106,9 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
   // others, and drawing is one after the other.
   void draw(std::span<SumOrder> orders, const ParallelFor& parallel);
+
+  // The sum of sums that are on the card, see BlockSums::add(). Null with the reason in `why` if that can't be done.
+  std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, std::string& why);
 
   // Whether it draws by compute shaders: only then can it draw moments, and several views in a pass.
   bool computes() const;

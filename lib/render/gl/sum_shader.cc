@@ -3,6 +3,7 @@
 
 #include <string_view>
 
+#include "render/gl/adding_shader-inl.h"
 #include "render/gl/block_shader-inl.h"
 #include "render/gl/moment_shader-inl.h"
 #include "render/gl/picture_shader-inl.h"
@@ -246,6 +247,7 @@ std::string vertex_shader(const SumProgram& program) {
 
 std::string compute_shader(const SumProgram& program) {
   if (is_of_picture(program)) return head(program).append(kPicture);
+  if (program.output == SumProgram::Output::kAdded) return head(program).append(kAdding);
   return head(program).append(kRule).append(kRuns).append(is_of_moments(program) ? kMoments : kBlocks);
 }
 

@@ -21,7 +21,7 @@ struct SumProgram {
   //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
   //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
   //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, by a compute shader to which nothing below means
-  //     anything.
+  //     anything. kAdded: one such sum and another, likewise.
   enum class Output {
     kRgb,
     kLuma,
@@ -33,7 +33,8 @@ struct SumProgram {
     kMomentsRgb,
     kMomentsI420,
     kPictureRgb,
-    kPictureI420
+    kPictureI420,
+    kAdded
   } output = Output::kRgb;
   // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
@@ -108,12 +109,14 @@ enum BufferBinding {
 };
 inline constexpr int kGroup = 8;
 
-// By compute shaders, and moments and pictures among them: the last ones of Output.
+// By compute shaders: the last ones of Output; and moments and pictures among them.
 inline bool is_computed(const SumProgram& program) { return program.output >= SumProgram::Output::kBlocksRgb; }
 inline bool is_of_moments(const SumProgram& program) {
   return program.output == SumProgram::Output::kMomentsRgb || program.output == SumProgram::Output::kMomentsI420;
 }
-inline bool is_of_picture(const SumProgram& program) { return program.output >= SumProgram::Output::kPictureRgb; }
+inline bool is_of_picture(const SumProgram& program) {
+  return program.output == SumProgram::Output::kPictureRgb || program.output == SumProgram::Output::kPictureI420;
+}
 
 std::string vertex_shader(const SumProgram& program);
 std::string fragment_shader(const SumProgram& program);

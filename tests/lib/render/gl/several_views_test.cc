@@ -154,17 +154,17 @@ TEST_P(SeveralViews, StayAsOnePass) {
       held.push_back(renderer->card_sum());
       stayed += held.back() != nullptr;
     }
-    EXPECT_GE(stayed, 5u);
-    EXPECT_LT(stayed, eyes.size()) << "one is too small to stay";
+    EXPECT_GE(stayed, 6u);
     // What is drawn afterwards is drawn elsewhere, as long as any of them is held.
     draw(eyes, true);
     for (size_t i = eyes.size(); i-- > 0;) {
       SCOPED_TRACE(i);
-      const Sum alone = eyes[i]->sum_of(*eyes[i]->renderer(card_.get()));
-      if (held[i])
-        EXPECT_TRUE(same(held[i]->fetch(), alone));
-      else
-        EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == alone);
+      if (!held[i]) continue;  // there is nothing in it
+      const auto alone = eyes[i]->renderer(card_.get());
+      const Rect rect = held[i]->rect();
+      Sum sum(family, rect);
+      alone->render_rows(rect.y0, rect.y1, sum.planes);
+      EXPECT_TRUE(same(held[i]->fetch(), sum));
       held[i].reset();
     }
   }
