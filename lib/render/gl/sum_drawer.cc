@@ -2,7 +2,6 @@
 #include "render/gl/sum_drawer.h"
 
 #include <algorithm>
-#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -12,54 +11,11 @@
 #include "render/gl/face_sums.h"
 #include "render/gl/moment_sums.h"
 #include "render/gl/objects.h"
+#include "render/gl/passes.h"
 #include "render/gl/sum_tables.h"
 #include "render/gl/view_textures.h"
 
 namespace lf::gl {
-
-namespace {
-
-// What a pass needs before it has the context.
-struct Pass {
-  ImageAtlas atlas;
-  PassNumbers numbers;
-};
-
-// The memory of as many passes as are being made at once.
-class Passes {
- public:
-  // One that nobody else has, for as long as this lives. Without a context.
-  class Lease {
-   public:
-    explicit Lease(Passes& from) : from_(from), pass_(from.take()) {}
-    ~Lease() { from_.give_back(std::move(pass_)); }
-    Lease(const Lease&) = delete;
-    Lease& operator=(const Lease&) = delete;
-    Pass* operator->() const { return pass_.get(); }
-
-   private:
-    Passes& from_;
-    std::unique_ptr<Pass> pass_;
-  };
-
- private:
-  std::unique_ptr<Pass> take() {
-    const std::lock_guard lock(mutex_);
-    if (free_.empty()) return std::make_unique<Pass>();
-    auto pass = std::move(free_.back());
-    free_.pop_back();
-    return pass;
-  }
-  void give_back(std::unique_ptr<Pass> pass) {
-    const std::lock_guard lock(mutex_);
-    free_.push_back(std::move(pass));
-  }
-
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Pass>> free_;
-};
-
-}  // namespace
 
 struct SumDrawer::Objects {
   Passes passes;
