@@ -4,6 +4,7 @@
 #include <GLES3/gl31.h>
 #include <gst/gl/gl.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "common/gl_share.h"
@@ -45,7 +46,6 @@ CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::Sha
   if (family_of(info) == PixelFamily::kRgb) picture_.layout = rgb_layout(info);
   picture_.is_interleaved = planes == 2;
   for (guint i = 0; i < planes; i++) picture_.textures[i] = *static_cast<const guint*>(frame_.data[i]);
-  picture_.fence = put_fence();
 }
 
 CardTextures::~CardTextures() {
@@ -70,19 +70,24 @@ bool CardTextures::draw(const Accumulator& sum, const Background& background, in
   gl::CardPicture to = picture_;
   to.x = x;
   to.y = y;
+  // Once for each drawer: what that does comes one after the other.
+  const auto is_beside = [&sum](const auto& begun) { return begun->is_beside(sum.first_on_card()); };
+  if (std::ranges::none_of(begun_, is_beside)) to.fence = put_fence();
   const Levels levels = has_video_levels(frame_.info) ? kVideoLevels : kFullLevels;
-  const std::shared_ptr<gl::CardSum> next = sum.resolve_on_card(background, levels, to, why);
+  std::shared_ptr<gl::CardSum> next = sum.resolve_on_card(background, levels, to, why);
   if (!next) return false;
-  picture_.fence = nullptr;  // it is gone
-  // Those of one drawer are drawn in their order.
-  if (latest_ && !next->is_beside(*latest_) && !finish(why)) return false;
-  latest_ = next;
+  begun_.push_back(std::move(next));
   return true;
 }
 
 bool CardTextures::finish(std::string& why) {
-  const std::shared_ptr<gl::CardSum> latest = std::move(latest_);
-  return !latest || latest->wait(why);
+  bool is_there = true;
+  while (!begun_.empty()) {
+    const std::shared_ptr<gl::CardSum> latest = begun_.back();
+    is_there = latest->wait(why) && is_there;
+    std::erase_if(begun_, [&latest](const auto& begun) { return begun->is_beside(*latest); });
+  }
+  return is_there;
 }
 
 }  // namespace lf

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <gst/gst.h>
 #include <gst/video/video.h>
@@ -36,8 +37,8 @@ class CardTextures {
   const gl::ShareGroup group_;
   GstVideoFrame frame_;
   bool is_mapped_ = false;
-  gl::CardPicture picture_;              // where they are, and how their bytes are laid out
-  std::shared_ptr<gl::CardSum> latest_;  // was begun; null: nothing
+  gl::CardPicture picture_;                          // where they are, and how their bytes are laid out
+  std::vector<std::shared_ptr<gl::CardSum>> begun_;  // and not waited for: nothing is drawn over them until then
 };
 
 }  // namespace lf

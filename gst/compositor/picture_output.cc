@@ -190,7 +190,7 @@ bool PictureOutput::draw_on_card(const Assembly& assembly, const ViewRequest& re
   if (group == 0 || !assembly.complete() || (shown_ != ShownWeights::kNone && rig_)) return false;
   std::unique_ptr<CardTextures>& textures = sheet_.textures;
   if (!textures || textures->group() != group) {
-    textures.reset();
+    leave_card();
     textures = std::make_unique<CardTextures>(sheet_.buffer, info_, group);
   }
   std::string why;
@@ -200,6 +200,16 @@ bool PictureOutput::draw_on_card(const Assembly& assembly, const ViewRequest& re
   if (drawn && is_last && !textures->finish(why)) drawn = sheet_.complete = false;
   if (!why.empty()) GST_WARNING_OBJECT(element_, "a picture can't be made on the card: %s", why.c_str());
   return drawn;
+}
+
+// Before anything else is done with the picture.
+void PictureOutput::leave_card() {
+  std::string why;
+  if (sheet_.textures && !sheet_.textures->finish(why)) {
+    GST_WARNING_OBJECT(element_, "what was made of a picture on the card is lost: %s", why.c_str());
+    sheet_.complete = sheet_.on_card = false;
+  }
+  sheet_.textures.reset();
 }
 
 // Here. False if the memory can't be had.
@@ -227,7 +237,7 @@ bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& reque
 bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
   assembly.finish(family_of(info_), background != Background{});
   const bool on_card = draw_on_card(assembly, request, background);
-  if (!on_card) sheet_.textures.reset();
+  if (!on_card) leave_card();
   if (!on_card && !draw_here(assembly, request, background)) return false;
   sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
   sheet_.complete = sheet_.complete && assembly.complete();

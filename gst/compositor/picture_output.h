@@ -85,6 +85,7 @@ class PictureOutput {
   void conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture);
   bool draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background);
   bool draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background);
+  void leave_card();
   bool begin_sheet(const ViewRequest& request);
   void set_context(GlContextPtr context);
   bool draw(Assembly& assembly, const ViewRequest& request, const Background& background);

@@ -7,8 +7,12 @@ namespace lf {
 
 void WaitingJobs::add(const std::shared_ptr<FragmentJob>& job) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(waiting_, [](const auto& waiting) { return waiting.expired(); });
   waiting_.push_back(job);
+}
+
+size_t WaitingJobs::forget_dropped() {
+  const std::lock_guard lock(mutex_);
+  return std::erase_if(waiting_, [](const auto& waiting) { return waiting.expired(); });
 }
 
 std::vector<std::shared_ptr<FragmentJob>> WaitingJobs::take_with(const std::shared_ptr<FragmentJob>& job, bool alone) {

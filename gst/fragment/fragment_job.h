@@ -31,8 +31,10 @@ class WaitingJobs {
   // Pixels of views that are answered at once at most, as all of their answers are held until the last one is made.
   static constexpr size_t kMostPixels = 16'000'000;
 
-  // It waits as long as somebody else holds it.
+  // It waits as long as somebody holds it.
   void add(const std::shared_ptr<FragmentJob>& job);
+  // How many nobody holds any more that have not been taken; they are forgotten.
+  size_t forget_dropped();
   // Takes a job, and unless it is to go `alone` those that wait and may go with it; nothing if it has been taken.
   std::vector<std::shared_ptr<FragmentJob>> take_with(const std::shared_ptr<FragmentJob>& job, bool alone);
 

@@ -61,6 +61,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
     case GST_EVENT_FLUSH_START: {
       const gboolean ok = lf_fragment_pair_event(pad, event);
       requester.live_answers.begin_flush();
+      requester.waiting.forget_dropped();
       self->state->node.cancel(requester.kept, true);
       return ok;
     }

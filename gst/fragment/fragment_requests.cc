@@ -45,9 +45,9 @@ static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad) {
   if (requester.delay.see(needed, now)) gst_pad_push_event(pad, lf::capture_delay_event(needed));
 }
 
-// Whether the picture would come too late to be shown.
-static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimate& estimate) {
-  if (job.due > 0 && lf::now_ns() + estimate.nanoseconds(job.work) > job.due) {
+// Whether the picture would come too late to be shown, as it comes after so much work.
+static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimate& estimate, double work) {
+  if (job.due > 0 && lf::now_ns() + estimate.nanoseconds(work) > job.due) {
     estimate.skipped();
     return true;
   }
@@ -146,8 +146,10 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   options.parallel = std::move(parallel);
   std::vector<const lf::wire::AnyRequest*> requests;
   std::vector<JobPtr> answered;
+  double work = 0;
+  for (const JobPtr& job : jobs) work += job->work;
   for (const JobPtr& job : jobs) {
-    if (lf_fragment_is_too_late(pad, *job, kept.estimate)) {
+    if (lf_fragment_is_too_late(pad, *job, kept.estimate, work)) {
       const GstFlowReturn flow = lf_fragment_send(self, pad, src, *job, node.skip(job->request));
       if (flow != GST_FLOW_OK) return flow;
       continue;
@@ -158,10 +160,12 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   if (requests.empty()) return GST_FLOW_OK;
   std::vector<lf::Node::Reply> replies = node.answer(requests, kept, options, [&] { return requester.memory->take(); });
   if (replies.size() > 1) node.stats().together += replies.size();
+  // It was one pass, or one that was refused.
+  const auto refused = std::ranges::find_if(replies, [](const auto& reply) { return reply.answer.drawing.refused; });
+  self->state->card.rendered(settings.renderer, (refused == replies.end() ? replies.front() : *refused).answer);
+  self->state->card.tried(settings.renderer, replies.front().tried);
   GstFlowReturn flow = GST_FLOW_OK;
   for (size_t i = 0; i < replies.size() && flow == GST_FLOW_OK; i++) {
-    self->state->card.rendered(settings.renderer, replies[i].answer);
-    self->state->card.tried(settings.renderer, replies[i].tried);
     const lf::NodeStats::Stages& stages = replies[i].stages;
     if (stages.render > 0) kept.estimate.done(answered[i]->work, stages.decode + stages.render + stages.encode);
     flow = lf_fragment_send(self, pad, src, *answered[i], std::move(replies[i]));
@@ -170,11 +174,13 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
 }
 
 // A live one whose turn it is. Where a card draws several at once those of its set that wait go with it.
-static GstFlowReturn lf_fragment_answer_with_set(LfFragment* self, GstPad* pad, GstPad* src, const JobPtr& job,
-                                                 lf::Node::Requester& kept, lf::ParallelFor parallel) {
+static std::optional<GstFlowReturn> lf_fragment_answer_with_set(LfFragment* self, GstPad* pad, GstPad* src,
+                                                                const JobPtr& job, lf::Node::Requester& kept,
+                                                                lf::ParallelFor parallel) {
   const bool alone = !self->state->card.draws_several(lf_fragment_settings(self).renderer);
   const std::vector<JobPtr> jobs = Requester::of(pad).waiting.take_with(job, alone);
-  return jobs.empty() ? GST_FLOW_OK : lf_fragment_answer(self, pad, src, jobs, kept, std::move(parallel));
+  if (jobs.empty()) return std::nullopt;
+  return lf_fragment_answer(self, pad, src, jobs, kept, std::move(parallel));
 }
 
 static void lf_fragment_answer_loop(gpointer data) {
@@ -206,7 +212,9 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
         return lf_fragment_answer_with_set(self, pad, src, job, kept, parallel);
       },
       &dropped, view ? lf::views_that_wait_together(*view) : 1);
-  self->state->node.stats().superseded += dropped;
+  // What has gone with its set is dropped without loss.
+  const size_t lost = requester.waiting.forget_dropped();
+  if (dropped) self->state->node.stats().superseded += lost;
   if (flow != GST_FLOW_FLUSHING && gst_pad_get_task_state(src) != GST_TASK_STARTED)
     gst_pad_start_task(src, lf_fragment_answer_loop, src, nullptr);
   return flow;

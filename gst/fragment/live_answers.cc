@@ -10,7 +10,7 @@ GstFlowReturn LiveAnswers::add(GstPad* src, uint32_t view_id, double work, Answe
   const auto make = [this, src, view_id, answer = std::move(answer)](const ParallelFor& parallel) {
     flow_ = guarded_buffer(src, [&] {
       const std::shared_ptr<Node::Requester> kept = views_.of(view_id);
-      return answer(*kept, parallel);
+      return answer(*kept, parallel).value_or(flow_);
     });
   };
   if (!fair_.add(view_id, views_.nanoseconds(view_id, work), make, dropped, of_set)) return GST_FLOW_FLUSHING;

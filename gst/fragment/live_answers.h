@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <optional>
 
 #include <gst/gst.h>
 
@@ -18,8 +19,9 @@ class LiveAnswers {
   LiveAnswers(ParallelFor parallel, const Node::Requester& common)
       : fair_(std::move(parallel), g_get_num_processors()), views_(common) {}
 
-  // Makes one answer, with what is kept of its view, and pushes it. Called by the thread of the answer pad.
-  using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;
+  // Makes one answer, with what is kept of its view, and pushes it; nothing: there was none to push. Called by the
+  // thread of the answer pad.
+  using Answer = std::function<std::optional<GstFlowReturn>(Node::Requester&, const ParallelFor&)>;
   // Queues an answer. `work`: the work that is planned for it. *dropped becomes true if an older request of the view is
   // dropped for this one. `of_set`: see FairAnswers. Returns how the latest answer could be pushed.
   GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped, size_t of_set);

@@ -53,6 +53,8 @@ class Accumulator {
   gl::ShareGroup share_group() const;
   // Whether what was added was on a card that was there no more when somebody looked at it: all weight is lost.
   bool is_gone() const;
+  // The one of what was added whose drawer makes the picture then. share_group() is not 0.
+  const gl::CardSum& first_on_card() const { return *card_sums_.front(); }
   // The same as resolve() in such textures, once CardSum::wait() of what it returns has returned; `to` says which. Null
   // with the reason in `why` if that can't be done.
   std::shared_ptr<gl::CardSum> resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to,

@@ -2,6 +2,7 @@
 #include "node/answer_maker.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "base/schedule.h"
@@ -17,7 +18,7 @@ bool has(const AnswerTask& task, CameraIndex camera) { return std::ranges::binar
 // What all of the tasks need of a camera's image; `part`: what one does.
 Rect united(Works works, CameraIndex camera, Rect (AnswerTask::*part)(CameraIndex) const) {
   Rect all;
-  for (const auto& [task, header] : works)
+  for (const auto& [task, header, has_images] : works)
     if (has(*task, camera)) all = unite(all, (task->*part)(camera));
   return all;
 }
@@ -50,7 +51,7 @@ std::vector<Source> resampled(Works works, const AnswerMaker::Options& options, 
     Source& source = sampled[i];
     if (source.image.family == PixelFamily::kNone) return;
     Rect shown;
-    for (const auto& [task, header] : works)
+    for (const auto& [task, header, has_images] : works)
       if (has(*task, source.camera) && task->shows_detail(source.camera))
         shown = unite(shown, task->answer_region(source.camera));
     if (!shown.empty()) source.image = sharpen(source.image, shown, memory[i]);
@@ -58,16 +59,12 @@ std::vector<Source> resampled(Works works, const AnswerMaker::Options& options, 
   return sampled;
 }
 
-// Those of a task's cameras; none if none of them has an image: what has none then is not lost weight, but nothing.
-std::vector<Source> images_of(const AnswerTask& task, const std::vector<Source>& images) {
+// Those of a task's cameras.
+std::vector<Source> images_of(const AnswerMaker::Work& work, const std::vector<Source>& images) {
   std::vector<Source> own;
-  bool any = false;
-  for (const Source& source : images) {
-    if (!has(task, source.camera)) continue;
-    own.push_back(source);
-    any = any || source.image.family != PixelFamily::kNone;
-  }
-  if (!any) own.clear();
+  if (work.has_images)
+    std::ranges::copy_if(images, std::back_inserter(own),
+                         [&work](const Source& source) { return has(*work.task, source.camera); });
   return own;
 }
 
@@ -82,14 +79,13 @@ std::vector<AnswerMaker::Units> AnswerMaker::make(Works works, std::span<const S
   correct(works, options, scratch.corrected, sources);
   if (works.front().task->gains()) match_gains(works, options, scratch.matched, sources, units);
   for (size_t i = 0; i < works.size(); i++)
-    units[i].tried =
-        works[i].task->moments(works[i].header, images_of(*works[i].task, sources), options, options.parallel);
+    units[i].tried = works[i].task->moments(works[i].header, images_of(works[i], sources), options, options.parallel);
   for (Units& of_one : units) of_one.before_ns = (now_ns() - begun) / works.size();
   const std::vector<Source> sampled = resampled(works, options, scratch.sharpened, sources);
   std::vector<std::unique_ptr<PendingAnswer>> answers(works.size());
   options.parallel(works.size(), [&](size_t i) {
-    const auto& [task, header] = works[i];
-    std::vector<Source> own = images_of(*task, sampled);
+    const auto& [task, header, has_images] = works[i];
+    std::vector<Source> own = images_of(works[i], sampled);
     for (size_t k = 0, all = 0; k < own.size(); k++) {
       while (sources[all].camera != own[k].camera) all++;
       if (!task->shows_detail(own[k].camera)) own[k] = sources[all];
@@ -105,9 +101,10 @@ std::vector<AnswerMaker::Units> AnswerMaker::make(Works works, std::span<const S
 
 void AnswerMaker::match_gains(Works works, const Options& options, std::vector<ByteBuffer>& memory,
                               std::vector<Source>& images, std::vector<Units>& units) {
-  const auto& [task, header] = works.front();
+  const auto& [task, header, has_images] = works.front();
   const CameraGains& gains = gains_.gains_for(header.view_id, *task->gains());
-  AnswerTask::Brightness brightness = task->brightness(header, images_of(*task, images), gains, options.parallel);
+  AnswerTask::Brightness brightness =
+      task->brightness(header, images_of(works.front(), images), gains, options.parallel);
   if (task->gains()->use) {
     const auto part = [&works](CameraIndex camera) { return united(works, camera, &AnswerTask::drawn); };
     images = gains_.match(images, gains, part, memory, options.parallel);

@@ -37,6 +37,7 @@ class AnswerMaker {
   struct Work {
     const AnswerTask* task;
     wire::AnswerHeader header;
+    bool has_images = true;  // false: none of its cameras has one, and what they would show is nothing, not lost
   };
   // The answers of several tasks whose images are the same; of more than one none asks how bright cameras are. What one
   // comes to does not depend on the others. `images`: of all cameras of the tasks, ascending, as render_answer() takes

@@ -19,7 +19,8 @@ namespace lf {
 struct RenderedAnswer {
   ByteBuffer bytes;  // one unit of the answer stream
   size_t fragments = 0;
-  // What has stayed on the card: the payload of the one fragment, in kRaw16, which `bytes` then ends before. Null: there is none.
+  // What has stayed on the card: the payload of the one fragment, in kRaw16, which `bytes` then ends before. Null:
+  // there is none.
   std::shared_ptr<gl::CardSum> payload;
   Drawing drawing;                        // of the sum
   size_t pixels = 0;                      // of the rectangle that bounds the sum

@@ -71,7 +71,8 @@ bool Card::draws_several(RendererChoice choice) const {
   if (choice == RendererChoice::kCpu) return false;
   const std::lock_guard lock(mutex_);
   const bool is_decided = choice == RendererChoice::kGl || race_.decided();
-  return drawer_ && !drawer_->is_lost() && drawer_->computes() && is_decided && draws(choice);
+  return drawer_ && !drawer_->is_lost() && drawer_->computes() && is_decided && draws(choice) &&
+         !patience_.is_at_end(now_());
 }
 
 void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {

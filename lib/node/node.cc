@@ -111,7 +111,8 @@ Node::Reply Node::answer(const wire::AnyRequest& request, Requester& requester, 
 bool Node::may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b) {
   const auto *one = std::get_if<ViewRequest>(&a), *other = std::get_if<ViewRequest>(&b);
   const auto is_beside = [](const ViewRequest* request) {
-    return request && request->place.count() > 1 && !request->gains.ask && request->gains.mean.empty();
+    return request && request->place.count() > 1 && request->view.blending.is_mesh() && !request->gains.ask &&
+           request->gains.mean.empty();
   };
   return is_beside(one) && is_beside(other) && one->view_id == other->view_id &&
          one->target_time == other->target_time && one->target_time != kNoTime &&
@@ -250,7 +251,7 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   CameraSet absent;
   for (const CameraIndex camera : own)
     if ((options.live || array.cameras.at(camera)->is_live()) && !frames.find(camera)) absent.push_back(camera);
-  stats_.stale_frames += frames.stale();
+  stats_.stale_frames += frames.stale() * requests.size();  // each answer lacks them
   const uint64_t found = now_ns();
   // Of whatever has a frame the family is known.
   const PixelFamily family = inputs_.choose_family();
@@ -272,6 +273,9 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
     AnswerMaker::Work& work = works.emplace_back(plans[i].task.get(), headers[i]);
     // Without an image in the view the answer still says what the node's images are.
     work.header.family = family;
+    work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
+      return source.image.family != PixelFamily::kNone && has(plans[i], source.camera);
+    });
     worst_skew = std::max(worst_skew, describe(plans[i], sources, frames, own, absent, work.header));
     plan_ns += plans[i].ns;
   }

@@ -66,7 +66,8 @@ class Node {
   using TakeMemory = std::function<ByteBuffer()>;
   std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, Requester& requester,
                             const Options& options, const TakeMemory& memory);
-  // Whether these two are of views of one moment and one set, beside the one that leads.
+  // Whether these two are of views of one moment and one set, which a card can draw, and neither asks how bright
+  // cameras are, as the one that leads may.
   static bool may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b);
 
   // An answer without fragments, at once: nobody needs the picture.

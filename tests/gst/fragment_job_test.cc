@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <map>
 #include <thread>
 
 namespace lf {
@@ -45,6 +47,9 @@ TEST(WaitingJobs, AreForgottenWithWhoeverHoldsThem) {
   waiting.add(a);
   waiting.add(job(1));
   waiting.add(b);
+  EXPECT_EQ(waiting.forget_dropped(), 1u);
+  EXPECT_EQ(waiting.forget_dropped(), 0u);
+  waiting.add(job(1));
   EXPECT_EQ(waiting.take_with(b, false), (Jobs{b, a}));
 }
 
@@ -69,11 +74,13 @@ TEST(WaitingJobs, EachIsTakenOnce) {
   std::jthread adding([&] {
     for (const auto& each : all) waiting.add(each);
   });
-  size_t taken = 0;
+  std::map<std::shared_ptr<FragmentJob>, int> taken;
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (taken < all.size() && std::chrono::steady_clock::now() < end)
-    for (const auto& each : all) taken += waiting.take_with(each, false).size();
-  EXPECT_EQ(taken, all.size());
+  while (taken.size() < all.size() && std::chrono::steady_clock::now() < end)
+    for (const auto& each : all)
+      for (const auto& one : waiting.take_with(each, false)) taken[one]++;
+  EXPECT_EQ(taken.size(), all.size());
+  for (const auto& [one, times] : taken) EXPECT_EQ(times, 1);
 }
 
 }  // namespace

@@ -34,9 +34,13 @@ std::shared_ptr<Computed> BlockSums::next() {
 }
 
 bool BlockSums::fits(std::span<const DrawnView> views) const {
-  size_t words = 0;
-  for (const DrawnView& view : views) words += lay_out(view.task->family, view.rect, 0).end;
-  return words <= most_words_;
+  size_t words = 0, of_tables = 0;
+  for (const DrawnView& view : views) {
+    const ViewPlan& plan = *view.task->plan;
+    words += lay_out(view.task->family, view.rect, 0).end;
+    of_tables += size_t{4} * static_cast<size_t>(face_texels(plan.view().focus.map != nullptr)) * plan.faces().size();
+  }
+  return std::max(words, of_tables) <= most_words_;
 }
 
 bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, const ViewTextures& textures,

@@ -59,7 +59,7 @@ class BlockSums {
              Stopwatch& stopwatch, std::string& why);
   // Has the card add sums, of one family and of the same view, up in the sum of all of that, saturating: what is where
   // none of them is is nothing. They may be of another drawer whose context shares with this one, once they have been
-  // waited for. Null with the reason in `why`.
+  // waited for, and have to be held until what they come to has been. Null with the reason in `why`.
   std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, Programs& programs,
                                 std::string& why);
   // What was begun last; as long as somebody holds one of them nothing else is drawn there.

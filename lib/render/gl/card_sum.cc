@@ -59,7 +59,10 @@ std::shared_ptr<CardSum> CardSum::add(std::span<const std::shared_ptr<CardSum>> 
     has_lost = has_lost || sum->has_lost_;
   }
   std::shared_ptr<BlockSum> all = first.drawer_->add(parts, first.view_, why);
-  return all ? std::make_shared<CardSum>(first.drawer_, std::move(all), first.view_, has_lost) : nullptr;
+  if (!all) return nullptr;
+  auto sum = std::make_shared<CardSum>(first.drawer_, std::move(all), first.view_, has_lost);
+  sum->parts_ = std::move(parts);
+  return sum;
 }
 
 namespace {

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/rect.h"
@@ -65,8 +66,8 @@ class CardSum {
   ConstSumPlanes fetch();
   // Whether fetch() found the card to be there no more.
   bool is_gone() const { return is_gone_; }
-  // The sum of several of one view, family and group, on the card of the first one. Null with the reason in `why` if
-  // that can't be done.
+  // The sum of several of one view, family and group, on the card of the first one; it holds them, as they are read
+  // when the card comes to it. Null with the reason in `why` if that can't be done.
   static std::shared_ptr<CardSum> add(std::span<const std::shared_ptr<CardSum>> sums, std::string& why);
   // Has the card make a picture of it, without any of that coming here: to the level what resolve() of composite/ makes
   // of it; within a level where weight was lost, or with less than full levels. False with the reason in `why` if that
@@ -84,7 +85,8 @@ class CardSum {
   const std::shared_ptr<BlockSum> sum_;
   const Rect view_;
   const bool has_lost_;
-  std::mutex mutex_;  // held while it is fetched
+  std::vector<std::shared_ptr<BlockSum>> parts_;  // that it was added up of
+  std::mutex mutex_;                              // held while it is fetched
   std::atomic<bool> is_gone_ = false;
   UninitializedVector<int16_t> memory_;
   ConstSumPlanes fetched_;

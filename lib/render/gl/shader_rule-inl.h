@@ -9,7 +9,7 @@ namespace lf::gl {
 inline constexpr std::string_view kRule = R"(
 precision highp float;
 precision highp int;
-uniform highp usampler2D levels;     // of the focal map: of its nodes
+uniform highp usampler2D levels;     // of focal maps' nodes: of all views of a pass, one map below the other
 uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
 uniform highp sampler2D centre_rays; // and of the middle of four
 
