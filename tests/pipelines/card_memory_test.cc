@@ -235,7 +235,8 @@ TEST_F(CardMemory, PicturesOfLfviewsrcAre) {
   EXPECT_GE(made_in_it_, 8u);
 }
 
-// Live, what waits of a set is drawn in a pass, and no picture is another for it.
+// Live, what waits of a set is drawn in a pass, and no picture is another for it. However slow the machine is, pictures
+// wait for all of their views.
 TEST_F(CardMemory, SetsAreDrawnTogether) {
   const std::string cameras =
                         "videotestsrc pattern=smpte100 num-buffers=30 ! video/x-raw,format=RGBA,width=96,height=72",
@@ -251,7 +252,7 @@ TEST_F(CardMemory, SetsAreDrawnTogether) {
   EXPECT_GT(made_in_it_, 0u);
   EXPECT_EQ(together_, 0u);
   save_array("rig.json", cameras + " ! imagefreeze is-live=true");
-  const auto live = pictures("lfviewsrc is-live=true num-buffers=8 framerate=2/1" + of_set);
+  const auto live = pictures("lfviewsrc is-live=true num-buffers=8 framerate=2/1 latency=3000000000" + of_set);
   ASSERT_EQ(live.size(), 8u);
   EXPECT_TRUE(live.back() == alone.back());
   EXPECT_GT(made_in_it_, 0u);
@@ -284,24 +285,6 @@ TEST_F(CardMemory, SumsNeedNotLeaveIt) {
       for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
     }
   }
-}
-
-// What several nodes of one process have drawn is added up where it is.
-TEST_F(CardMemory, SumsOfSeveralNodesNeedNotLeaveIt) {
-  const std::string rig = " rig=" + dir_ / "rig.json", out = ",format=RGBA";
-  std::string line = "lfviewrequest location=" + dir_ / "views.json" +
-                     " ! tee name=r r. ! queue ! c.request lfcompositor name=c focus=plane";
-  for (const std::string node : {"0", "1"})
-    line += " r. ! queue ! n" + node + ".request lffragment renderer=gl name=n" + node + rig + " ! c.sink_" + node;
-  for (const std::string camera : {"0", "1", "2", "3"})
-    line += " lfcamsrc" + rig + " camera=" + camera + " ! n" + (camera < "2" ? "0" : "1") + ".sink_" + camera;
-  const auto plain = pictures(line + " c. ! video/x-raw" + out);
-  EXPECT_EQ(made_in_it_, 0u);
-  ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
-  const auto stayed = pictures(line + " c. ! video/x-raw(memory:GLMemory)" + out + " ! gldownload ! video/x-raw" + out);
-  EXPECT_GE(made_in_it_, kPictures - 3u);
-  ASSERT_EQ(stayed.size(), plain.size());
-  for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
 }
 
 // As many times as LF_CYCLES says, at every stage of starting: neither contexts nor their threads are left.
