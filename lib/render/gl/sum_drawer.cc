@@ -189,7 +189,7 @@ void SumDrawer::draw_pass(std::span<SumOrder> orders, const ParallelFor& paralle
   std::vector<DrawnView> views;
   for (const SumOrder& order : orders) views.push_back({order.task, order.sources, order.rect});
   const auto refuse_all = [&](const std::string& reason) {
-    for (SumOrder& order : orders) order.why_not = reason;
+    for (SumOrder& order : orders) order.why_not = reason.empty() ? "the card can't draw it" : reason;
   };
   std::string why;
   const Passes::Lease pass(o.passes);
