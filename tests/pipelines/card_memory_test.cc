@@ -287,6 +287,24 @@ TEST_F(CardMemory, SumsNeedNotLeaveIt) {
   }
 }
 
+// What several nodes of one process have drawn is added up where it is.
+TEST_F(CardMemory, SumsOfSeveralNodesNeedNotLeaveIt) {
+  const std::string rig = " rig=" + dir_ / "rig.json", out = ",format=RGBA";
+  std::string line = "lfviewrequest location=" + dir_ / "views.json" +
+                     " ! tee name=r r. ! queue ! c.request lfcompositor name=c focus=plane";
+  for (const std::string node : {"0", "1"})
+    line += " r. ! queue ! n" + node + ".request lffragment renderer=gl name=n" + node + rig + " ! c.sink_" + node;
+  for (const std::string camera : {"0", "1", "2", "3"})
+    line += " lfcamsrc" + rig + " camera=" + camera + " ! n" + (camera < "2" ? "0" : "1") + ".sink_" + camera;
+  const auto plain = pictures(line + " c. ! video/x-raw" + out);
+  EXPECT_EQ(made_in_it_, 0u);
+  ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
+  const auto stayed = pictures(line + " c. ! video/x-raw(memory:GLMemory)" + out + " ! gldownload ! video/x-raw" + out);
+  EXPECT_GE(made_in_it_, kPictures - 3u);
+  ASSERT_EQ(stayed.size(), plain.size());
+  for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
+}
+
 // As many times as LF_CYCLES says, at every stage of starting: neither contexts nor their threads are left.
 TEST_F(CardMemory, StartsAndStopsLeaveNothing) {
   const char* const setting = g_getenv("LF_CYCLES");

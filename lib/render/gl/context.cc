@@ -164,6 +164,11 @@ bool Context::run(const std::function<void()>& job) {
   const std::lock_guard lock(mutex_);
   if (lost_) return false;
   if (handles_) {
+    // Mesa's software driver (22.3) has crashed where two of its contexts compiled at once what they draw with. Each of
+    // them takes all processors in any case.
+    static std::mutex software;
+    std::unique_lock alone(software, std::defer_lock);
+    if (software_) alone.lock();
     if (!eglMakeCurrent(handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, handles_->context)) {
       lost_ = true;
       return false;
