@@ -123,10 +123,12 @@ GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera
   return device;
 }
 
-// What elements are asked for: raw video and JPEG of the rig's size. Parsers and depayloaders may not know the size of
-// what is coded until it is decoded.
+// What elements are asked for: raw video, on a graphics card, too, and JPEG of the rig's size. Parsers and depayloaders
+// may not know the size of what is coded until it is decoded.
 GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = device_caps(camera, options);
+  GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, options.decode ? 0 : 1));
+  gst_caps_append_structure_full(caps, raw, gst_caps_features_new(LF_GL_MEMORY, nullptr));
   gst_caps_append(caps, gst_caps_from_string("image/jpeg; video/x-h264; video/x-h265; video/mpeg; video/x-vp8"));
   return caps;
 }

@@ -49,6 +49,45 @@ bool is_media(GstPad* pad, const char* prefix) {
   return yes;
 }
 
+// Whether the pad gives pictures in a graphics card's memory.
+bool is_on_card(GstPad* pad) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+// Whether who is behind the chain's last identity takes such pictures as they are.
+bool takes_card_memory(GstElement* before) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return false;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstCaps* filter = gst_caps_from_string("video/x-raw(" LF_GL_MEMORY ")");
+  GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), filter);
+  const bool takes = !gst_caps_is_empty(taken);
+  gst_caps_unref(taken);
+  gst_caps_unref(filter);
+  gst_object_unref(after);
+  gst_object_unref(bin);
+  return takes;
+}
+
+// Links pictures that are on a card with `head` by way of what fetches them.
+void link_fetched(GstElement* decoder, GstPad* pad, GstElement* head) {
+  GstObject* bin = gst_element_get_parent(head);
+  if (!bin) return;  // being taken apart
+  try {
+    GstElement* fetch = add(GST_BIN(bin), "gldownload");
+    append(fetch, head);
+    gst_element_sync_state_with_parent(fetch);
+    link_new_pad(pad, fetch);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(decoder, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
 }  // namespace
 
 bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
@@ -73,11 +112,16 @@ void bypass(GstElement* before) {
   gst_object_unref(bin);
 }
 
-void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer head) {
-  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
-  const bool jpeg = may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg") && !gst_pad_is_linked(sink);
-  if (jpeg) bypass(GST_ELEMENT(head));
-  if (jpeg || is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(head));
+void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
+  GstElement* const head = GST_ELEMENT(head_element);
+  if (gst_pad_is_linked(borrow_pad(head, "sink"))) return;
+  const bool is_raw = is_media(pad, "video/x-raw"), on_card = is_raw && is_on_card(pad);
+  const bool passes = may_bypass(head) && (on_card ? takes_card_memory(head) : is_media(pad, "image/jpeg"));
+  if (passes) bypass(head);
+  if (on_card && !passes)
+    link_fetched(decoder, pad, head);
+  else if (passes || is_raw)
+    link_new_pad(pad, head);
 }
 
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {

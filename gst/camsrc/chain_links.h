@@ -17,12 +17,12 @@ GstPad* borrow_pad(GstElement* element, const char* name);
 // Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
 GstElement* append(GstElement* tail, GstElement* next);
 
-// The identities around what makes raw video, where JPEG goes past it: named so, because pads that appear later find
-// nothing but the first of them.
+// The identities around what makes raw video, where JPEG, and pictures in a graphics card's memory, go past it: named
+// so, because pads that appear later find nothing but the first of them.
 inline constexpr const char* kBeforeConvert = "before-convert";
 inline constexpr const char* kAfterConvert = "after-convert";
 bool may_bypass(GstElement* head);
-// Links the first identity with the last: the video is JPEG and stays it. Before data flows.
+// Links the first identity with the last: the video stays as it is. Before data flows.
 void bypass(GstElement* before);
 
 // These handle signals of pads that appear: they link the first video with `head`, the sink of the chain. This one is a

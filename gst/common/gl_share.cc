@@ -94,4 +94,38 @@ gl::Context::Foreign share(GstGLContext* context, std::string& why) {
           group};
 }
 
+static bool is_plane(GstMemory* memory, const GstVideoInfo& info, guint plane) {
+  if (!gst_is_gl_memory(memory)) return false;
+  auto* const texture = reinterpret_cast<GstGLMemory*>(memory);
+  gint components[GST_VIDEO_MAX_COMPONENTS];
+  gst_video_format_info_component(info.finfo, plane, components);
+  const gint bytes = GST_VIDEO_INFO_COMP_PSTRIDE(&info, components[0]);
+  GstGLFormat formats[2] = {};
+  switch (bytes) {
+    case 1: formats[0] = GST_GL_RED, formats[1] = GST_GL_R8; break;
+    case 2: formats[0] = GST_GL_RG, formats[1] = GST_GL_RG8; break;
+    case 3: formats[0] = GST_GL_RGB, formats[1] = GST_GL_RGB8; break;
+    default: formats[0] = GST_GL_RGBA, formats[1] = GST_GL_RGBA8; break;
+  }
+  // OpenGL ES has no way back for those of three bytes, so that nobody could map them.
+  if (bytes == 3 && gst_gl_context_get_gl_api(texture->mem.context) == GST_GL_API_GLES2) return false;
+  const GstGLFormat format = gst_gl_memory_get_texture_format(texture);
+  return gst_gl_memory_get_texture_target(texture) == GST_GL_TEXTURE_TARGET_2D &&
+         (format == formats[0] || format == formats[1]) &&
+         gst_gl_memory_get_texture_width(texture) >= GST_VIDEO_INFO_COMP_WIDTH(&info, components[0]) &&
+         gst_gl_memory_get_texture_height(texture) >= GST_VIDEO_INFO_COMP_HEIGHT(&info, components[0]);
+}
+
+bool has_planes_on_card(GstBuffer* picture, const GstVideoInfo& info) {
+  const guint planes = GST_VIDEO_INFO_N_PLANES(&info);
+  if (gst_buffer_n_memory(picture) != planes) return false;
+  for (guint i = 0; i < planes; i++)
+    if (!is_plane(gst_buffer_peek_memory(picture, i), info, i)) return false;
+  return true;
+}
+
+gl::ShareGroup group_of_planes(GstBuffer* picture) {
+  return share_group(reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(picture, 0))->mem.context);
+}
+
 }  // namespace lf

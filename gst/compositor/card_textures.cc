@@ -12,38 +12,12 @@
 
 namespace lf {
 
-// Whether it has a channel for each byte of the plane's pixels, and as many pixels as that.
-static bool fits(GstMemory* memory, const GstVideoInfo& info, guint plane, gl::ShareGroup group) {
-  if (!gst_is_gl_memory(memory)) return false;
-  auto* const texture = reinterpret_cast<GstGLMemory*>(memory);
-  gint components[GST_VIDEO_MAX_COMPONENTS];
-  gst_video_format_info_component(info.finfo, plane, components);
-  const gint bytes = GST_VIDEO_INFO_COMP_PSTRIDE(&info, components[0]);
-  GstGLFormat formats[2] = {};
-  switch (bytes) {
-    case 1: formats[0] = GST_GL_RED, formats[1] = GST_GL_R8; break;
-    case 2: formats[0] = GST_GL_RG, formats[1] = GST_GL_RG8; break;
-    case 3: formats[0] = GST_GL_RGB, formats[1] = GST_GL_RGB8; break;
-    default: formats[0] = GST_GL_RGBA, formats[1] = GST_GL_RGBA8; break;
-  }
-  // OpenGL ES has no way back for those of three bytes, so that nobody could map them.
-  if (bytes == 3 && gst_gl_context_get_gl_api(texture->mem.context) == GST_GL_API_GLES2) return false;
-  const GstGLFormat format = gst_gl_memory_get_texture_format(texture);
-  return share_group(texture->mem.context) == group &&
-         gst_gl_memory_get_texture_target(texture) == GST_GL_TEXTURE_TARGET_2D &&
-         (format == formats[0] || format == formats[1]) &&
-         gst_gl_memory_get_texture_width(texture) >= GST_VIDEO_INFO_COMP_WIDTH(&info, components[0]) &&
-         gst_gl_memory_get_texture_height(texture) >= GST_VIDEO_INFO_COMP_HEIGHT(&info, components[0]);
-}
-
 CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) : group_(group) {
-  const guint planes = GST_VIDEO_INFO_N_PLANES(&info);
-  if (gst_buffer_n_memory(picture) != planes) return;
-  for (guint i = 0; i < planes; i++)
-    if (!fits(gst_buffer_peek_memory(picture, i), info, i, group)) return;
+  if (!has_planes_on_card(picture, info) || group_of_planes(picture) != group) return;
   is_mapped_ = gst_video_frame_map(&frame_, &info, picture, static_cast<GstMapFlags>(GST_MAP_READWRITE | GST_MAP_GL));
   if (!is_mapped_) return;
   if (family_of(info) == PixelFamily::kRgb) picture_.layout = rgb_layout(info);
+  const guint planes = GST_VIDEO_INFO_N_PLANES(&info);
   picture_.is_interleaved = planes == 2;
   for (guint i = 0; i < planes; i++) picture_.textures[i] = *static_cast<const guint*>(frame_.data[i]);
 }

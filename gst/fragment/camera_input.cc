@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/camera_input.h"
 
+#include <gst/gl/gl.h>
+
 #include <algorithm>
 #include <cstring>
 
 #include "common/common.h"
 #include "common/gst_wire.h"
+#include "fragment/card_picture.h"
 #include "fragment/lffragment_private.h"
 
 namespace lf {
@@ -141,6 +144,12 @@ GstBuffer* CameraInput::spare_pool(GstBuffer* buffer) const {
 
 // In the node's family, or in its own as long as that is not chosen.
 GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
+  GstMemory* const memory = gst_buffer_n_memory(buffer) > 0 ? gst_buffer_peek_memory(buffer, 0) : nullptr;
+  if (memory && gst_is_gl_memory(memory)) {
+    lf_fragment_note_context(element_, reinterpret_cast<GstGLMemory*>(memory)->mem.context);
+    auto picture = std::make_shared<CardPicture>(buffer, format_->info);
+    return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
+  }
   const PixelFamily chosen = node_.inputs().family();
   const bool open = chosen == PixelFamily::kNone;
   const PixelFamily family = open ? family_of(format_->info) : chosen;

@@ -76,3 +76,9 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
                           (nullptr));
   }
 }
+
+void lf_fragment_note_context(LfFragment* self, GstGLContext* context) {
+  const lf::ObjectLock lock(self);
+  lf::WeakGlContext& latest = self->state->frames_context;
+  if (latest.get().get() != context) latest = lf::WeakGlContext(context);
+}

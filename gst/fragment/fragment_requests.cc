@@ -81,18 +81,30 @@ static GstFlowReturn lf_fragment_push(LfFragment* self, GstPad* src, GstBuffer* 
   return gst_pad_push(src, unit);
 }
 
-// Sums that a card draws need not leave it where the compositor's pictures are there.
-static void move_to(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
+// What draws shares with the context.
+static void move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group,
+                    const lf::GlContextPtr& context) {
   std::string why;
   const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::SumDrawer> {
-    const lf::GlContextPtr context = compositor.context.get();
     if (!context) return nullptr;
     lf::gl::Context::Foreign foreign = lf::share(context.get(), reason);
     if (!foreign.call) return nullptr;
     return lf::gl::SumDrawer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
   };
-  self->state->card.move_to(choice, compositor.group, open, why);
-  if (!why.empty()) GST_INFO_OBJECT(self, "sums have to leave the card for the compositor: %s", why.c_str());
+  self->state->card.move_to(choice, group, open, why);
+  if (!why.empty()) GST_INFO_OBJECT(self, "frames or sums have to leave the card: %s", why.c_str());
+}
+
+// Where the cameras' frames are on a card they need not leave it, else sums need not where the compositor's pictures
+// are; mostly both are in the same contexts.
+static void move_card(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
+  lf::ObjectLock lock(self);
+  const lf::GlContextPtr frames = self->state->frames_context.get();
+  lock.unlock();
+  if (frames)
+    move_to(self, choice, lf::share_group(frames.get()), frames);
+  else if (compositor.group != 0)
+    move_to(self, choice, compositor.group, compositor.context.get());
 }
 
 static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings& settings,
@@ -105,7 +117,7 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
   options.in_process = compositor.is_there;
   options.group = compositor.group;
-  if (compositor.group != 0) move_to(self, settings.renderer, compositor);
+  if (settings.renderer != lf::RendererChoice::kCpu) move_card(self, settings.renderer, compositor);
   std::string news;
   options.card = self->state->card.open(settings.renderer, news);
   options.trial_card = self->state->card.open_for_trials(settings.renderer);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/worker_pool.h"
+#include "common/gl_share.h"
 #include "common/request_guard.h"
 #include "common/seek_once.h"
 #include "fragment/camera_input.h"
@@ -53,6 +54,7 @@ struct _LfFragment {
     gint64 trimmed_at = 0;                                           // monotonic time, microseconds
     guint next_camera_pad = 0, next_pair = 0;  // numbers of the next camera pad and of the next pair of pads
     uint32_t next_requester = 0;
+    lf::WeakGlContext frames_context;  // of the latest frame in a card's memory
   } * state;
 };
 
@@ -71,6 +73,8 @@ void lf_fragment_change_mode(LfFragment* self, lf::CameraFrames::Mode before, lf
 // Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
 // the seek with this number. Waits for no frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
+// A frame is in textures of this context.
+void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
 // How old captures have to be for the live cameras to have them, at clock time `now`; 0: nothing is known of any.
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
 

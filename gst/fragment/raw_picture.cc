@@ -8,13 +8,16 @@ namespace {
 
 std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer_unref}; }
 
-bool is_system_i420(const GstVideoInfo& info) {
+bool has_system_colorimetry(const GstVideoInfo& info) {
   // Unknown siting of full-range BT.601 is JPEG's.
   const bool centred =
       info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
-  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 &&
-         info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
+  return info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
          info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_BT601 && centred;
+}
+
+bool is_system_i420(const GstVideoInfo& info) {
+  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && has_system_colorimetry(info);
 }
 
 // Nothing for video of which GStreamer does not know what it stands for.
@@ -28,6 +31,12 @@ std::optional<YcbcrKind> kind_of(const GstVideoInfo& info) {
 }
 
 }  // namespace
+
+bool FrameConverter::takes_samples_of(const GstVideoInfo& video, PixelFamily family) {
+  if (family == PixelFamily::kRgb) return family_of(video) == family;
+  const GstVideoFormat format = GST_VIDEO_INFO_FORMAT(&video);
+  return (format == GST_VIDEO_FORMAT_I420 || format == GST_VIDEO_FORMAT_NV12) && has_system_colorimetry(video);
+}
 
 FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input), family_(family) {
   if (family == PixelFamily::kRgb ? family_of(input) == family : is_system_i420(input)) return;

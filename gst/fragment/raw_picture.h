@@ -41,6 +41,8 @@ class FrameConverter {
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
   PixelFamily family() const { return family_; }
+  // Whether the samples of video are those of the family, in whatever order.
+  static bool takes_samples_of(const GstVideoInfo& video, PixelFamily family);
   // Takes ownership of `buffer`. Null if it can't be mapped. `keep_original`: the picture can give the other family as
   // exactly as the buffer could.
   std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;

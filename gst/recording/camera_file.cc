@@ -30,6 +30,7 @@ GstCaps* jpeg_caps(int width, int height) {
 // muxer takes no other caps than its first ones.
 GstCaps* picture_caps(const GstCaps* caps) {
   GstCaps* picture = gst_caps_copy(caps);
+  gst_caps_set_features_simple(picture, nullptr);  // of a graphics card's memory, too, what is read is here
   gst_caps_set_simple(picture, "framerate", GST_TYPE_FRACTION, 0, 1, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1,
                       nullptr);
   return picture;

@@ -14,6 +14,7 @@
 #include "focus/trial_levels.h"
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"
+#include "image/card_image.h"
 #include "image/correction.h"
 
 namespace lf {
@@ -193,13 +194,15 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
   const lf::Camera& camera = *source.rig_camera;
   check_image(camera, source.image);
+  FetchedMemory memory;
+  const ImageView image = fetched(source.image, {0, 0, camera.width, camera.height}, memory);
   TrialProjection projection = trial_projection(plan_, source.camera, camera);
   projection.box = trial_box(plan_, source.camera, camera);
   const Vec2 at(glm::dot(across_, camera.pose.position), glm::dot(down_, camera.pose.position));
   const size_t nodes = crossings_.size();
-  const TrialValues values =
-      see_trials(projection, {u_.data(), v_.data(), static_cast<int>(nodes)}, levels_, source.image);
   WideLuma::Camera out{source.camera, std::vector<uint8_t>(nodes), std::vector<float>(nodes), is_from_afar_};
+  if (image.family == PixelFamily::kNone) return out;
+  const TrialValues values = see_trials(projection, {u_.data(), v_.data(), static_cast<int>(nodes)}, levels_, image);
   for (size_t i = 0; i < nodes; i++) {
     const Vec2 d = crossings_[i] - at;
     const auto squared = static_cast<float>(glm::dot(d, d));

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "focus/trial_samples.h"
+#include "image/card_image.h"
 #include "render/camera_projection.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
@@ -220,7 +221,15 @@ Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::
     if (drawing.drawn) return drawing;
   }
   std::vector<std::unique_ptr<Seen>> cameras(seeing.size());
-  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Seen>(job, seeing[i], trials); });
+  parallel(seeing.size(), [&](size_t i) {
+    FetchedMemory memory;
+    Source& source = seeing[i];
+    if (source.image.on_card.image)
+      source.image =
+          fetched(source.image, trial_pixels(job.plan(), source.camera, *source.rig_camera, trials), memory);
+    if (source.image.family != PixelFamily::kNone) cameras[i] = std::make_unique<Seen>(job, source, trials);
+  });
+  std::erase(cameras, nullptr);
   // The order of saturating sums of what is not negative does not matter.
   parallel(trials.size(), [&](size_t t) {
     for (const std::unique_ptr<Seen>& camera : cameras)

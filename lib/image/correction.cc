@@ -30,8 +30,8 @@ void divide_row(const uint8_t* from, int n, int factor, int zero, uint8_t* to) {
 }
 
 // v + (kSharpening / 4) (4 v - a - b - c - d), which fits 16 bits.
-constexpr int kFractionBits = 8;
-constexpr int16_t kNeighbour = static_cast<int16_t>(kSharpening * (1 << kFractionBits) / 4 + 0.5);
+constexpr int kFractionBits = kSharpeningBits;
+constexpr int16_t kNeighbour = kSharpeningFactor;
 
 HWY_INLINE uint8_t sharpened(int v, int a, int b, int c, int d) {
   const int out = v + ((kNeighbour * (4 * v - (a + b + c + d)) + (1 << (kFractionBits - 1))) >> kFractionBits);
@@ -97,14 +97,10 @@ namespace lf {
 
 HWY_EXPORT(divide_row);
 
-namespace {
-
-int factor_of(float gain) { return static_cast<int>(std::clamp<long>(std::lround((1 << 14) / gain), 0, 32767)); }
-
-}  // namespace
+int gain_factor(float gain) { return static_cast<int>(std::clamp<long>(std::lround((1 << 14) / gain), 0, 32767)); }
 
 ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, ByteBuffer& memory) {
-  const int factor = factor_of(gain);
+  const int factor = gain_factor(gain);
   return write_copy(image, rect, memory, [factor](const PlaneCopy& plane) {
     for (int y = plane.part.y0; y < plane.part.y1; y++) {
       const ptrdiff_t at = y * plane.stride + ptrdiff_t{plane.part.x0} * plane.step;
@@ -115,7 +111,7 @@ ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, B
 }
 
 void divide_by_gain(std::span<uint8_t> luma, float gain) {
-  HWY_DYNAMIC_DISPATCH(divide_row)(luma.data(), static_cast<int>(luma.size()), factor_of(gain), 0, luma.data());
+  HWY_DYNAMIC_DISPATCH(divide_row)(luma.data(), static_cast<int>(luma.size()), gain_factor(gain), 0, luma.data());
 }
 
 HWY_EXPORT(plane);

@@ -55,10 +55,17 @@ ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, B
 // Divides luma alone, in place.
 void divide_by_gain(std::span<uint8_t> luma, float gain);
 
+// The same in integers, as shaders do it: a value v, of luma or a colour (`zero` 0) or of chroma (128), becomes
+// zero + ((v - zero) 2^7 gain_factor(gain) / 2^16 + 2^4) / 2^5, all rounded down, and clamped.
+int gain_factor(float gain);
+
 // Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and
 // clamped, of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are
 // two thirds of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
+// In integers, as shaders do it: v + (kSharpeningFactor (4 v - the four) + 2^7) / 2^8, rounded down, and clamped.
+inline constexpr int kSharpeningBits = 8;
+inline constexpr int kSharpeningFactor = static_cast<int>(kSharpening * (1 << kSharpeningBits) / 4 + 0.5);
 
 // The image with the part in `rect` (inside the image; x0, y0 even in kI420) sharpened, in `memory`, of which the rest
 // is left as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long

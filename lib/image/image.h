@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -19,6 +20,17 @@ struct RgbLayout {
   bool operator==(const RgbLayout&) const = default;
 };
 
+class CardImage;
+
+// Where the pixels of an image are on a graphics card, and what they are to become before they are sampled: see
+// image/card_image.h.
+struct CardPixels {
+  const CardImage* image = nullptr;  // null: they are in this process's memory, as they are to be
+  float gain = 1;                    // that they are to be divided by, see divide_by_gain(); 1: they are not
+  bool sharpened = false;            // and then sharpened, see sharpen()
+  auto operator<=>(const CardPixels&) const = default;
+};
+
 // A camera image in somebody else's memory. Valid as long as its owner keeps it.
 struct ImageView {
   PixelFamily family = PixelFamily::kNone;
@@ -26,6 +38,7 @@ struct ImageView {
   RgbLayout layout;              // kRgb
   const uint8_t* plane[3] = {};  // kRgb: plane[0]; kI420: Y, Cb, Cr (offset 128)
   ptrdiff_t stride[3] = {};      // bytes from row to row
+  CardPixels on_card;            // where that has an image there is no plane: who reads pixels takes what is fetched()
 };
 
 // Chroma samples along a side of `luma` pixels.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/schedule.h"
+#include "image/card_image.h"
 #include "image/correction.h"
 
 namespace lf {
@@ -37,7 +38,10 @@ void correct(Works works, const AnswerMaker::Options& options, std::vector<ByteB
     const ColourCorrection* const correction = options.colours->of(source.camera, source.image.family);
     if (!correction) return;
     const Rect rect = united(works, source.camera, part);
-    if (!rect.empty()) source.image = correction->apply(source.image, rect, memory[i]);
+    if (rect.empty()) return;
+    FetchedMemory nothing_made;
+    const ImageView image = fetched(source.image, rect, nothing_made);
+    source.image = image.family == PixelFamily::kNone ? image : correction->apply(image, rect, memory[i]);
   });
 }
 
@@ -54,7 +58,11 @@ std::vector<Source> resampled(Works works, const AnswerMaker::Options& options, 
     for (const auto& [task, header, has_images] : works)
       if (has(*task, source.camera) && task->shows_detail(source.camera))
         shown = unite(shown, task->answer_region(source.camera));
-    if (!shown.empty()) source.image = sharpen(source.image, shown, memory[i]);
+    if (shown.empty()) return;
+    if (source.image.on_card.image)
+      source.image.on_card.sharpened = true;
+    else
+      source.image = sharpen(source.image, shown, memory[i]);
   });
   return sampled;
 }

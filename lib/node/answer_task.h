@@ -37,6 +37,8 @@ class AnswerTask {
   virtual Rect answer_region(CameraIndex camera) const { return region(camera); }
   // Whether the answer shows what bilinear samples of a camera's image lose: see shows_detail() of render/.
   virtual bool shows_detail(CameraIndex) const { return true; }
+  // Whether images may be on the card that draws: pixels that are sent as they are must be here.
+  virtual bool takes_card_images() const { return false; }
   // The answer, to be finished; the task and what the images are in must outlive it. Arguments and errors as for
   // begin_answer(); `sources` are of cameras().
   virtual std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
@@ -78,6 +80,7 @@ class SumTask : public AnswerTask {
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override;
+  bool takes_card_images() const override { return true; }
   std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
                                        const Options& options) const override;
 

@@ -5,6 +5,7 @@
 
 #include "image/image.h"
 #include "jpeg/jpeg_frame.h"
+#include "render/gl/context.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -22,6 +23,9 @@ class CameraPicture {
   // The picture's pixels in this family, valid as long as the result lives; of a compressed picture those of `region`
   // alone. Null where they can't be had.
   virtual std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) = 0;
+  // The same in textures of the contexts of this group, where it is in such, valid as long as the picture lives; null:
+  // it is not.
+  virtual const ImageView* view_on_card(PixelFamily, gl::ShareGroup) { return nullptr; }
 };
 
 // A picture as compressed as it came, decoded where a view looks.

@@ -15,8 +15,9 @@ namespace lf {
 // The frames that one request is answered from, held, and decoded where the request looks.
 class FrameSources {
  public:
-  // `region`: what is needed of a camera's image.
-  FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region) : rig_(rig), region_(std::move(region)) {}
+  // `region`: what is needed of a camera's image. `group`: images may be in textures of its contexts; 0: they may not.
+  FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region, gl::ShareGroup group = 0)
+      : rig_(rig), region_(std::move(region)), group_(group) {}
 
   // Adds a camera's frame; nothing: the camera has none.
   void add(CameraIndex camera, std::optional<CameraFrame> frame);
@@ -31,6 +32,8 @@ class FrameSources {
   const std::vector<Source>& sources() const { return sources_; }
   // Capture time of a source's frame; sources()[i] has an image.
   uint64_t time(size_t i) const { return frames_[i].time; }
+  // How many of the images are on a card, and have not come here all the same.
+  size_t on_card() const;
   // The family of the images; kNone if there are none.
   PixelFamily family() const;
 
@@ -39,6 +42,7 @@ class FrameSources {
 
   const Rig& rig_;
   const std::function<Rect(CameraIndex)> region_;
+  const gl::ShareGroup group_;
   std::vector<Source> sources_;
   std::vector<CameraFrame> frames_;
   std::vector<std::shared_ptr<const ImageView>> views_;

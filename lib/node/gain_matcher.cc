@@ -42,6 +42,10 @@ std::vector<Source> GainMatcher::match(std::span<const Source> sources, const Ca
   parallel(sources.size(), [&](size_t i) {
     const float gain = gains.of(sources[i].camera);
     if (std::abs(gain - 1) < kLeastGain || sources[i].image.family == PixelFamily::kNone) return;
+    if (sources[i].image.on_card.image) {
+      matched[i].image.on_card.gain = gain;
+      return;
+    }
     const Rect rect = region(sources[i].camera);
     if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory[i]);
   });

@@ -8,6 +8,7 @@
 #include "base/schedule.h"
 #include "node/camera_access.h"
 #include "node/found_frames.h"
+#include "render/gl/sum_drawer.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
@@ -240,12 +241,15 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
       options.live || std::ranges::any_of(array.cameras, [](const auto& camera) { return camera.second->is_live(); });
   const std::vector<Plan> plans = make_plans(requests, array, requester, own, live, options.parallel, frames);
   const std::vector<CameraIndex> cameras = cameras_of(plans);
-  FrameSources sources(*array.rig, [&plans](CameraIndex camera) {
+  const auto region_of = [&plans](CameraIndex camera) {
     Rect region;
     for (const Plan& plan : plans)
       if (has(plan, camera)) region = unite(region, plan.task->region(camera));
     return region;
-  });
+  };
+  const bool may_be_on_card =
+      options.card && std::ranges::all_of(plans, [](const Plan& plan) { return plan.task->takes_card_images(); });
+  FrameSources sources(*array.rig, region_of, may_be_on_card ? options.card->group() : 0);
   for (const CameraIndex camera : cameras) sources.add(camera, frames.find(camera));
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
   CameraSet absent;
@@ -284,6 +288,7 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   ImageMemory scratch = requester.images->take();
   std::vector<AnswerMaker::Units> units = requester.maker.make(works, sources.sources(), how, scratch, memory);
   requester.images->give_back(std::move(scratch));
+  stats_.card_frames += sources.on_card();
   if (units.front().gains) stats_.set_gains(sources.sources(), *units.front().gains);
   std::vector<Reply> replies;
   const uint64_t count = units.size();

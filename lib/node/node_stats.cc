@@ -27,6 +27,7 @@ std::vector<std::pair<std::string, uint64_t>> NodeStats::all() const {
       {"answers", answers},
       {"drawn", drawn},
       {"together", together},
+      {"card-frames", card_frames},
       {"skipped", skipped},
       {"superseded", superseded},
       {"fragments", fragments},

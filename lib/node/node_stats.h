@@ -19,7 +19,7 @@ namespace lf {
 // What a node has done and how long its stages took. Thread-safe.
 struct NodeStats {
   std::atomic<uint64_t> requests{0}, bad_requests{0}, rig_mismatches{0}, answers{0}, drawn{0}, together{0},
-      fragments{0}, bytes{0}, skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0}, damaged_frames{0};
+      card_frames{0}, fragments{0}, bytes{0}, skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0}, damaged_frames{0};
   std::atomic<uint64_t> max_skew_ns{0};
 
   // How long an answer took from the request's arrival to the answer's departure, nanoseconds.

@@ -2,11 +2,13 @@
 #include "render/sum_renderer.h"
 
 #include <algorithm>
+#include <mutex>
 #include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
 #include "render/camera_weights.h"
+#include "render/fetched_images.h"
 #include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
@@ -18,8 +20,14 @@ static size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) 
 struct SumRenderer::State : simd::PreparedTask {
   State(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
         Coordinates coordinates)
-      : PreparedTask(plan, runs, sources, family, coordinates), sources(sources) {}
+      : PreparedTask(plan, runs, sources, family, coordinates), sources(sources), images(task, sources) {}
+  // Before the CPU renders: it can't read what is on a card.
+  void fetch() {
+    for (simd::Slot& slot : task.slots) slot.image = images.of(slot);
+  }
   const std::span<const Source> sources;
+  FetchedImages images;
+  std::once_flag fetched;
   bool may_stay = false;
   gl::DrawnSum drawn;
   std::shared_ptr<gl::CardSum> card_sum;  // in its place
@@ -66,6 +74,7 @@ std::shared_ptr<gl::CardSum> SumRenderer::card_sum() const { return state_->card
 
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
   if (state_->drawing.drawn) return state_->drawn.copy_rows(y0, y1, out);
+  std::call_once(state_->fetched, [this] { state_->fetch(); });
   const simd::SumTask& task = state_->task;
   const Rect& rect = out.rect;
   const bool i420 = task.family == PixelFamily::kI420;

@@ -26,7 +26,9 @@ class SumDrawer;
 struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
   const Camera* rig_camera = nullptr;  // what the rig says of the camera
-  ImageView image;  // has the camera's size; family kNone: there is no picture, and the camera's weight is lost
+  // Has the camera's size; family kNone: there is no picture, and the camera's weight is lost. May be on the card that
+  // is to draw it, in textures that the card's context shares; whatever the CPU then has to do with it, it comes here.
+  ImageView image;
   Resampling resampling = Resampling::kBilinear;  // kSharpened: the image has been sharpened already
 };
 

@@ -106,6 +106,7 @@ class CardMemory : public testing::Test {
     EXPECT_EQ(came, error);
     made_in_it_ = sum_of(GST_BIN(pipeline.get()), "lfcompositor", "card-pictures");
     together_ = sum_of(GST_BIN(pipeline.get()), "lffragment", "together");
+    card_frames_ = sum_of(GST_BIN(pipeline.get()), "lffragment", "card-frames");
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
     return all;
   }
@@ -183,8 +184,9 @@ class CardMemory : public testing::Test {
   const TempDir dir_;
   EGLDisplay display_ = EGL_NO_DISPLAY;
   int came_ = 0, in_card_ = 0;
-  guint64 made_in_it_ = 0;  // pictures that compositors have made without their leaving the card
-  guint64 together_ = 0;    // answers that nodes have made together with others
+  guint64 made_in_it_ = 0;   // pictures that compositors have made without their leaving the card
+  guint64 together_ = 0;     // answers that nodes have made together with others
+  guint64 card_frames_ = 0;  // frames of cameras that were drawn without their leaving the card
 };
 
 // Nothing is copied between the compositor and the card: what is behind it proposes memory, and that is what pictures
@@ -367,6 +369,33 @@ TEST_F(CardMemory, FramesComeFromIt) {
   }
 }
 
+// Where a card draws what is on it, it stays there: sharpened, too, and whether pictures stay or not. The first answers
+// are made before what draws shares its textures.
+TEST_F(CardMemory, FramesNeedNotLeaveIt) {
+  const std::string full = ",colorimetry=1:4:0:0,chroma-site=jpeg";
+  for (const std::string& format :
+       {std::string("RGBA"), std::string("BGRx"), "I420" + full, "NV12" + full, std::string("I420,colorimetry=bt709")})
+    for (const std::string to_card : {"", "(memory:GLMemory)"})
+      for (const std::string resampling : {"sharpened", "catmull-rom"}) {
+        SCOPED_TRACE(format + to_card + resampling);
+        if (to_card.empty() && resampling != "sharpened") continue;
+        const bool is_rgb = format == "RGBA" || format == "BGRx";
+        const std::string in = " ! videoconvert ! video/x-raw,format=" + format,
+                          out = is_rgb ? ",format=RGBA" : ",format=I420",
+                          line = "video/x-raw" + to_card + out + (to_card.empty() ? "" : " ! gldownload ! video/x-raw"),
+                          node = " renderer=gl resampling=" + resampling;
+        const auto plain = array(in, line, "", node);
+        EXPECT_EQ(card_frames_, 0u);
+        const auto stayed = array(in + " ! glupload ! video/x-raw(memory:GLMemory)", line, "", node);
+        const bool has_video_levels = format.find("bt709") != std::string::npos;
+        EXPECT_GE(card_frames_, has_video_levels ? 0u : 4u * (kPictures - 3));
+        EXPECT_LE(card_frames_, has_video_levels ? 0u : 4u * (kPictures - 1));
+        ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
+        ASSERT_EQ(stayed.size(), plain.size());
+        for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
+      }
+}
+
 TEST_F(CardMemory, FramesOfElementsThatTheRigDescribesComeFromIt) {
   const std::string source = "videotestsrc pattern=ball num-buffers=30 ! video/x-raw,format=RGBA,width=96,height=72";
   save_array("plain.json", source);
@@ -378,6 +407,19 @@ TEST_F(CardMemory, FramesOfElementsThatTheRigDescribesComeFromIt) {
   ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
   EXPECT_TRUE(shows_something(plain[0]));
   EXPECT_TRUE(plain == views("card.json"));
+  // As they are, and for whoever takes none of them.
+  save_array("card.json", source + " ! glupload");
+  EXPECT_TRUE(plain == views("card.json"));
+  const std::string camera = "lfcamsrc camera=2 rig=" + dir_.path();
+  EXPECT_TRUE(pictures(camera + "/card.json") == pictures(camera + "/plain.json"));
+  const auto by_card = [&](const std::string& rig) {
+    return pictures("lfviewsrc is-live=false focus=plane renderer=gl rig=" + dir_ / rig +
+                    " location=" + dir_ / "views.json");
+  };
+  const auto drawn = by_card("plain.json"), stayed = by_card("card.json");
+  EXPECT_GE(card_frames_, 4u * (kPictures - 3));
+  ASSERT_EQ(stayed.size(), drawn.size());
+  for (size_t i = 0; i < drawn.size(); i++) EXPECT_LE(largest_difference(stayed[i], drawn[i]), 1) << i;
 }
 
 }  // namespace

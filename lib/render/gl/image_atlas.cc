@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
+
+#include "image/card_image.h"
 
 namespace lf::gl {
 namespace {
@@ -13,21 +16,25 @@ int even(int size) { return (size + 1) & ~1; }
 
 }  // namespace
 
-// What the views look at: pixels of the same memory are the same image.
+// What the views look at: pixels of the same memory, or of the same textures with the same made of them, are the same
+// image.
 void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixels& needed) {
   const PixelFamily family = views.front().task->family;
   pieces_.clear();
   uses_.clear();
   bytes_ = 1;
   has_chroma_ = needed.colours && family == PixelFamily::kI420;
-  std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t>, size_t> known;
+  has_sent_ = has_drawn_ = false;
+  std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t, CardPixels>, size_t> known;
   for (size_t v = 0; v < views.size(); v++)
     for (const Source& source : views[v].sources) {
       const int32_t slot = views[v].task->slot_of_camera[source.camera];
       if (slot < 0 || source.image.family == PixelFamily::kNone) continue;
       const ImageView& image = source.image;
-      const auto [at, is_new] = known.try_emplace({image.plane[0], image.plane[1], image.stride[0]}, pieces_.size());
+      const auto [at, is_new] =
+          known.try_emplace({image.plane[0], image.plane[1], image.stride[0], image.on_card}, pieces_.size());
       if (is_new) pieces_.push_back({&image, {}, {}});
+      (image.on_card.image ? has_drawn_ : has_sent_) = true;
       Piece& piece = pieces_[at->second];
       piece.part = unite(piece.part, needed.part(views[v], source));
       uses_.push_back({v, static_cast<size_t>(slot), at->second});
@@ -100,19 +107,44 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   }
 }
 
-void ImageAtlas::fill(const ParallelFor& parallel) {
-  parallel(pieces_.size(), [&](size_t i) { copy(pieces_[i], texture_.room()); });
+// What is on the card, in the same place.
+void ImageAtlas::draw(const Piece& piece, CardPieces& pieces) const {
+  const auto& [image, part, at] = piece;
+  pieces.draw(*image, {0, image->width, image->height, part, at.x, at.y});
+  if (!has_chroma_) return;
+  const Rect half{part.x0 / 2, part.y0 / 2, chroma_size(part.x1), chroma_size(part.y1)};
+  for (const int plane : {1, 2}) {
+    const Offset origin = chroma_offset(plane);
+    pieces.draw(*image, {plane, chroma_size(image->width), chroma_size(image->height), half, origin.x + at.x / 2,
+                         origin.y + at.y / 2});
+  }
 }
 
-void ImageAtlas::send() {
-  texture_.send(kImages,
-                bytes_ == 1   ? GL_R8
-                : bytes_ == 3 ? GL_RGB8
-                              : GL_RGBA8,
-                bytes_ == 1   ? GL_RED
-                : bytes_ == 3 ? GL_RGB
-                              : GL_RGBA,
-                width_, all_rows(), false);
+void ImageAtlas::fill(const ParallelFor& parallel) {
+  if (!has_sent_) return;
+  parallel(pieces_.size(), [&](size_t i) {
+    if (!pieces_[i].image->on_card.image) copy(pieces_[i], texture_.room());
+  });
+}
+
+bool ImageAtlas::send(CardPieces& pieces, Programs& programs, std::string& why) {
+  const GLenum internal_format = bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
+               format = bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA;
+  if (has_sent_)
+    texture_.send(kImages, internal_format, format, width_, all_rows(), false);
+  else
+    texture_.bind(kImages, internal_format, width_, all_rows());
+  if (!has_drawn_) return true;
+  std::set<const CardImage*> waited_for;
+  for (const Piece& piece : pieces_) {
+    const CardImage* const image = piece.image->on_card.image;
+    if (image && waited_for.insert(image).second) image->wait();
+  }
+  if (!pieces.begin(texture_.name(), programs, why)) return false;
+  for (const Piece& piece : pieces_)
+    if (piece.image->on_card.image) draw(piece, pieces);
+  pieces.end();
+  return true;
 }
 
 }  // namespace lf::gl

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/rect.h"
 #include "base/worker_pool.h"
+#include "render/gl/card_pieces.h"
 #include "render/gl/objects.h"
 #include "render/simd/band_data.h"
 #include "render/sum_renderer.h"
@@ -29,7 +31,8 @@ struct NeededPixels {
 
 // What the views of a pass need of cameras' images, side by side in one texture, which is a few times as large as a
 // view, however many and however large the images are. It is sent in one piece: cards are slow with many small ones.
-// An image that several views look at is there once, with all that they need of it.
+// An image that several views look at is there once, with all that they need of it. What is needed of images that are
+// on the card, in textures that the context shares, is drawn there.
 //
 // Calls need no context but where they say so: what takes long, filling it, is done while the card draws something
 // else.
@@ -57,8 +60,9 @@ class ImageAtlas {
   void reserve() { texture_.reserve(size()); }
   // Copies what was laid out to where the card can reach it, after what was drawn from it before has been read.
   void fill(const ParallelFor& parallel);
-  // Sends it, and binds it. While the context is current.
-  void send();
+  // Sends it, has `pieces` draw what is on the card, and binds it. While the context is current. False with the reason
+  // in `why` if that can't be done.
+  bool send(CardPieces& pieces, Programs& programs, std::string& why);
 
  private:
   struct Piece {
@@ -72,8 +76,12 @@ class ImageAtlas {
   void find_pieces(std::span<const DrawnView> views, const NeededPixels& needed);
   int place_pieces();
   void copy(const Piece& piece, uint8_t* to) const;
+  void draw(const Piece& piece, CardPieces& pieces) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
-  size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
+  // Of what is sent.
+  size_t size() const {
+    return has_sent_ ? static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_) : 0;
+  }
 
   std::vector<Piece> pieces_;
   std::vector<Use> uses_;
@@ -81,6 +89,7 @@ class ImageAtlas {
   int width_ = 0, height_ = 0;                // of what is RGB or luma
   int bytes_ = 1;                             // a pixel
   bool has_chroma_ = false;
+  bool has_sent_ = false, has_drawn_ = false;  // images that come from here, and that are on the card
   SentTexture texture_;
 };
 

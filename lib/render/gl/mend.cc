@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render/fetched_images.h"
 #include "render/gl/sum_drawer.h"
 #include "render/gl/sum_shader.h"
 #include "render/ownership.h"
@@ -51,15 +52,15 @@ class Parts {
   int count_ = 0;
 };
 
-void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out, uint16_t& out_lost) {
+void mend_pixel(const simd::SumTask& task, FetchedImages& images, int x, int y, uint16_t* out, uint16_t& out_lost) {
   double sum[3] = {}, lost = 0;
   const bool rgb = task.family == PixelFamily::kRgb;
   for (const Part& part : Parts(task, x, y)) {
-    if (!part.seen) {
+    if (!part.seen || images.of(*part.slot).family == PixelFamily::kNone) {
       lost += part.weight;
       continue;
     }
-    const ImageView& image = part.slot->image;
+    const ImageView& image = images.of(*part.slot);
     const plain::Sampler at(part.position, image.width, image.height, part.slot->resampling);
     const int offset[3] = {rgb ? image.layout.r : 0, image.layout.g, image.layout.b};
     for (int c = 0; c < (rgb ? 3 : 1); c++)
@@ -71,7 +72,7 @@ void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out, uint16_t
 }
 
 // (x, y): the first of four pixels of `rect`.
-void mend_chroma(const simd::SumTask& task, const Rect& rect, int x, int y, uint16_t* out) {
+void mend_chroma(const simd::SumTask& task, FetchedImages& images, const Rect& rect, int x, int y, uint16_t* out) {
   struct Share {
     const simd::Slot* slot;
     double weight;
@@ -92,7 +93,8 @@ void mend_chroma(const simd::SumTask& task, const Rect& rect, int x, int y, uint
   double sum[2] = {};
   const ViewPlan& plan = *task.plan;
   for (const Share& share : std::span(shares, static_cast<size_t>(count))) {
-    const ImageView& image = share.slot->image;
+    const ImageView& image = images.of(*share.slot);
+    if (image.family == PixelFamily::kNone) continue;
     Vec2 position;
     if (!share.slot->projection->project_beyond(plan.rays().at_centre_of_four(x, y), plan.inverse_at(x + 0.5, y + 0.5),
                                                 position))
@@ -114,7 +116,8 @@ static bool has(const uint16_t* values, int count, int step, uint16_t value) {
   return any;
 }
 
-size_t mend(const simd::SumTask& task, DrawnSum& sum) {
+size_t mend(const simd::SumTask& task, std::span<const Source> sources, DrawnSum& sum) {
+  FetchedImages images(task, sources);
   const Rect &rect = sum.rect, &part = sum.lost_rect;
   const int values = sum.family == PixelFamily::kRgb ? 4 : 1;
   size_t mended = 0;
@@ -124,7 +127,7 @@ size_t mend(const simd::SumTask& task, DrawnSum& sum) {
     for (int x = part.x0; x < part.x1; x++, lost++) {
       if (*lost != kDoubt) continue;
       const size_t pixel = static_cast<size_t>(y - rect.y0) * sum.pitch + (x - rect.x0);
-      mend_pixel(task, x, y, &sum.pixels[pixel * values], *lost);
+      mend_pixel(task, images, x, y, &sum.pixels[pixel * values], *lost);
       mended++;
     }
   }
@@ -135,7 +138,7 @@ size_t mend(const simd::SumTask& task, DrawnSum& sum) {
     if (!has(chroma, chroma_size(part.width()), 2, kChromaDoubt)) continue;
     for (int x = part.x0; x < part.x1; x += 2, chroma += 2) {
       if (chroma[0] != kChromaDoubt) continue;
-      mend_chroma(task, rect, x, y, chroma);
+      mend_chroma(task, images, rect, x, y, chroma);
       mended++;
     }
   }

@@ -92,6 +92,11 @@ class SentTexture {
   // Sends what is in the room now, rows of bytes in that format without gaps, and binds the texture, which may be
   // larger but where `exact`.
   void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact);
+  // Binds it with room for as much, to be drawn to.
+  void bind(int unit, GLenum internal_format, int width, int height) {
+    texture_.bind(unit, internal_format, width, height);
+  }
+  GLuint name() const { return texture_.name(); }
 
  private:
   Texture texture_;
@@ -100,7 +105,7 @@ class SentTexture {
 };
 
 // Textures' units.
-enum Unit { kOwners, kBlockOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaSums, kTargets };
+enum Unit { kOwners, kBlockOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaSums, kTargets, kCardImage };
 
 // What the card takes for what it is given between begin() and end(), if its driver tells
 // (GL_EXT_disjoint_timer_query).

@@ -64,7 +64,7 @@ const Program* Programs::use(const SumProgram& what, std::string& why) {
   for (const auto& [sampler, unit] :
        {std::pair("owners", kOwners), std::pair("tables", kTables), std::pair("levels", kLevels),
         std::pair("rays", kRays), std::pair("centre_rays", kCentreRays), std::pair("images", kImages),
-        std::pair("chroma_sums", kChromaSums)})
+        std::pair("chroma_sums", kChromaSums), std::pair("card_image", kCardImage)})
     glUniform1i(at(sampler), unit);
   return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("map_scale"), at("chroma_places"),
                               at("parts"), at("lost_rows"), at("planes"), at("byte_levels"), at("background"),

@@ -130,7 +130,7 @@ bool SumDrawer::draw_now(std::span<const DrawnView> views, ImageAtlas& atlas, co
   if (!atlas.has_room() && !in_context(reserve)) return false;
   atlas.fill(parallel);
   return in_context([&] {
-    o.textures.upload(views, atlas);
+    if (!o.textures.upload(views, atlas, o.programs, why)) return false;
     o.stopwatch.reset();
     if (!begin()) return false;
     if (!read()) {
@@ -162,7 +162,7 @@ size_t SumDrawer::together(std::span<const SumOrder> orders) const {
 bool SumDrawer::finish(std::span<SumOrder> orders, std::span<SumReading> readings, const ParallelFor& parallel,
                        std::string& why) {
   std::vector<size_t> mended(orders.size());
-  parallel(orders.size(), [&](size_t i) { mended[i] = mend(*orders[i].task, *readings[i].out); });
+  parallel(orders.size(), [&](size_t i) { mended[i] = mend(*orders[i].task, orders[i].sources, *readings[i].out); });
   bool any = false, is_there = true;
   for (size_t i = 0; i < orders.size(); i++) {
     mended_ += mended[i];

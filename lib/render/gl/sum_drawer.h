@@ -163,7 +163,8 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
 };
 
 // Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt.
-// Returns how many there were.
-size_t mend(const simd::SumTask& task, DrawnSum& sum);
+// Returns how many there were. Images that are on the card come from there when they are needed; `sources`: what the
+// task was made of.
+size_t mend(const simd::SumTask& task, std::span<const Source> sources, DrawnSum& sum);
 
 }  // namespace lf::gl

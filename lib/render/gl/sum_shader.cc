@@ -3,8 +3,10 @@
 
 #include <string_view>
 
+#include "image/correction.h"
 #include "render/gl/adding_shader-inl.h"
 #include "render/gl/block_shader-inl.h"
+#include "render/gl/image_shader-inl.h"
 #include "render/gl/moment_shader-inl.h"
 #include "render/gl/picture_shader-inl.h"
 #include "render/gl/run_shader-inl.h"
@@ -228,6 +230,7 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "IS_CUBIC", int{kIsCubic});
+  define(text, "SHARPENING", kSharpeningFactor);
   define(text, "DOUBT", kDoubt);
   define(text, "CHROMA_DOUBT", kChromaDoubt);
   text += "const highp float OWNERS = " + std::to_string(kMixedOwners) + ".0;\n";
@@ -242,7 +245,8 @@ std::string head(const SumProgram& program) {
 }  // namespace
 
 std::string vertex_shader(const SumProgram& program) {
-  return head(program).append(program.output == SumProgram::Output::kChromaBits ? kWholeTarget : kVertex);
+  const bool whole = program.output == SumProgram::Output::kChromaBits || program.output == SumProgram::Output::kImage;
+  return head(program).append(whole ? kWholeTarget : kVertex);
 }
 
 std::string compute_shader(const SumProgram& program) {
@@ -254,6 +258,7 @@ std::string compute_shader(const SumProgram& program) {
 std::string fragment_shader(const SumProgram& program) {
   std::string text = head(program);
   if (program.output == SumProgram::Output::kChromaBits) return text.append(kChromaBits);
+  if (program.output == SumProgram::Output::kImage) return text.append(kImage);
   const bool pixels = program.output == SumProgram::Output::kRgb || program.output == SumProgram::Output::kLuma;
   return text.append(kRule).append(pixels ? kPixels : kChroma);
 }

@@ -18,6 +18,7 @@ struct SumProgram {
   //   kChroma: Cb and Cr of two by two pixels, as 16 bits.
   //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
   //   kChromaBits: such sums as 16 bits.
+  //   kImage: samples of a camera's image, as they are to be sampled, see CardPieces; nothing below means anything.
   //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
   //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
   //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, by a compute shader to which nothing below means
@@ -28,6 +29,7 @@ struct SumProgram {
     kChroma,
     kMixedChroma,
     kChromaBits,
+    kImage,
     kBlocksRgb,
     kBlocksI420,
     kMomentsRgb,

@@ -42,15 +42,15 @@ void ViewTextures::upload_levels(std::span<const DrawnView> views) {
   levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, columns, rows, true);
 }
 
-void ViewTextures::upload(std::span<const DrawnView> views, ImageAtlas& atlas) {
+bool ViewTextures::upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why) {
   const DrawnView& first = views.front();
   if (const Rays& rays = first.task->plan->rays(); !rays.separable()) {
     upload_rays(rays, first.rect, false);
     if (first.task->family == PixelFamily::kI420) upload_rays(rays, first.rect, true);
   }
   upload_levels(views);
-  atlas.send();
   atlas_ = &atlas;
+  return atlas.send(pieces_, programs, why);
 }
 
 void ViewTextures::describe_images(const Program& program) const {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/gl/image_atlas.h"
@@ -16,8 +17,9 @@ namespace lf::gl {
 class ViewTextures {
  public:
   // Sends and binds what the views of a pass need: one view, or several whose lines of sight are not looked up.
-  // `atlas` is filled with their images, and stays until what is drawn has been read.
-  void upload(std::span<const DrawnView> views, ImageAtlas& atlas);
+  // `atlas` is filled with their images, and stays until what is drawn has been read. False with the reason in `why` if
+  // images that are on the card can't be had there.
+  bool upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
   // Tells a program in use where it all is: a compute shader, and one that draws the only view.
   void describe_images(const Program& program) const;
   void describe(const Program& program, const DrawnView& view) const;
@@ -30,6 +32,7 @@ class ViewTextures {
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
   const ImageAtlas* atlas_ = nullptr;
+  CardPieces pieces_;
   SentTexture levels_;
   Texture rays_, centre_rays_;
   std::vector<float> ray_memory_;

@@ -2,8 +2,6 @@
 #include "render/gl/card_sum.h"
 
 #include <EGL/egl.h>
-#include <EGL/eglext.h>
-#include <GLES3/gl31.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,6 +13,7 @@
 #include <thread>
 
 #include "composite/accumulator.h"
+#include "lib/render/gl/somebody.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/hard_cases.h"
@@ -26,80 +25,8 @@ namespace lf {
 namespace {
 
 using reference::Random;
+using test::Somebody;
 using test::Sum;
-
-// Somebody's context, by Mesa without a screen, in which the pictures' textures are.
-class Somebody {
- public:
-  static constexpr gl::ShareGroup kGroup = 5;
-  explicit Somebody(EGLenum api) {
-    display_ = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
-    if (!eglInitialize(display_, nullptr, nullptr) || !eglBindAPI(api)) throw std::runtime_error("no display");
-    const EGLint of_es[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
-    const EGLint of_gl[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_NONE};
-    context_ = eglCreateContext(display_, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, api == EGL_OPENGL_ES_API ? of_es : of_gl);
-    api_ = api;
-    if (context_ == EGL_NO_CONTEXT) throw std::runtime_error("no context");
-  }
-  ~Somebody() { eglDestroyContext(display_, context_); }
-  Somebody(const Somebody&) = delete;
-  Somebody& operator=(const Somebody&) = delete;
-
-  bool call(const std::function<void()>& job) {
-    if (is_gone_) return false;
-    eglBindAPI(api_);
-    if (!eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) return false;
-    job();
-    eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
-    eglBindAPI(EGL_OPENGL_ES_API);
-    return true;
-  }
-  gl::Context::Foreign foreign() {
-    return {[this](const std::function<void()>& job) { return call(job); }, kGroup};
-  }
-  void leave() { is_gone_ = true; }
-
-  // A texture of so many bytes a pixel, which are all 77.
-  GLuint texture(int width, int height, int bytes) {
-    GLuint name = 0;
-    call([&] {
-      constexpr GLenum kSizes[] = {GL_R8, GL_RG8, GL_RGB8, GL_RGBA8};
-      const std::vector<uint8_t> grey(static_cast<size_t>(width) * height * bytes, 77);
-      glGenTextures(1, &name);
-      glBindTexture(GL_TEXTURE_2D, name);
-      glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-      glTexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(kSizes[bytes - 1]), width, height, 0, kFormats[bytes - 1],
-                   GL_UNSIGNED_BYTE, grey.data());
-      glBindTexture(GL_TEXTURE_2D, 0);
-    });
-    return name;
-  }
-  std::vector<uint8_t> bytes_of(GLuint texture, int width, int height, int bytes) {
-    std::vector<uint8_t> four(static_cast<size_t>(width) * height * 4), out;
-    call([&] {
-      GLuint frame = 0;
-      glGenFramebuffers(1, &frame);
-      glBindFramebuffer(GL_FRAMEBUFFER, frame);
-      glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
-      EXPECT_EQ(glCheckFramebufferStatus(GL_FRAMEBUFFER), GLenum{GL_FRAMEBUFFER_COMPLETE});
-      glPixelStorei(GL_PACK_ALIGNMENT, 1);
-      glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, four.data());
-      glBindFramebuffer(GL_FRAMEBUFFER, 0);
-      glDeleteFramebuffers(1, &frame);
-      glDeleteTextures(1, &texture);
-      EXPECT_EQ(glGetError(), GLenum{GL_NO_ERROR});
-    });
-    for (size_t i = 0; i < four.size(); i += 4) out.insert(out.end(), &four[i], &four[i] + bytes);
-    return out;
-  }
-
- private:
-  static constexpr GLenum kFormats[] = {GL_RED, GL_RG, GL_RGB, GL_RGBA};
-  EGLDisplay display_ = EGL_NO_DISPLAY;
-  EGLContext context_ = EGL_NO_CONTEXT;
-  EGLenum api_ = EGL_OPENGL_ES_API;
-  bool is_gone_ = false;
-};
 
 // In OpenGL ES, and in OpenGL, which windows are drawn with by default.
 class CardSum : public testing::TestWithParam<EGLenum> {
