@@ -128,6 +128,7 @@ GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera
 GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = device_caps(camera, options);
   GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, options.decode ? 0 : 1));
+  gst_structure_set(raw, "texture-target", G_TYPE_STRING, "2D", nullptr);
   gst_caps_append_structure_full(caps, raw, gst_caps_features_new(LF_GL_MEMORY, nullptr));
   gst_caps_append(caps, gst_caps_from_string("image/jpeg; video/x-h264; video/x-h265; video/mpeg; video/x-vp8"));
   return caps;

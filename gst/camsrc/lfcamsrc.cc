@@ -62,9 +62,8 @@ GST_ELEMENT_REGISTER_DEFINE(lfcamsrc, "lfcamsrc", GST_RANK_NONE, LF_TYPE_CAM_SRC
 
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(
-        GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg; " GST_VIDEO_CAPS_MAKE_WITH_FEATURES(
-            LF_GL_MEMORY, "{ " LF_CAMERA_FORMATS " }")));
+    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS
+                                        ", I420 }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 
 GstClockTime lf_cam_src_period(LfCamSrc* self) {
   GstCaps* caps = gst_pad_get_current_caps(self->src);

@@ -30,6 +30,11 @@
 #define LF_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE(formats) "; " GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats)
 
+// What shaders read of a card's memory: other textures are those of single decoders and cameras, which glcolorconvert
+// turns into such.
+#define LF_CARD_VIDEO_CAPS(formats) \
+  GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats) ", texture-target = (string) 2D"
+
 // The view that an event, a query or a message is of (uint): its field of this name.
 #define LF_VIEW_ID_FIELD "lf-view-id"
 

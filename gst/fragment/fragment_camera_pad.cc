@@ -96,6 +96,7 @@ GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, cons
   LfFragmentPad* pad = static_cast<LfFragmentPad*>(
       g_object_new(LF_TYPE_FRAGMENT_PAD, "name", name, "direction", templ->direction, "template", templ, nullptr));
   pad->input = new lf::CameraInput(self, pad, self->state->node);
+  GST_PAD_SET_ACCEPT_INTERSECT(GST_PAD(pad));  // a card's caps may leave out the kind of texture, where it is 2D
   gst_pad_set_chain_function(GST_PAD(pad), lf::callback<lf_fragment_camera_chain>);
   gst_pad_set_event_function(GST_PAD(pad), lf::callback<lf_fragment_camera_event>);
   gst_pad_set_query_function(GST_PAD(pad), lf::callback<lf_fragment_camera_query>);

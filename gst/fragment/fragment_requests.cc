@@ -81,8 +81,14 @@ static GstFlowReturn lf_fragment_push(LfFragment* self, GstPad* src, GstBuffer* 
   return gst_pad_push(src, unit);
 }
 
-// What draws shares with the context.
-static void move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group,
+// Of frames in a card's memory; null where there are none.
+static lf::GlContextPtr frames_context(LfFragment* self) {
+  const lf::ObjectLock lock(self);
+  return self->state->frames_context.get();
+}
+
+// What draws shares with the context. False if it does not, for now or ever.
+static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group,
                     const lf::GlContextPtr& context) {
   std::string why;
   const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::SumDrawer> {
@@ -91,20 +97,17 @@ static void move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGr
     if (!foreign.call) return nullptr;
     return lf::gl::SumDrawer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
   };
-  self->state->card.move_to(choice, group, open, why);
+  const bool is_there = self->state->card.move_to(choice, group, open, why);
   if (!why.empty()) GST_INFO_OBJECT(self, "frames or sums have to leave the card: %s", why.c_str());
+  return is_there;
 }
 
 // Where the cameras' frames are on a card they need not leave it, else sums need not where the compositor's pictures
 // are; mostly both are in the same contexts.
 static void move_card(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
-  lf::ObjectLock lock(self);
-  const lf::GlContextPtr frames = self->state->frames_context.get();
-  lock.unlock();
-  if (frames)
-    move_to(self, choice, lf::share_group(frames.get()), frames);
-  else if (compositor.group != 0)
-    move_to(self, choice, compositor.group, compositor.context.get());
+  const lf::GlContextPtr frames = frames_context(self);
+  if (frames && move_to(self, choice, lf::share_group(frames.get()), frames)) return;
+  if (compositor.group != 0) move_to(self, choice, compositor.group, compositor.context.get());
 }
 
 static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings& settings,
@@ -174,7 +177,8 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   if (replies.size() > 1) node.stats().together += replies.size();
   // It was one pass, or one that was refused.
   const auto refused = std::ranges::find_if(replies, [](const auto& reply) { return reply.answer.drawing.refused; });
-  self->state->card.rendered(settings.renderer, (refused == replies.end() ? replies.front() : *refused).answer);
+  const lf::Node::Reply& judged = refused == replies.end() ? replies.front() : *refused;
+  self->state->card.rendered(settings.renderer, judged.answer, frames_context(self) ? judged.stages.decode : 0);
   self->state->card.tried(settings.renderer, replies.front().tried);
   GstFlowReturn flow = GST_FLOW_OK;
   for (size_t i = 0; i < replies.size() && flow == GST_FLOW_OK; i++) {

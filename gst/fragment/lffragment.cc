@@ -51,9 +51,10 @@ GST_DEBUG_CATEGORY(lf_fragment_debug);
 
 namespace {
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
-                            GST_STATIC_CAPS(LF_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }") "; image/jpeg"));
+GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
+    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_CAMERA_FORMATS
+                                        " }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 GstStaticPadTemplate more_request_template =

@@ -75,7 +75,7 @@ bool Card::draws_several(RendererChoice choice) const {
          !patience_.is_at_end(now_());
 }
 
-void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
+void Card::rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before) {
   if (choice == RendererChoice::kCpu || answer.pixels == 0) return;
   const Drawing& drawing = answer.drawing;
   const std::lock_guard lock(mutex_);
@@ -86,20 +86,22 @@ void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
   why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
   // A sum that no card draws, or that one has been asked for in vain, tells nothing about which is faster.
   if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
-  if (is_in_race()) race_.add(drawing.drawn, answer.pixels, answer.render_ns);
+  if (is_in_race()) race_.add(drawing.drawn, answer.pixels, before + answer.render_ns);
 }
 
-void Card::move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why) {
+bool Card::move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why) {
   const std::lock_guard lock(mutex_);
   const bool is_decided = choice == RendererChoice::kGl || race_.decided();
-  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost() || !is_decided || !draws(choice)) return;
-  if (!groups_.insert(group).second) return;
+  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost() || !is_decided || !draws(choice)) return false;
+  if (!groups_.insert(group).second) return drawer_->group() == group;
   std::shared_ptr<gl::SumDrawer> drawer = open(why);
-  if (!drawer) return;
-  if (drawer->device() == drawer_->device())
-    drawer_ = std::move(drawer);
-  else
+  if (!drawer) return false;
+  if (drawer->device() != drawer_->device()) {
     why = drawer->device() + " is another card than " + drawer_->device();
+    return false;
+  }
+  drawer_ = std::move(drawer);
+  return true;
 }
 
 void Card::leave() {

@@ -73,16 +73,18 @@ class Card {
   std::shared_ptr<gl::SumDrawer> open(RendererChoice choice, std::string& news);
   // Whether it draws several views in a pass, so that answers are quicker together.
   bool draws_several(RendererChoice choice) const;
-  // That answer, to decide by.
-  void rendered(RendererChoice choice, const RenderedAnswer& answer);
+  // That answer, to decide by. `before`: what it took to get at its images, as far as that depends on who draws,
+  // nanoseconds.
+  void rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before = 0);
   // What is to draw the trials of the answer that open() was called for; null: the CPU has to. kAuto decides apart from
   // answers: there is less to draw for the images that have to go to the card.
   std::shared_ptr<gl::SumDrawer> open_for_trials(RendererChoice choice);
   // From now on what draws is in a context of this group, which `open` makes, where the card draws answers. That is
   // done once for a group, as viewers whose pictures are in several would have it done all the time. Where it fails, or
-  // is another card's, which may be slower, all stays as it is, with the reason in `why`.
+  // is another card's, which may be slower, all stays as it is, with the reason in `why`. Returns whether what draws is
+  // in that group now.
   using OpenIn = std::function<std::unique_ptr<gl::SumDrawer>(std::string& why)>;
-  void move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why);
+  bool move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why);
   void tried(RendererChoice choice, const AnswerTask::Tried& tried);
   // Lets go of the context of somebody else's that move_to() has opened, even if it was lost; one of its own is opened
   // again when needed.

@@ -307,18 +307,23 @@ TEST_F(CardMemory, SumsOfSeveralNodesNeedNotLeaveIt) {
   for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
 }
 
-// As many times as LF_CYCLES says, at every stage of starting: neither contexts nor their threads are left.
-TEST_F(CardMemory, StartsAndStopsLeaveNothing) {
+// As many starts and stops as LF_CYCLES says, at every stage of starting: neither contexts nor their threads are left.
+class CardMemoryCycles : public CardMemory, public testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(, CardMemoryCycles, testing::Bool(),
+                         [](const auto& of) { return of.param ? "FramesOnCard" : "FramesSent"; });
+
+TEST_P(CardMemoryCycles, LeaveNothing) {
   const char* const setting = g_getenv("LF_CYCLES");
   const int cycles = setting ? std::atoi(setting) : 24;
-  save_array("rig.json", "videotestsrc pattern=ball ! video/x-raw,format=RGBA,width=96,height=72");
+  save_array("rig.json", "videotestsrc pattern=ball ! video/x-raw,format=RGBA,width=96,height=72" +
+                             std::string(GetParam() ? " ! glupload" : ""));
   const ElementPtr pipeline = launch("lfviewsrc is-live=false focus=plane renderer=gl rig=" + dir_ / "rig.json" +
                                      " width=96 height=72 ! video/x-raw,format=RGBA ! glupload ! fakesink");
   ASSERT_TRUE(pipeline);
   share_display(pipeline.get());
   long warm = 0;
   ptrdiff_t idle = 0;
-  int with_pictures = 0;
+  int with_pictures = 0, with_frames = 0;
   for (int i = 0; i < cycles; i++) {
     if (i == cycles / 4) {
       warm = allocated_kib();
@@ -330,12 +335,16 @@ TEST_F(CardMemory, StartsAndStopsLeaveNothing) {
     const auto made = [&] { return sum_of(GST_BIN(pipeline.get()), "lfcompositor", "card-pictures"); };
     while (i % 2 && made() == 0 && g_get_monotonic_time() < end) g_usleep(10'000);
     with_pictures += made() > 0;
+    const guint64 on_card = sum_of(GST_BIN(pipeline.get()), "lffragment", "card-frames");
+    if (!GetParam()) EXPECT_EQ(on_card, 0u);
+    with_frames += on_card > 0;
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_FAILURE) << i;
   }
   EXPECT_EQ(renderer_of(GST_BIN(pipeline.get())), "gl: a card") << "stopped, it still says what rendered";
   std::printf("%d cycles, %d with pictures that stayed: %ld KiB more than after the first quarter\n", cycles,
               with_pictures, allocated_kib() - warm);
   EXPECT_GE(with_pictures, cycles / 2);
+  if (GetParam()) EXPECT_GE(with_frames, cycles / 2);
   EXPECT_LE(count_of("task"), idle + 4);  // GStreamer keeps some of its own
   // Not what is resident: each context's new thread frees into a part of memory of its own.
   EXPECT_LT(allocated_kib() - warm, 4 * 1024);
