@@ -23,8 +23,8 @@ PropertyTable<CamSrcSettings>& CamSrcSettings::properties() {
                                "scene never do)",
                                gint64{-1}, G_MAXINT64),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "Raw video whatever the source is; without it JPEG video comes as it is, for lffragment to "
-                           "decode where it needs it"),
+                           "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
+                           "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
       property<&S::latency>(
           kWhileReady, "latency", "Latency",
           "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0u, 60000u),

@@ -9,7 +9,8 @@
  * GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc camera-name=a ! video/x-raw,width=640`), else
  * its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats stay as decoded
  * wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera; anything else is an
- * error. With `decode=false` JPEG video comes as it is.
+ * error. With `decode=false` JPEG video comes as it is, and pictures in a graphics card's memory do where these are
+ * taken.
  *
  * Elements are asked for the size in the rig, and for `framerate` if it is given. They may be anything, programs that
  * run others, too: rig files with such sources must be the user's own, and nobody else's to write.
