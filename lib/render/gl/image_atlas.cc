@@ -38,7 +38,8 @@ void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixel
       Piece& piece = pieces_[at->second];
       piece.part = unite(piece.part, needed.part(views[v], source));
       uses_.push_back({v, static_cast<size_t>(slot), at->second});
-      if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.layout.pixel_stride);
+      // OpenGL need not draw to what has three bytes.
+      if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.on_card.image ? 4 : image.layout.pixel_stride);
     }
 }
 
