@@ -21,7 +21,8 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
       property<&S::node>(kWhileReady, "node", "Node",
                          "Number of this node in its answers; each node of an array has its own", 0u, G_MAXUINT),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "JPEG video is decoded frame by frame, in place of where a request looks"),
+                           "JPEG video is decoded frame by frame, in place of where a request looks, and what is in a "
+                           "graphics card's memory is copied to the computer's"),
       property<&S::latency>(
           kWhileReady, "latency", "Latency",
           "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0u, 60000u),

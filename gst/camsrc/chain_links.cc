@@ -58,16 +58,16 @@ bool is_on_card(GstPad* pad) {
   return yes;
 }
 
-// Whether who is behind the chain's last identity takes such pictures as they are.
-bool takes_card_memory(GstElement* before) {
+// Whether who is behind the chain's last identity takes the pad's pictures as they are.
+bool takes_pictures(GstElement* before, GstPad* pad) {
   GstObject* bin = gst_element_get_parent(before);
   if (!bin) return false;  // being taken apart
   GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
-  GstCaps* filter = gst_caps_from_string("video/x-raw(" LF_GL_MEMORY ")");
-  GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), filter);
+  GstCaps* given = gst_pad_query_caps(pad, nullptr);
+  GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
   const bool takes = !gst_caps_is_empty(taken);
   gst_caps_unref(taken);
-  gst_caps_unref(filter);
+  gst_caps_unref(given);
   gst_object_unref(after);
   gst_object_unref(bin);
   return takes;
@@ -116,7 +116,7 @@ void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
   GstElement* const head = GST_ELEMENT(head_element);
   if (gst_pad_is_linked(borrow_pad(head, "sink"))) return;
   const bool is_raw = is_media(pad, "video/x-raw"), on_card = is_raw && is_on_card(pad);
-  const bool passes = may_bypass(head) && (on_card ? takes_card_memory(head) : is_media(pad, "image/jpeg"));
+  const bool passes = may_bypass(head) && (on_card ? takes_pictures(head, pad) : is_media(pad, "image/jpeg"));
   if (passes) bypass(head);
   if (on_card && !passes)
     link_fetched(decoder, pad, head);

@@ -138,6 +138,7 @@ GstBuffer* CameraInput::spare_pool(GstBuffer* buffer) const {
   gst_structure_free(config);
   if (most == 0 || frames_->held() + kForCamera < most) return buffer;
   GstBuffer* copy = gst_buffer_copy_deep(buffer);
+  if (!copy) return buffer;
   gst_buffer_unref(buffer);
   return copy;
 }
@@ -146,7 +147,9 @@ GstBuffer* CameraInput::spare_pool(GstBuffer* buffer) const {
 GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
   GstMemory* const memory = gst_buffer_n_memory(buffer) > 0 ? gst_buffer_peek_memory(buffer, 0) : nullptr;
   if (memory && gst_is_gl_memory(memory)) {
-    lf_fragment_note_context(element_, reinterpret_cast<GstGLMemory*>(memory)->mem.context);
+    const bool may_stay = FrameConverter::takes_samples_of(format_->info, family_of(format_->info)) &&
+                          has_planes_on_card(buffer, format_->info);
+    if (may_stay) lf_fragment_note_context(element_, reinterpret_cast<GstGLMemory*>(memory)->mem.context);
     auto picture = std::make_shared<CardPicture>(buffer, format_->info);
     return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
   }

@@ -41,6 +41,9 @@ class CardPicture::Textures : public CardImage {
   bool find() {
     const GstVideoInfo& info = picture_.info_;
     GstBuffer* const buffer = picture_.buffer_.get();
+    GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(buffer, 0))->mem.context;
+    // Who has written them in another context says when that is done.
+    if (GstGLSyncMeta* const other = gst_buffer_get_gl_sync_meta(buffer)) gst_gl_sync_meta_wait(other, context);
     // What was written by the CPU goes to the textures now. They stay, and as they are, as long as the buffer is held.
     GstVideoFrame frame;
     if (!gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer,
@@ -52,7 +55,6 @@ class CardPicture::Textures : public CardImage {
       planes_[static_cast<size_t>(i)] = {name(static_cast<guint>(is_interleaved ? std::min(i, 1) : i)),
                                          is_interleaved && i == 2 ? 1 : 0};
     gst_video_frame_unmap(&frame);
-    GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(buffer, 0))->mem.context;
     written_.reset(gst_buffer_new());
     gst_gl_sync_meta_set_sync_point(gst_buffer_add_gl_sync_meta(context, written_.get()), context);
     image_ = {.family = family_of(info), .width = info.width, .height = info.height, .on_card = {this}};

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gst/gl/gl.h>
+
 #include "fragment/lffragment_private.h"
 
 G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
@@ -74,6 +76,7 @@ static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
     gst_query_add_allocation_pool(query, nullptr, static_cast<guint>(info.size), static_cast<guint>(kept + 1), 0);
   }
   gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  gst_query_add_allocation_meta(query, GST_GL_SYNC_META_API_TYPE, nullptr);
   return TRUE;
 }
 

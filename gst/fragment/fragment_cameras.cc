@@ -80,5 +80,5 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
 void lf_fragment_note_context(LfFragment* self, GstGLContext* context) {
   const lf::ObjectLock lock(self);
   lf::WeakGlContext& latest = self->state->frames_context;
-  if (latest.get().get() != context) latest = lf::WeakGlContext(context);
+  if (latest.get().get() != context) latest = context ? lf::WeakGlContext(context) : lf::WeakGlContext();
 }

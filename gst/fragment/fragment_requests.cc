@@ -88,7 +88,7 @@ static lf::GlContextPtr frames_context(LfFragment* self) {
 }
 
 // What draws shares with the context. False if it does not, for now or ever.
-static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group,
+static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group, bool early,
                     const lf::GlContextPtr& context) {
   std::string why;
   const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::SumDrawer> {
@@ -97,7 +97,7 @@ static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGr
     if (!foreign.call) return nullptr;
     return lf::gl::SumDrawer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
   };
-  const bool is_there = self->state->card.move_to(choice, group, open, why);
+  const bool is_there = self->state->card.move_to(choice, group, early, open, why);
   if (!why.empty()) GST_INFO_OBJECT(self, "frames or sums have to leave the card: %s", why.c_str());
   return is_there;
 }
@@ -106,8 +106,8 @@ static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGr
 // are; mostly both are in the same contexts.
 static void move_card(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
   const lf::GlContextPtr frames = frames_context(self);
-  if (frames && move_to(self, choice, lf::share_group(frames.get()), frames)) return;
-  if (compositor.group != 0) move_to(self, choice, compositor.group, compositor.context.get());
+  if (frames && move_to(self, choice, lf::share_group(frames.get()), true, frames)) return;
+  if (compositor.group != 0) move_to(self, choice, compositor.group, false, compositor.context.get());
 }
 
 static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings& settings,
@@ -124,6 +124,8 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   std::string news;
   options.card = self->state->card.open(settings.renderer, news);
   options.trial_card = self->state->card.open_for_trials(settings.renderer);
+  // Another requester may have moved it meanwhile, and images are made ready for one.
+  if (options.card && options.trial_card != options.card) options.trial_card.reset();
   if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
   return options;
 }

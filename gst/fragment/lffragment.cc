@@ -184,6 +184,7 @@ static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstSta
   // Downstream's context is not to outlive what it is for. Without the lock, as that takes its time.
   std::vector<lf::NearCompositor> forgotten;
   self->state->card.leave();
+  lf_fragment_note_context(self, nullptr);
   const lf::ObjectLock lock(self);
   for (lf::Requester* requester : self->state->requesters) forgotten.push_back(requester->compositor.forget());
   return result;

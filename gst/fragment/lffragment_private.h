@@ -73,7 +73,7 @@ void lf_fragment_change_mode(LfFragment* self, lf::CameraFrames::Mode before, lf
 // Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
 // the seek with this number. Waits for no frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
-// A frame is in textures of this context.
+// A frame is in textures of this context, where it may stay; null: none is.
 void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
 // How old captures have to be for the live cameras to have them, at clock time `now`; 0: nothing is known of any.
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "recording/camera_file.h"
 
+#include <gst/video/video.h>
+
 #include <algorithm>
 #include <chrono>
 #include <utility>
 
 #include "base/error.h"
+#include "common/common.h"
 #include "common/guard.h"
 
 namespace lf {
@@ -30,7 +33,8 @@ GstCaps* jpeg_caps(int width, int height) {
 // muxer takes no other caps than its first ones.
 GstCaps* picture_caps(const GstCaps* caps) {
   GstCaps* picture = gst_caps_copy(caps);
-  gst_caps_set_features_simple(picture, nullptr);  // of a graphics card's memory, too, what is read is here
+  gst_caps_set_features_simple(picture, nullptr);  // what was in a graphics card's memory is here by now
+  gst_structure_remove_field(gst_caps_get_structure(picture, 0), "texture-target");
   gst_caps_set_simple(picture, "framerate", GST_TYPE_FRACTION, 0, 1, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1,
                       nullptr);
   return picture;
@@ -45,6 +49,22 @@ GstCaps* coded_caps(const GstCaps* caps) {
       gst_caps_set_value(coded, field, value);
   gst_caps_set_simple(coded, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
   return coded;
+}
+
+// A copy that is nobody else's, in this process's memory; null where there is none to be had.
+GstBuffer* copy_here(GstBuffer* frame, GstCaps* caps) {
+  const bool is_on_card = gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+  GstVideoInfo info;
+  GstVideoFrame from, to;
+  if (!is_on_card) return gst_buffer_copy_deep(frame);
+  if (!gst_video_info_from_caps(&info, caps) || !gst_video_frame_map(&from, &info, frame, GST_MAP_READ)) return nullptr;
+  GstBuffer* const copy = gst_buffer_new_allocate(nullptr, info.size, nullptr);
+  if (gst_video_frame_map(&to, &info, copy, GST_MAP_WRITE)) {
+    gst_video_frame_copy(&to, &from);
+    gst_video_frame_unmap(&to);
+  }
+  gst_video_frame_unmap(&from);
+  return copy;
 }
 
 bool is_key(GstBuffer* frame) { return !GST_BUFFER_FLAG_IS_SET(frame, GST_BUFFER_FLAG_DELTA_UNIT); }
@@ -220,7 +240,10 @@ CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTim
 CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
   const std::lock_guard lock(mutex_);
   if (ended_) return Added::kTaken;
-  const Added added = this->added(frame, caps, time, begins);
+  Added added = this->added(frame, caps, time, begins);
+  // A camera's own buffers are few, and it needs them back.
+  GstBuffer* const copy = added == Added::kTaken ? copy_here(frame, caps) : nullptr;
+  if (added == Added::kTaken && !copy) added = Added::kBehind;
   waits_for_key_ = added != Added::kTaken;
   if (added != Added::kTaken) {
     counts_.dropped++;
@@ -235,8 +258,7 @@ CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime 
     if (!held_.empty()) period_ = time - GST_BUFFER_PTS(held_.front());
     push_held(time);
   }
-  // A camera's own buffers are few, and it needs them back.
-  GstBuffer* copy = held_.emplace_back(gst_buffer_copy_deep(frame));
+  held_.push_back(copy);
   GST_BUFFER_PTS(copy) = time;
   GST_BUFFER_DTS(copy) = GST_BUFFER_DURATION(copy) = GST_CLOCK_TIME_NONE;
   counts_.frames++;

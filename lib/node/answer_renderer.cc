@@ -97,6 +97,7 @@ class PendingSum : public PendingAnswer {
   RenderedAnswer finish(ByteBuffer memory, const ParallelFor& parallel) override {
     if (!renderer_) return {.bytes = wire::AnswerWriter(header_, 0, std::move(memory)).finish()};
     const uint64_t begun = now_ns();
+    renderer_->fetch(parallel);
     RenderedAnswer answer = write(std::move(memory), parallel);
     answer.drawing = renderer_->drawing();
     answer.pixels = static_cast<size_t>(renderer_->rect().width()) * renderer_->rect().height();

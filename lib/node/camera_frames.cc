@@ -7,6 +7,18 @@
 
 namespace lf {
 
+class CameraFrames::Lock : public std::unique_lock<std::mutex> {
+ public:
+  explicit Lock(CameraFrames& frames) : std::unique_lock<std::mutex>(frames.mutex_), frames_(frames) {}
+  ~Lock() {
+    const std::vector<CameraFrame> dropped = std::exchange(frames_.dropped_, {});
+    unlock();
+  }
+
+ private:
+  CameraFrames& frames_;
+};
+
 void CameraFrames::wake_all() {
   room_.notify_all();
   arrived_.notify_all();
@@ -34,8 +46,17 @@ void CameraFrames::note_arrival(int64_t late) {
 
 void CameraFrames::drop_oldest() {
   const CameraPicture* picture = frames_.front().frame.picture.get();
-  if (picture && picture->is_compressed()) before_ = std::move(frames_.front().frame);
+  if (picture && picture->is_compressed())
+    before_ = std::move(frames_.front().frame);
+  else
+    dropped_.push_back(std::move(frames_.front().frame));
   frames_.pop_front();
+}
+
+void CameraFrames::drop_all() {
+  for (Held& held : frames_) dropped_.push_back(std::move(held.frame));
+  frames_.clear();
+  before_ = {};
 }
 
 // A frame is passed when the one after it is not later than what is wanted.
@@ -53,7 +74,7 @@ void CameraFrames::want(uint64_t time) {
 }
 
 void CameraFrames::advance(uint64_t time) {
-  std::lock_guard lock(mutex_);
+  const Lock lock(*this);
   want(time);
 }
 
@@ -72,7 +93,7 @@ bool CameraFrames::has_too_many() const {
 }
 
 CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
-  std::unique_lock lock(mutex_);
+  Lock lock(*this);
   if (!live_)
     room_.wait(lock, [this] {
       drop_passed();
@@ -129,19 +150,17 @@ void CameraFrames::lose_stream() {
 }
 
 void CameraFrames::set_flushing(bool flushing) {
-  std::lock_guard lock(mutex_);
+  const Lock lock(*this);
   flushing_ = flushing;
-  frames_.clear();
-  before_ = {};
+  drop_all();
   ended_ = lost_ = false;
   wanted_ = 0;  // what comes may be from before
   wake_all();
 }
 
 void CameraFrames::clear() {
-  std::lock_guard lock(mutex_);
-  frames_.clear();
-  before_ = {};
+  const Lock lock(*this);
+  drop_all();
   started_ = live_ = ended_ = lost_ = flushing_ = false;
   wanted_ = reach_ = last_period_ = behind_ = 0;
   earliest_ = INT64_MAX;
@@ -172,7 +191,7 @@ void CameraFrames::wake() {
 }
 
 std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled) {
-  std::unique_lock lock(mutex_);
+  Lock lock(*this);
   want(time);
   arrived_.wait(lock, [&] {
     if (!live_) drop_passed();

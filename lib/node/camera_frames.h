@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <vector>
 
 #include "node/camera_picture.h"
 #include "view/view_request.h"
@@ -77,11 +78,15 @@ class CameraFrames {
   bool is_beyond_last(uint64_t time) const;                  // locked
   void drop_passed();                                        // locked
   void drop_oldest();                                        // locked
+  void drop_all();                                           // locked
   void look_back(uint64_t time);                             // locked
   bool has_too_many() const;                                 // locked
   void wake_all();                                           // locked
 
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
+
+  // The lock of a call. Frames that are dropped under it go once it is released: those on a card take a while for that.
+  class Lock;
 
   struct Held {
     uint64_t time;                                // time of the frame, or of the damaged one in whose place it serves
@@ -92,8 +97,9 @@ class CameraFrames {
   std::condition_variable room_;     // for push()
   std::condition_variable arrived_;  // for find()
   Mode mode_ = Mode::kStopped;
-  std::deque<Held> frames_;  // ascending time
-  CameraFrame before_;       // a compressed frame that was held before those of frames_
+  std::deque<Held> frames_;           // ascending time
+  std::vector<CameraFrame> dropped_;  // since the lock was taken
+  CameraFrame before_;                // a compressed frame that was held before those of frames_
   bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
   uint64_t wanted_ = 0;           // time of the latest request that named one
   uint64_t reach_ = 0;            // how far behind the newest frame of a live camera requests look

@@ -89,10 +89,12 @@ void Card::rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_
   if (is_in_race()) race_.add(drawing.drawn, answer.pixels, before + answer.render_ns);
 }
 
-bool Card::move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why) {
+bool Card::move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why) {
   const std::lock_guard lock(mutex_);
   const bool is_decided = choice == RendererChoice::kGl || race_.decided();
-  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost() || !is_decided || !draws(choice)) return false;
+  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost()) return false;
+  if (choice == RendererChoice::kAuto && drawer_->is_software()) return false;
+  if (!draws(choice) || !(is_decided || early)) return false;
   if (!groups_.insert(group).second) return drawer_->group() == group;
   std::shared_ptr<gl::SumDrawer> drawer = open(why);
   if (!drawer) return false;
@@ -101,6 +103,7 @@ bool Card::move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& op
     return false;
   }
   drawer_ = std::move(drawer);
+  if (!race_.decided()) race_.begin_again();
   return true;
 }
 

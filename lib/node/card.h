@@ -29,6 +29,8 @@ class RendererRace {
   // Answers of each that count. The card's first one does not: its programs are compiled then.
   static constexpr int kRounds = 3;
 
+  // What the card has taken so far tells nothing about it any more.
+  void begin_again() { *this = {}; }
   bool decided() const { return rounds_[0] >= kRounds && rounds_[1] >= kRounds; }
   // Whether the card is to draw the next one; until it is decided, by turns.
   bool card_is_next() const;
@@ -79,12 +81,13 @@ class Card {
   // What is to draw the trials of the answer that open() was called for; null: the CPU has to. kAuto decides apart from
   // answers: there is less to draw for the images that have to go to the card.
   std::shared_ptr<gl::SumDrawer> open_for_trials(RendererChoice choice);
-  // From now on what draws is in a context of this group, which `open` makes, where the card draws answers. That is
-  // done once for a group, as viewers whose pictures are in several would have it done all the time. Where it fails, or
-  // is another card's, which may be slower, all stays as it is, with the reason in `why`. Returns whether what draws is
-  // in that group now.
+  // From now on what draws is in a context of this group, which `open` makes, where the card draws answers; `early`:
+  // even if it has yet to be seen whether it should, as it may be faster there, which is then seen anew. That is done
+  // once for a group, as viewers whose pictures are in several would have it done all the time. Where it fails, or is
+  // another card's, which may be slower, all stays as it is, with the reason in `why`. Returns whether what draws is in
+  // that group now.
   using OpenIn = std::function<std::unique_ptr<gl::SumDrawer>(std::string& why)>;
-  bool move_to(RendererChoice choice, gl::ShareGroup group, const OpenIn& open, std::string& why);
+  bool move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why);
   void tried(RendererChoice choice, const AnswerTask::Tried& tried);
   // Lets go of the context of somebody else's that move_to() has opened, even if it was lost; one of its own is opened
   // again when needed.

@@ -288,7 +288,8 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   ImageMemory scratch = requester.images->take();
   std::vector<AnswerMaker::Units> units = requester.maker.make(works, sources.sources(), how, scratch, memory);
   requester.images->give_back(std::move(scratch));
-  stats_.card_frames += sources.on_card();
+  if (std::ranges::any_of(units, [](const AnswerMaker::Units& of_one) { return of_one.answer.drawing.drawn; }))
+    stats_.card_frames += sources.on_card();
   if (units.front().gains) stats_.set_gains(sources.sources(), *units.front().gains);
   std::vector<Reply> replies;
   const uint64_t count = units.size();

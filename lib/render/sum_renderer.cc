@@ -22,8 +22,15 @@ struct SumRenderer::State : simd::PreparedTask {
         Coordinates coordinates)
       : PreparedTask(plan, runs, sources, family, coordinates), sources(sources), images(task, sources) {}
   // Before the CPU renders: it can't read what is on a card.
-  void fetch() {
-    for (simd::Slot& slot : task.slots) slot.image = images.of(slot);
+  void fetch(const ParallelFor& parallel) {
+    std::call_once(fetched, [&] {
+      const auto is_on_card = [](const simd::Slot& slot) { return slot.image.on_card.image != nullptr; };
+      if (std::ranges::none_of(task.slots, is_on_card)) return;
+      parallel(task.slots.size(), [&](size_t i) {
+        simd::Slot& slot = task.slots[i];
+        if (is_on_card(slot)) simd::place_image(task, slot, images.of(slot));
+      });
+    });
   }
   const std::span<const Source> sources;
   FetchedImages images;
@@ -68,13 +75,17 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
 
 SumRenderer::~SumRenderer() = default;
 
+void SumRenderer::fetch(const ParallelFor& parallel) {
+  if (!state_->drawing.drawn) state_->fetch(parallel);
+}
+
 const Drawing& SumRenderer::drawing() const { return state_->drawing; }
 
 std::shared_ptr<gl::CardSum> SumRenderer::card_sum() const { return state_->card_sum; }
 
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
   if (state_->drawing.drawn) return state_->drawn.copy_rows(y0, y1, out);
-  std::call_once(state_->fetched, [this] { state_->fetch(); });
+  state_->fetch(serial_for);
   const simd::SumTask& task = state_->task;
   const Rect& rect = out.rect;
   const bool i420 = task.family == PixelFamily::kI420;

@@ -73,6 +73,9 @@ class SumRenderer {
   // it is asked for. The card is asked only for views that are blended by their mesh.
   static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel);
 
+  // Has the images that are on a card come here, if the CPU is to render them: render_rows() does, too, in one thread.
+  void fetch(const ParallelFor& parallel);
+
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
   const Drawing& drawing() const;

@@ -9,6 +9,7 @@ namespace lf::gl {
 CardPieces::~CardPieces() {
   if (target_) glDeleteFramebuffers(1, &target_);
   if (no_vertices_) glDeleteVertexArrays(1, &no_vertices_);
+  if (nearest_) glDeleteSamplers(1, &nearest_);
 }
 
 bool CardPieces::begin(GLuint texture, Programs& programs, std::string& why) {
@@ -17,6 +18,10 @@ bool CardPieces::begin(GLuint texture, Programs& programs, std::string& why) {
   if (!target_) {
     glGenFramebuffers(1, &target_);
     glGenVertexArrays(1, &no_vertices_);  // OpenGL's core profile draws without none
+    // Whoever made a texture may have left it to be read through mipmaps that it does not have.
+    glGenSamplers(1, &nearest_);
+    glSamplerParameteri(nearest_, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glSamplerParameteri(nearest_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   }
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, target_);
   glFramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
@@ -26,6 +31,7 @@ bool CardPieces::begin(GLuint texture, Programs& programs, std::string& why) {
     return false;
   }
   glBindVertexArray(no_vertices_);
+  glBindSampler(kCardImage, nearest_);
   glDisable(GL_BLEND);
   glDisable(GL_DEPTH_TEST);
   return true;
@@ -50,6 +56,7 @@ void CardPieces::draw(const ImageView& image, const Plane& plane) {
 void CardPieces::end() {
   glActiveTexture(GL_TEXTURE0 + kCardImage);
   glBindTexture(GL_TEXTURE_2D, 0);
+  glBindSampler(kCardImage, 0);
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
   glBindVertexArray(0);
 }

@@ -33,7 +33,7 @@ class CardPieces {
   void end();
 
  private:
-  GLuint target_ = 0, no_vertices_ = 0;
+  GLuint target_ = 0, no_vertices_ = 0, nearest_ = 0;
   const Program* program_ = nullptr;
 };
 

@@ -54,6 +54,13 @@ void pick_pixels(const RgbLayout& layout, Slot& slot) {
   }
 }
 
+// They depend on how the image lies in memory, too.
+void look_for_calm_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
+  slot.calm_y0 = slot.calm_y1 = 0;
+  const bool is_here = slot.image.plane[0] || slot.image.family == PixelFamily::kNone;
+  if (is_here && plan.rays().separable() && !slot.projection->has_map()) find_calm_rows(family, slot);
+}
+
 Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source, PixelFamily family,
                const CameraProjection& projection) {
   Slot slot;
@@ -86,11 +93,16 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.radial = lens.has_distortion();
   // Slightly less than the fold: rounding must not see beyond it.
   slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
-  if (plan.rays().separable() && !projection.has_map()) find_calm_rows(family, slot);
+  look_for_calm_rows(plan, family, slot);
   return slot;
 }
 
 }  // namespace
+
+void place_image(const SumTask& task, Slot& slot, const ImageView& image) {
+  slot.image = image;
+  look_for_calm_rows(*task.plan, task.family, slot);
+}
 
 PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
                            PixelFamily family, Coordinates coordinates) {

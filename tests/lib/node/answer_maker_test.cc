@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <iterator>
+#include <list>
 
+#include "image/card_image.h"
 #include "image/correction.h"
 #include "lib/focus/array_of_walls.h"
 #include "wire/moments_codec.h"
@@ -105,6 +108,68 @@ TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   EXPECT_NE(units.answer.bytes, before);
   maker_.clear();
   EXPECT_EQ(make(walls_.sources()).gains->of(4), 1);
+}
+
+// An image that is said to be on a card; without one all of it is fetched.
+class FarImage : public CardImage {
+ public:
+  explicit FarImage(const Image& image) : image_(image) {}
+  Texture plane(int) const override { return {}; }
+  void wait() const override {}
+  ImageView fetch() const override { return is_gone_ ? ImageView{} : image_.view(); }
+  bool is_fetched() const override { return true; }
+  ImageView view() const {
+    return {.family = image_.family(), .width = image_.width(), .height = image_.height(), .on_card = {this}};
+  }
+  void lose() { is_gone_ = true; }
+
+ private:
+  const Image& image_;
+  bool is_gone_ = false;
+};
+
+// What is made of them, colours, gains, moments and brightness included, is to the bit what it is of images here.
+TEST_F(AnswerMakerTest, ImagesMayBeOnACard) {
+  Rig rig = walls_.rig;
+  for (size_t i = 0; i < rig.cameras.size(); i += 2)
+    rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
+  const CameraColours some(rig);
+  std::list<FarImage> images;
+  std::vector<Source> far = walls_.sources();
+  for (size_t i = 0; i < far.size(); i++) far[i].image = images.emplace_back(walls_.images[i]).view();
+  options_.resampling = Resampling::kSharpened;
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  for (const CameraColours* const colours : {static_cast<const CameraColours*>(nullptr), &some}) {
+    options_.colours = colours;
+    AnswerMaker of_near, of_far;
+    request_.gains.mean.clear();
+    for (unsigned i = 0; i < 2 + CameraGains::kMeans; i++) {
+      const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
+      const AnswerMaker::Units near = make(*task, walls_.sources(), of_near, scratch_);
+      ImageMemory other;
+      const AnswerMaker::Units units = make(*task, far, of_far, other);
+      EXPECT_EQ(units.answer.bytes, near.answer.bytes);
+      EXPECT_EQ(units.tried.unit, near.tried.unit);
+      EXPECT_EQ(units.brightness, near.brightness);
+      ASSERT_TRUE(units.gains && near.gains);
+      EXPECT_EQ(units.gains->of(4), near.gains->of(4));
+      if (i == 1 + CameraGains::kMeans) {
+        EXPECT_NE(units.gains->of(4), 1);
+      }
+      request_.gains.mean.assign(20 * 15, 100);
+    }
+  }
+  // Those that can't be had are as none.
+  for (size_t i = 0; i < far.size(); i += 2) std::next(images.begin(), static_cast<ptrdiff_t>(i))->lose();
+  std::vector<Source> some_sources = walls_.sources();
+  for (size_t i = 0; i < some_sources.size(); i += 2) some_sources[i].image = {.family = PixelFamily::kNone};
+  const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
+  AnswerMaker of_near, of_far;
+  ImageMemory other;
+  const AnswerMaker::Units near = make(*task, some_sources, of_near, scratch_), units = make(*task, far, of_far, other);
+  EXPECT_EQ(units.answer.bytes, near.answer.bytes);
+  EXPECT_EQ(units.tried.unit, near.tried.unit);
 }
 
 // Megabytes are not kept for each view that ever was.

@@ -59,7 +59,6 @@ class Somebody {
       glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
       glTexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(kSizes[bytes - 1]), width, height, 0, kFormats[bytes - 1],
                    GL_UNSIGNED_BYTE, pixels.data());
-      glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
       glBindTexture(GL_TEXTURE_2D, 0);
     });
     return name;
