@@ -69,10 +69,11 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                               "Live: how long, in nanoseconds, after a request has come its answer can be of use; one "
                               "that would come later, by what such answers have taken, is not begun (0: any time)",
                               0, G_MAXINT64),
-      property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
-                             "What draws the sums, and trials: both give the same picture to 1 of 255. Views that are "
-                             "not blended by the array's mesh are the CPU's in any case; stats say what renders",
-                             LF_TYPE_FRAGMENT_RENDERER),
+      property<&S::renderer>(
+          kWhilePlaying, "renderer", "Renderer",
+          "What draws the sums, and trials: both give the same picture to 1 of 255. Views that are "
+          "not blended by the array's mesh are the CPU's where the card has no compute shaders; stats say what renders",
+          LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
 }

@@ -80,8 +80,7 @@ class SumTask : public AnswerTask {
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override;
-  // A card draws what is blended by the mesh.
-  bool takes_card_images() const override { return !job_.plan().blend(); }
+  bool takes_card_images() const override { return true; }
   std::unique_ptr<PendingAnswer> begin(const wire::AnswerHeader& header, std::span<const Source> sources,
                                        const Options& options) const override;
 

@@ -112,8 +112,7 @@ Node::Reply Node::answer(const wire::AnyRequest& request, Requester& requester, 
 bool Node::may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b) {
   const auto *one = std::get_if<ViewRequest>(&a), *other = std::get_if<ViewRequest>(&b);
   const auto is_beside = [](const ViewRequest* request) {
-    return request && request->place.count() > 1 && request->view.blending.is_mesh() && !request->gains.ask &&
-           request->gains.mean.empty();
+    return request && request->place.count() > 1 && !request->gains.ask && request->gains.mean.empty();
   };
   return is_beside(one) && is_beside(other) && one->view_id == other->view_id &&
          one->target_time == other->target_time && one->target_time != kNoTime &&

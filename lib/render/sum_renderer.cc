@@ -48,7 +48,6 @@ SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<
   state_->may_stay = may_stay;
   SumRenderer* const self = this;
   if (card) draw({&self, 1}, *card, parallel);
-  if (plan.blend()) state_->drawing.why_not = "the view is not blended by its mesh";
 }
 
 void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel) {
@@ -56,7 +55,11 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
   std::vector<gl::SumOrder> orders;
   for (SumRenderer* const renderer : renderers) {
     const State& state = *renderer->state_;
-    if (state.task.plan->blend() || renderer->rect_.empty()) continue;
+    if (renderer->rect_.empty()) continue;
+    if (state.task.plan->blend() && !card.computes()) {
+      renderer->state_->drawing.why_not = "the view is not blended by its mesh";
+      continue;
+    }
     drawn.push_back(renderer);
     // What may be added to others on the card begins at even pixels.
     const Rect rect = state.may_stay ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;

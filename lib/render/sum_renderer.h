@@ -70,7 +70,7 @@ class SumRenderer {
 
   // Has a card draw the sums of renderers that were made without one here and now, where it can, out of images that
   // `parallel` copies to it: of views of one moment in a pass, see SumDrawer::draw(). Else the CPU does, row by row, as
-  // it is asked for. The card is asked only for views that are blended by their mesh.
+  // it is asked for. A card without compute shaders is asked only for views that are blended by their mesh.
   static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel);
 
   // Has the images that are on a card come here, if the CPU is to render them: render_rows() does, too, in one thread.

@@ -33,7 +33,7 @@ Range square(const Range& a) {
 
 bool weights_are_calm(const simd::SumTask& task, const FacePlan& face, const Rect& part) {
   const Rays& rays = task.plan->rays();
-  const Vec2 first = rays.at(0, 0), anchor = anchor_of(face);
+  const Vec2 first = rays.at(0, 0), anchor = anchor_of(face.rect);
   const Vec2 step(rays.at(1, 0).x - first.x, rays.at(0, 1).y - first.y);
   const Vec2 at_anchor = first + anchor * step;
   const Vec3 whole = face.edge[0] + face.edge[1] + face.edge[2];
@@ -76,7 +76,7 @@ bool distances_in(const ViewPlan& plan, const Rect& part, Range& inverse) {
 bool is_seen(const simd::SumTask& task, const simd::Slot& slot, const FacePlan& face, const Rect& part,
              const Range& inverse) {
   const ViewPlan& plan = *task.plan;
-  const Vec2 anchor = anchor_of(face);
+  const Vec2 anchor = anchor_of(face.rect);
   const double near = plan.view().focus.map ? plan.inverse_at(anchor.x, anchor.y) : 0;
   const Mat3 from_pixel = slot.from_pixel + near * slot.per_inverse;
   const Vec3 from = from_pixel * Vec3(anchor, 1), per_from = slot.per_inverse * Vec3(anchor, 1);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "render/camera_weights.h"
 #include "render/fetched_images.h"
 #include "render/gl/sum_drawer.h"
 #include "render/gl/sum_shader.h"
@@ -23,7 +25,7 @@ struct Part {
   Vec2 position;  // if it is seen
 };
 
-// Parts of the pixel, at most three.
+// Parts of the pixel: at most three where the mesh blends.
 class Parts {
  public:
   Parts(const simd::SumTask& task, int x, int y) {
@@ -31,25 +33,35 @@ class Parts {
     for (const OwnerRun& run : task.runs->row(y, x, x + 1)) owner = run.face;
     if (owner == OwnerMap::kNone) return;
     const ViewPlan& plan = *task.plan;
+    if (const BlendGrid* const grid = plan.blend()) {
+      for (const simd::Slot& slot : task.slots)
+        if (const int weight = is_in(slot.rect, x, y) ? grid->weight(slot.camera, x, y) : 0)
+          add(plan, slot, static_cast<float>(weight) / BlendGrid::kOne, x, y);
+      return;
+    }
     const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
     const Vec2 ray = plan.rays().at(x, y);
     const FaceWeights weights = face_weights(face, ray);
     for (int k = 0; k < 3; k++) {
       if (face.camera[k] == MeshFace::kNone || weights.w[k] == 0) continue;
       const int32_t slot = task.slot_of_camera[face.camera[k]];
-      if (slot < 0) continue;
-      Part& part = parts_[count_++];
-      part = {&task.slots[static_cast<size_t>(slot)], weights.w[k], false, {}};
-      part.seen = part.slot->image.family != PixelFamily::kNone &&
-                  part.slot->projection->project(ray, plan.inverse_at(x, y), part.position);
+      if (slot >= 0) add(plan, task.slots[static_cast<size_t>(slot)], weights.w[k], x, y);
     }
   }
-  const Part* begin() const { return parts_; }
-  const Part* end() const { return parts_ + count_; }
+  auto begin() const { return parts_.begin(); }
+  auto end() const { return parts_.end(); }
 
  private:
-  Part parts_[3];
-  int count_ = 0;
+  static bool is_in(const Rect& rect, int x, int y) {
+    return x >= rect.x0 && x < rect.x1 && y >= rect.y0 && y < rect.y1;
+  }
+  void add(const ViewPlan& plan, const simd::Slot& slot, float weight, int x, int y) {
+    Part& part = parts_.emplace_back(Part{&slot, weight, false, {}});
+    part.seen = slot.image.family != PixelFamily::kNone &&
+                slot.projection->project(plan.rays().at(x, y), plan.inverse_at(x, y), part.position);
+  }
+
+  std::vector<Part> parts_;
 };
 
 void mend_pixel(const simd::SumTask& task, FetchedImages& images, int x, int y, uint16_t* out, uint16_t& out_lost) {
@@ -77,22 +89,23 @@ void mend_chroma(const simd::SumTask& task, FetchedImages& images, const Rect& r
     const simd::Slot* slot;
     double weight;
     Vec2 position;  // of one pixel that is seen
-  } shares[12];
-  int count = 0, pixels = 0;
+  };
+  std::vector<Share> shares;
+  int pixels = 0;
   for (int j = y; j < std::min(y + 2, rect.y1); j++)
     for (int i = x; i < std::min(x + 2, rect.x1); i++) {
       pixels++;
       for (const Part& part : Parts(task, i, j)) {
         if (!part.seen) continue;
-        Share* share = std::find_if(shares, shares + count, [&](const Share& s) { return s.slot == part.slot; });
-        if (share == shares + count) shares[count++] = {part.slot, 0, {}};
+        auto share = std::ranges::find(shares, part.slot, &Share::slot);
+        if (share == shares.end()) share = shares.insert(share, {part.slot, 0, {}});
         share->weight += part.weight;
         share->position = part.position;
       }
     }
   double sum[2] = {};
   const ViewPlan& plan = *task.plan;
-  for (const Share& share : std::span(shares, static_cast<size_t>(count))) {
+  for (const Share& share : shares) {
     const ImageView& image = images.of(*share.slot);
     if (image.family == PixelFamily::kNone) continue;
     Vec2 position;
@@ -171,8 +184,7 @@ bool DrawnSum::copy_rows(int y0, int y1, const SumPlanes& out) const {
     const Rect with_loss = intersect(lost_rect, {out.rect.x0, y, out.rect.x1, y + 1});
     if (out.lost) std::fill_n(out.lost + (y - out.rect.y0) * out.lost_stride, out.rect.width(), uint16_t{0});
     if (with_loss.empty()) continue;
-    const uint16_t* from =
-        &lost[static_cast<size_t>(y - lost_rect.y0) * lost_pitch + (with_loss.x0 - lost_rect.x0)];
+    const uint16_t* from = &lost[static_cast<size_t>(y - lost_rect.y0) * lost_pitch + (with_loss.x0 - lost_rect.x0)];
     any_lost = any_lost || std::any_of(from, from + with_loss.width(), [](uint16_t v) { return v != 0; });
     if (out.lost)
       std::copy_n(from, with_loss.width(),

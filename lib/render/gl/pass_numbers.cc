@@ -13,6 +13,7 @@ void PassNumbers::make(std::span<const DrawnView> views, const ImageAtlas& atlas
   views_.resize(views.size());
   parallel(views.size(), [&](size_t i) {
     make_runs(*views[i].task, views[i].rect, views_[i].runs);
+    make_cells(*views[i].task, views[i].rect, views_[i].cells);
     make_tables(*views[i].task, atlas.offsets(i), views_[i].tables, boxes);
   });
   heads_.assign(kViewWords * views.size(), 0);
@@ -39,7 +40,9 @@ void PassNumbers::make(std::span<const DrawnView> views, const ImageAtlas& atlas
     const auto bits = [](float value) { return std::bit_cast<uint32_t>(value); };
     put(kViewScale, bits(scale.step), bits(scale.farthest), bits(scale.of_level), bits(scale.eye_distance));
     runs += views_[i].runs.size();
-    faces += plan.faces().size();
+    put(kViewCells, runs);
+    runs += views_[i].cells.size();
+    faces += table_rows(*views[i].task);
   }
 }
 
@@ -50,7 +53,7 @@ void PassNumbers::set_result(size_t view, const std::array<uint32_t, 6>& words) 
 void PassNumbers::send(Buffers& to) const {
   size_t runs = heads_.size(), tables = 0;
   for (const View& view : views_) {
-    runs += view.runs.size();
+    runs += view.runs.size() + view.cells.size();
     tables += view.tables.size();
   }
   to.runs.reserve(sizeof(uint32_t) * runs);
@@ -59,9 +62,11 @@ void PassNumbers::send(Buffers& to) const {
   runs = heads_.size();
   tables = 0;
   for (const View& view : views_) {
-    to.runs.put(sizeof(uint32_t) * runs, view.runs.data(), sizeof(uint32_t) * view.runs.size());
     to.tables.put(sizeof(float) * tables, view.tables.data(), sizeof(float) * view.tables.size());
-    runs += view.runs.size();
+    for (const std::vector<uint32_t>* const words : {&view.runs, &view.cells}) {
+      to.runs.put(sizeof(uint32_t) * runs, words->data(), sizeof(uint32_t) * words->size());
+      runs += words->size();
+    }
     tables += view.tables.size();
   }
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kRunsBinding, to.runs.name());

@@ -12,8 +12,8 @@
 
 namespace lf::gl {
 
-// The numbers that compute shaders draw the views of a pass by: owners of pixels, and of each face what sum_shader.h
-// lays out.
+// The numbers that compute shaders draw the views of a pass by: owners of pixels, or weights of
+// cells, and of each face what sum_shader.h lays out.
 class PassNumbers {
  public:
   // Makes those of views whose images have their places in `atlas`, without any context. `boxes`: of each slot of the
@@ -32,7 +32,7 @@ class PassNumbers {
 
  private:
   struct View {
-    std::vector<uint32_t> runs;
+    std::vector<uint32_t> runs, cells;
     std::vector<float> tables;
   };
   std::vector<uint32_t> heads_;  // kViewWords of each view

@@ -15,6 +15,7 @@ layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
 uint first_row;    // of the view's, in `runs`
 int first_face;    // row of the tables
 uint of_result[6]; // where the view's sum is: kViewResult
+uint cells;        // where its cells begin
 
 void begin_view(uint view) {
   uint head = VIEW_WORDS * view;
@@ -26,6 +27,7 @@ void begin_view(uint view) {
   nodes = ivec2(runs[head + VIEW_NODES], runs[head + VIEW_NODES + 1u]);
   for (uint i = 0u; i < 4u; i++) map_scale[i] = uintBitsToFloat(runs[head + VIEW_SCALE + i]);
   for (uint i = 0u; i < 6u; i++) of_result[i] = runs[head + VIEW_RESULT + i];
+  cells = runs[head + VIEW_CELLS];
 }
 
 // The row of the tables for the face that owns a pixel of the sum; -1: none that has a camera of ours.

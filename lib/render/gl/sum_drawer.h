@@ -45,7 +45,7 @@ struct DrawnSum {
 // A sum that is to be drawn, and what comes of it.
 struct SumOrder {
   // The task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in kI420 and what
-  // stays), of images `sources` that the task was made of, of a view that is blended by its mesh.
+  // stays), of images `sources` that the task was made of; with fragment shaders of a view that is blended by its mesh.
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;
   Rect rect;

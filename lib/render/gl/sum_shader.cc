@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "image/correction.h"
+#include "render/camera_weights.h"
 #include "render/gl/adding_shader-inl.h"
 #include "render/gl/block_shader-inl.h"
 #include "render/gl/image_shader-inl.h"
@@ -197,6 +198,9 @@ std::string head(const SumProgram& program) {
   if (program.has_rays) text += "#define RAYS\n";
   if (program.is_distorted) text += "#define DISTORTED\n";
   if (program.is_cubic) text += "#define CUBIC\n";
+  define(text, "CELL_BITS", BlendGrid::kStepBits);
+  define(text, "WEIGHT_ONE", BlendGrid::kOne);
+  define(text, "CELL_WORDS", kCellWords);
   define(text, "RUNS", int{kRunsBinding});
   define(text, "TABLES", int{kTablesBinding});
   define(text, "RESULT", int{kResultBinding});
@@ -227,6 +231,7 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_NODES", kViewNodes);
   define_word("VIEW_SCALE", kViewScale);
   define_word("VIEW_RESULT", kViewResult);
+  define_word("VIEW_CELLS", kViewCells);
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "IS_CUBIC", int{kIsCubic});
@@ -252,7 +257,9 @@ std::string vertex_shader(const SumProgram& program) {
 std::string compute_shader(const SumProgram& program) {
   if (is_of_picture(program)) return head(program).append(kPicture);
   if (program.output == SumProgram::Output::kAdded) return head(program).append(kAdding);
-  return head(program).append(kRule).append(kRuns).append(is_of_moments(program) ? kMoments : kBlocks);
+  const std::string text = head(program).append(kRule).append(kRuns);
+  if (is_of_moments(program)) return text + std::string(kMoments);
+  return text + std::string(kBlocks) + std::string(program.has_cells ? kBlockOfCells : kBlockOfFaces);
 }
 
 std::string fragment_shader(const SumProgram& program) {

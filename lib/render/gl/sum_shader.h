@@ -45,6 +45,7 @@ struct SumProgram {
   bool has_rays = false;      // lines of sight are looked up; careful, but for moments
   bool is_distorted = false;  // a camera's lens is
   bool is_cubic = false;      // a camera is sampled by Catmull-Rom
+  bool has_cells = false;     // kBlocks alone: weights are those of a BlendGrid, and not of the mesh
 
   auto operator<=>(const SumProgram&) const = default;
 };
@@ -53,7 +54,8 @@ struct SumProgram {
 inline constexpr int kMixedOwners = 65535;
 inline constexpr int kDoubt = 0xffff, kChromaDoubt = 0x8000;
 
-// Numbers in `tables`: texels of four, a row of them for each face.
+// Numbers in `tables`: texels of four, a row of them for each face; with a BlendGrid for each slot, whose camera is in
+// the first corner.
 enum FaceTexel {
   kFaceAnchor,  // x, y: what its pixels (or lines of sight, where these are looked up) are counted from; its depth;
                 // the level that inverse distances are counted from
@@ -89,7 +91,8 @@ enum ViewWord {
   kViewNodes,        // columns, rows of the map
   kViewScale = 9,    // MapScale, in float
   kViewResult = 13,  // six words about where its sum is, see BlockSum
-  kViewWords = 19
+  kViewCells = 19,   // where its cells begin, see make_cells()
+  kViewWords
 };
 
 // Pixels of a camera's image.
@@ -100,6 +103,10 @@ inline constexpr double kFloatRounding = 3e-7;
 inline constexpr double kMaxWeightError = 2e-5;
 // How near to the eye a focal surface may be for float not to tell on which side of it.
 inline constexpr double kEyeDoubt = 1e-5;
+
+// Words of a camera in a cell: the row of the tables, and its running sums at each of the four points, without the
+// camera in the low 16 bits and with it in the high ones.
+inline constexpr int kCellWords = 5;
 
 // Buffers of a compute shader, and invocations a side of a group of it. OpenGL ES 3.1 promises four bindings.
 enum BufferBinding {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "render/camera_projection.h"
+#include "render/camera_weights.h"
 
 namespace lf::gl {
 namespace {
@@ -47,7 +48,7 @@ void add_edges(Tables& tables, const simd::SumTask& task, const FacePlan& face, 
   const Rays& rays = task.plan->rays();
   Vec3 edge[3] = {face.edge[0], face.edge[1], face.edge[2]};
   if (rays.separable()) {
-    const Vec2 first = rays.at(0, 0), anchor = anchor_of(face);
+    const Vec2 first = rays.at(0, 0), anchor = anchor_of(face.rect);
     const Vec2 step(rays.at(1, 0).x - first.x, rays.at(0, 1).y - first.y);
     const Vec2 ray = rays.at(static_cast<int>(anchor.x), static_cast<int>(anchor.y));
     for (Vec3& e : edge) e = Vec3(e.x * step.x, e.y * step.y, FacePlan::evaluate(e, ray));
@@ -104,6 +105,7 @@ SumProgram program_of(const simd::SumTask& task) {
   SumProgram program;
   program.has_map = task.plan->view().focus.map != nullptr;
   program.has_rays = !task.plan->rays().separable();
+  program.has_cells = task.plan->blend() != nullptr;
   for (const simd::Slot& slot : task.slots) {
     program.is_distorted = program.is_distorted || slot.radial || slot.tangential;
     program.is_cubic = program.is_cubic || slot.is_cubic();
@@ -111,24 +113,55 @@ SumProgram program_of(const simd::SumTask& task) {
   return program;
 }
 
-Vec2 anchor_of(const FacePlan& face) {
-  return Vec2((face.rect.x0 + face.rect.x1) / 2, (face.rect.y0 + face.rect.y1) / 2);
+Vec2 anchor_of(const Rect& rect) { return Vec2((rect.x0 + rect.x1) / 2, (rect.y0 + rect.y1) / 2); }
+
+size_t table_rows(const simd::SumTask& task) {
+  return task.plan->blend() ? task.slots.size() : task.plan->faces().size();
 }
+
+namespace {
+
+// What a row of the tables counts from.
+struct RowAnchor {
+  Vec2 at;
+  double near;  // inverse distance there
+};
+
+// Adds kFaceAnchor of the row for what lies in this rectangle.
+RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect, double depth) {
+  const FocalMap* map = plan.view().focus.map.get();
+  const bool separable = plan.rays().separable();
+  const Vec2 at = separable ? anchor_of(rect) : Vec2(plan.view().width / 2.0, plan.view().height / 2.0);
+  const double near = map ? plan.inverse_at(at.x, at.y) : 0;
+  const double level = map && map->nearest != map->farthest
+                           ? (near - map->farthest) / (map->nearest - map->farthest) * FocalMap::kLevels
+                           : 0;
+  tables.add(separable ? at.x : 0, separable ? at.y : 0, depth, level);
+  return {at, near};
+}
+
+// A row for each slot of a view that is not blended by its mesh.
+void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageAtlas::Offset> places) {
+  const bool has_map = task.plan->view().focus.map != nullptr;
+  for (size_t i = 0; i < task.slots.size(); i++) {
+    const RowAnchor anchor = add_anchor(tables, *task.plan, task.slots[i].rect, 0);
+    for (int k = 0; k < 3; k++) tables.add(0, 0, 0, k == 0);
+    add_corner(tables, task, task.slots[i], places[i], anchor.at, anchor.near, 0);
+    for (int k = 1; k < 3; k++) add_no_corner(tables, has_map);
+  }
+}
+
+}  // namespace
 
 void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
+  if (plan.blend()) return add_slots(tables, task, places);
   const FocalMap* map = plan.view().focus.map.get();
-  const bool separable = plan.rays().separable();
   for (size_t i = 0; i < plan.faces().size(); i++) {
     const FacePlan& face = plan.faces()[i];
-    const Vec2 anchor = separable ? anchor_of(face) : Vec2(plan.view().width / 2.0, plan.view().height / 2.0);
-    const double near = map ? plan.inverse_at(anchor.x, anchor.y) : 0;
-    const double level = map && map->nearest != map->farthest
-                             ? (near - map->farthest) / (map->nearest - map->farthest) * FocalMap::kLevels
-                             : 0;
-    tables.add(separable ? anchor.x : 0, separable ? anchor.y : 0, static_cast<double>(i + 1) / kMixedOwners, level);
+    const auto [anchor, near] = add_anchor(tables, plan, face.rect, static_cast<double>(i + 1) / kMixedOwners);
     add_edges(tables, task, face, task.face_corners[i]);
     for (int k = 0; k < 3; k++) {
       if (!(task.face_corners[i] >> k & 1)) {
@@ -147,13 +180,37 @@ void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t
   for (int y = rect.y0; y < rect.y1; y++) {
     for (const OwnerRun& run : task.runs->row(y, rect.x0, rect.x1)) {
       // What is none of ours costs nothing.
-      if (!task.face_corners[static_cast<size_t>(run.face)]) continue;
+      if (!task.plan->blend() && !task.face_corners[static_cast<size_t>(run.face)]) continue;
       const int x0 = std::max(run.x0, rect.x0) - rect.x0, x1 = std::min(run.x1, rect.x1) - rect.x0;
       values.push_back(static_cast<uint32_t>(x0) | static_cast<uint32_t>(x1) << 16);
       values.push_back(static_cast<uint32_t>(run.face));
     }
     values[static_cast<size_t>(y - rect.y0) + 1] = static_cast<uint32_t>((values.size() - rows) / 2);
   }
+}
+
+void make_cells(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values) {
+  values.clear();
+  const BlendGrid* const grid = task.plan->blend();
+  if (!grid || rect.empty()) return;
+  constexpr int kStep = BlendGrid::kStep;
+  const Rect cells{rect.x0 / kStep, rect.y0 / kStep, (rect.x1 - 1) / kStep + 1, (rect.y1 - 1) / kStep + 1};
+  const size_t count = static_cast<size_t>(cells.width()) * cells.height();
+  values.assign(count + 1, 0);
+  size_t number = 0;
+  for (int j = cells.y0; j < cells.y1; j++)
+    for (int i = cells.x0; i < cells.x1; i++) {
+      const Rect pixels{i * kStep, j * kStep, (i + 1) * kStep, (j + 1) * kStep};
+      for (size_t slot = 0; slot < task.slots.size(); slot++) {
+        BlendGrid::Cell cell;
+        if (intersect(task.slots[slot].rect, pixels).empty() || !grid->find(task.slots[slot].camera, i, j, cell))
+          continue;
+        values.push_back(static_cast<uint32_t>(slot));
+        for (int p = 0; p < 4; p++)
+          values.push_back(static_cast<uint32_t>(cell.before[p]) | static_cast<uint32_t>(cell.with[p]) << 16);
+      }
+      values[++number] = static_cast<uint32_t>((values.size() - count - 1) / kCellWords);
+    }
 }
 
 }  // namespace lf::gl

@@ -12,13 +12,17 @@
 
 namespace lf::gl {
 
-// The numbers that programs draw a task by, as sum_shader.h lays them out: a row of face_texels() for each face of the
-// plan. `places`: of the images of the task's slots. `values`: four of each texel. `boxes`: of each slot, see
-// kCornerPerFrom.
+// The numbers that programs draw a task by, as sum_shader.h lays them out: table_rows() of face_texels(), one for each
+// face of the plan, or of a view that is not blended by its mesh for each slot. `places`: of the images of the task's
+// slots. `values`: four of each texel. `boxes`: of each slot, see kCornerPerFrom.
 void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes = {});
+size_t table_rows(const simd::SumTask& task);
 // The task's runs in `rect`, as run_shader-inl.h has them.
 void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values);
+// Of a view that is not blended by its mesh: of each of the BlendGrid's cells that has pixels in `rect`, row by row, the
+// first of its cameras, and the end of the last one's; then kCellWords of each camera. Else nothing.
+void make_cells(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values);
 
 // How far apart a focal map's nodes are, pixels; the inverse distance of level 0 and of a level more; the eye's
 // distance from where distances are counted. Without a map none of it means anything.
@@ -30,7 +34,7 @@ MapScale scale_of(const ViewPlan& plan);
 // What a program for all of a task's faces has to have; its output is to be set.
 SumProgram program_of(const simd::SumTask& task);
 
-// What a face's pixels are counted from: the middle of its rectangle.
-Vec2 anchor_of(const FacePlan& face);
+// What pixels of a rectangle are counted from: its middle.
+Vec2 anchor_of(const Rect& rect);
 
 }  // namespace lf::gl

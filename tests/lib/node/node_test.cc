@@ -113,6 +113,19 @@ TEST_F(NodeOfViews, AnswersSeveralAsEachAlone) {
   EXPECT_EQ(node_.stats().missing_frames, 0u);
 }
 
+TEST_F(NodeOfViews, AnswersSeveralOfAnAperture) {
+  std::string why;
+  options_.card = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(options_.card) << why;
+  start(true);
+  std::vector<wire::AnyRequest> requests = set();
+  for (wire::AnyRequest& request : requests)
+    std::get<ViewRequest>(request).view.blending = {.kind = Blending::Kind::kAperture, .aperture = 0.1};
+  EXPECT_TRUE(Node::may_go_together(requests[1], requests[2]));
+  EXPECT_EQ(expect_same(requests), 3u) << "one in between is on a plane, by another program";
+  EXPECT_GT(node_.stats().drawn, 6u);
+}
+
 TEST_F(NodeOfViews, AnswersSeveralOfFiles) {
   start(false);
   expect_same(set());
