@@ -12,6 +12,14 @@
 
 namespace lf {
 
+// Who has written a picture in another context than its own says when that is done: its own, which is returned, goes
+// on after it.
+static GstGLContext* wait_for_writer(GstBuffer* buffer) {
+  GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(buffer, 0))->mem.context;
+  if (GstGLSyncMeta* const written = gst_buffer_get_gl_sync_meta(buffer)) gst_gl_sync_meta_wait(written, context);
+  return context;
+}
+
 // The picture in its textures. What is done of it is done once.
 class CardPicture::Textures : public CardImage {
  public:
@@ -41,9 +49,7 @@ class CardPicture::Textures : public CardImage {
   bool find() {
     const GstVideoInfo& info = picture_.info_;
     GstBuffer* const buffer = picture_.buffer_.get();
-    GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(buffer, 0))->mem.context;
-    // Who has written them in another context says when that is done.
-    if (GstGLSyncMeta* const other = gst_buffer_get_gl_sync_meta(buffer)) gst_gl_sync_meta_wait(other, context);
+    GstGLContext* const context = wait_for_writer(buffer);
     // What was written by the CPU goes to the textures now. They stay, and as they are, as long as the buffer is held.
     GstVideoFrame frame;
     if (!gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer,
@@ -79,6 +85,7 @@ CardPicture::~CardPicture() = default;
 
 std::shared_ptr<const ImageView> CardPicture::view(PixelFamily family, const Rect& region) {
   const std::lock_guard lock(mutex_);
+  if (!converted_) wait_for_writer(buffer_.get());
   if (!converted_ || converted_->takes_work(family))
     converted_ = FrameConverter(info_, family).convert(gst_buffer_ref(buffer_.get()));
   return converted_ ? converted_->view(family, region) : nullptr;

@@ -72,7 +72,7 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
       property<&S::renderer>(
           kWhilePlaying, "renderer", "Renderer",
           "What draws the sums, and trials: both give the same picture to 1 of 255. Views that are "
-          "not blended by the array's mesh are the CPU's where the card has no compute shaders; stats say what renders",
+          "not blended by the array's mesh are the CPU's where OpenGL is, too; stats say what renders",
           LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;

@@ -58,12 +58,14 @@ GstBuffer* copy_here(GstBuffer* frame, GstCaps* caps) {
   GstVideoFrame from, to;
   if (!is_on_card) return gst_buffer_copy_deep(frame);
   if (!gst_video_info_from_caps(&info, caps) || !gst_video_frame_map(&from, &info, frame, GST_MAP_READ)) return nullptr;
-  GstBuffer* const copy = gst_buffer_new_allocate(nullptr, info.size, nullptr);
-  if (gst_video_frame_map(&to, &info, copy, GST_MAP_WRITE)) {
+  GstBuffer* copy = gst_buffer_new_allocate(nullptr, info.size, nullptr);
+  const bool is_there = copy && gst_video_frame_map(&to, &info, copy, GST_MAP_WRITE);
+  if (is_there) {
     gst_video_frame_copy(&to, &from);
     gst_video_frame_unmap(&to);
   }
   gst_video_frame_unmap(&from);
+  if (!is_there) gst_clear_buffer(&copy);
   return copy;
 }
 

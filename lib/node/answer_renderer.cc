@@ -100,7 +100,8 @@ class PendingSum : public PendingAnswer {
     renderer_->fetch(parallel);
     RenderedAnswer answer = write(std::move(memory), parallel);
     answer.drawing = renderer_->drawing();
-    answer.pixels = static_cast<size_t>(renderer_->rect().width()) * renderer_->rect().height();
+    const Rect& rect = renderer_->rect();
+    answer.pixels = job_.plan().blend() ? renderer_->samples() / 3 : static_cast<size_t>(rect.width()) * rect.height();
     answer.render_ns = ns_ + (now_ns() - begun) - answer.encode_ns;
     return answer;
   }

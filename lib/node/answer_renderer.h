@@ -23,7 +23,8 @@ struct RenderedAnswer {
   // there is none.
   std::shared_ptr<gl::CardSum> payload;
   Drawing drawing;                        // of the sum
-  size_t pixels = 0;                      // of the rectangle that bounds the sum
+  // Of the rectangle that bounds the sum; of more cameras than a mesh has, as many as a mesh takes as long for.
+  size_t pixels = 0;
   uint64_t render_ns = 0, encode_ns = 0;  // nanoseconds of wall time; rounding to 8 bits counts as rendering
 };
 

@@ -85,7 +85,8 @@ class CameraFrames {
 
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
 
-  // The lock of a call. Frames that are dropped under it go once it is released: those on a card take a while for that.
+  // The lock of a call. Frames that are dropped under it go when a call has ended, without the lock: those on a card
+  // take a while for that.
   class Lock;
 
   struct Held {

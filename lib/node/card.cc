@@ -104,6 +104,7 @@ bool Card::move_to(RendererChoice choice, gl::ShareGroup group, bool early, cons
   }
   drawer_ = std::move(drawer);
   if (!race_.decided()) race_.begin_again();
+  if (!trial_race_.decided()) trial_race_.begin_again();
   return true;
 }
 

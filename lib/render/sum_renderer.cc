@@ -57,12 +57,13 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
     const State& state = *renderer->state_;
     if (renderer->rect_.empty()) continue;
     if (state.task.plan->blend() && !card.computes()) {
-      renderer->state_->drawing.why_not = "the view is not blended by its mesh";
+      renderer->state_->drawing.why_not = "the view is not blended by its mesh, and the card computes on the CPU";
       continue;
     }
     drawn.push_back(renderer);
-    // What may be added to others on the card begins at even pixels.
-    const Rect rect = state.may_stay ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;
+    // What may be added to others on the card begins at even pixels, as do cells.
+    const bool is_even = state.may_stay || state.task.plan->blend();
+    const Rect rect = is_even ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;
     orders.push_back({&state.task, state.sources, rect, state.may_stay});
   }
   card.draw(orders, parallel);
@@ -71,7 +72,8 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
     state.drawn = std::move(orders[i].drawn);
     state.card_sum = std::move(orders[i].stayed);
     state.drawing.drawn = orders[i].why_not.empty();
-    state.drawing.refused = !state.drawing.drawn;
+    // That a view of many cameras is too much says nothing about others.
+    state.drawing.refused = !state.drawing.drawn && !state.task.plan->blend();
     state.drawing.why_not = std::move(orders[i].why_not);
   }
 }
@@ -81,6 +83,8 @@ SumRenderer::~SumRenderer() = default;
 void SumRenderer::fetch(const ParallelFor& parallel) {
   if (!state_->drawing.drawn) state_->fetch(parallel);
 }
+
+size_t SumRenderer::samples() const { return simd::samples_of(state_->task, rect_); }
 
 const Drawing& SumRenderer::drawing() const { return state_->drawing; }
 

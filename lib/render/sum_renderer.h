@@ -78,6 +78,8 @@ class SumRenderer {
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
+  // How many samples of cameras it takes at the most: pixels times cameras.
+  size_t samples() const;
   const Drawing& drawing() const;
   // The sum of rect(), grown to whole blocks of two by two pixels, if it has stayed on the card: render_rows() is then
   // not called.

@@ -5,7 +5,6 @@
 #include <array>
 #include <memory>
 
-#include "render/camera_weights.h"
 #include "render/gl/sum_tables.h"
 
 namespace lf::gl {
@@ -35,16 +34,15 @@ std::shared_ptr<Computed> BlockSums::next() {
 }
 
 bool BlockSums::fits(std::span<const DrawnView> views) const {
-  size_t words = 0, of_tables = 0, of_cells = 0;  // of the last at the most
+  size_t words = 0, of_tables = 0, of_cells = 0;
   for (const DrawnView& view : views) {
     const ViewPlan& plan = *view.task->plan;
     words += lay_out(view.task->family, view.rect, 0).end;
     of_tables +=
         size_t{4} * static_cast<size_t>(face_texels(plan.view().focus.map != nullptr)) * table_rows(*view.task);
-    if (const BlendGrid* const grid = plan.blend())
-      of_cells += kCellWords * BlendGrid::kMaxShares * static_cast<size_t>(grid->columns()) * grid->rows();
+    of_cells += most_of_cells(*view.task, view.rect);
   }
-  return std::max({words, of_tables, of_cells}) <= most_words_;
+  return std::max({words, of_tables, 2 * of_cells}) <= most_words_;  // runs are in the same buffer
 }
 
 bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, const ViewTextures& textures,

@@ -76,7 +76,8 @@ bool ImageAtlas::lay_out(std::span<const DrawnView> views, const NeededPixels& n
   offsets_.resize(views.size());
   for (size_t v = 0; v < views.size(); v++) offsets_[v].assign(views[v].task->slots.size(), {});
   for (const auto& [view, slot, piece] : uses_) offsets_[view][slot] = pieces_[piece].at;
-  return std::max(width_, all_rows()) <= max_size;
+  const size_t bytes = static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_);
+  return std::max(width_, all_rows()) <= max_size && bytes <= kMostBytes;
 }
 
 // To where it is in the texture's memory.

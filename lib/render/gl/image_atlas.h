@@ -30,7 +30,7 @@ struct NeededPixels {
 };
 
 // What the views of a pass need of cameras' images, side by side in one texture, which is a few times as large as a
-// view, however many and however large the images are. It is sent in one piece: cards are slow with many small ones.
+// view, however many and however large the images are, where the mesh blends; else as many times as cameras see it. It is sent in one piece: cards are slow with many small ones.
 // An image that several views look at is there once, with all that they need of it. What is needed of images that are
 // on the card, in textures that the context shares, is drawn there.
 //
@@ -41,8 +41,10 @@ struct NeededPixels {
 // half the size, if colours are needed.
 class ImageAtlas {
  public:
+  static constexpr size_t kMostBytes = 512'000'000;
+
   // Gives each of the views' sources that has an image and a slot in its task a place, in a texture of at most
-  // `max_size` pixels a side; false if they don't fit. All images are of one family, and stay where they are until they
+  // `max_size` pixels a side and kMostBytes; false if they don't fit. All images are of one family, and stay where they are until they
   // are uploaded.
   bool lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size);
 

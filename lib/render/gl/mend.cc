@@ -61,7 +61,12 @@ class Parts {
                 slot.projection->project(plan.rays().at(x, y), plan.inverse_at(x, y), part.position);
   }
 
-  std::vector<Part> parts_;
+  static std::vector<Part>& emptied() {
+    thread_local std::vector<Part> parts;
+    parts.clear();
+    return parts;
+  }
+  std::vector<Part>& parts_ = emptied();  // of the thread: one pixel's at a time
 };
 
 void mend_pixel(const simd::SumTask& task, FetchedImages& images, int x, int y, uint16_t* out, uint16_t& out_lost) {
@@ -127,6 +132,20 @@ static bool has(const uint16_t* values, int count, int step, uint16_t value) {
   unsigned any = 0;
   for (int i = 0; i < count; i++) any |= values[i * step] == value;
   return any;
+}
+
+size_t open_samples(const DrawnSum& sum) {
+  const Rect &rect = sum.rect, &part = sum.lost_rect;
+  size_t open = 0;
+  for (int y = part.y0; y < part.y1; y++) {
+    const uint16_t* const lost = &sum.lost[static_cast<size_t>(y - part.y0) * sum.lost_pitch];
+    open += static_cast<size_t>(std::count(lost, lost + part.width(), uint16_t{kDoubt}));
+    if (sum.family != PixelFamily::kI420 || y % 2) continue;
+    const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
+    const uint16_t* const chroma = &sum.chroma[2 * (row + (part.x0 - rect.x0) / 2)];
+    for (int i = 0; i < chroma_size(part.width()); i++) open += 4 * (chroma[2 * i] == kChromaDoubt);
+  }
+  return open;
 }
 
 size_t mend(const simd::SumTask& task, std::span<const Source> sources, DrawnSum& sum) {

@@ -13,9 +13,9 @@ void PassNumbers::make(std::span<const DrawnView> views, const ImageAtlas& atlas
   views_.resize(views.size());
   parallel(views.size(), [&](size_t i) {
     make_runs(*views[i].task, views[i].rect, views_[i].runs);
-    make_cells(*views[i].task, views[i].rect, views_[i].cells);
     make_tables(*views[i].task, atlas.offsets(i), views_[i].tables, boxes);
   });
+  for (size_t i = 0; i < views.size(); i++) make_cells(*views[i].task, views[i].rect, parallel, views_[i].cells);
   heads_.assign(kViewWords * views.size(), 0);
   size_t runs = heads_.size(), faces = 0;
   int levels = 0;

@@ -14,6 +14,7 @@
 #include "render/gl/passes.h"
 #include "render/gl/sum_tables.h"
 #include "render/gl/view_textures.h"
+#include "render/simd/sum_task.h"
 
 namespace lf::gl {
 
@@ -92,6 +93,12 @@ bool SumDrawer::prepare(Shaders shaders, std::string& why) {
   return o.programs.use({.output = SumProgram::Output::kBlocksI420, .careful = true, .has_map = true}, why);
 }
 
+// Samples of views that are not blended by their mesh that the card is given at once: of several views, and of one. It
+// may be a slow one, which its driver takes for hung after a while.
+static constexpr size_t kMostSamples = 64'000'000, kMostSamplesOfOne = 256'000'000;
+// Projections in double of what such a view leaves open, by one thread.
+static constexpr size_t kMostMended = 4'000'000;
+
 static bool refuse(std::string& why, std::string reason) {
   why = std::move(reason);
   return false;
@@ -102,13 +109,17 @@ bool SumDrawer::fits(std::span<const DrawnView> views, std::string& why) const {
   const Objects& o = *objects_;
   if (o.blocks && !o.blocks->fits(views)) return refuse(why, "the view is too large");
   int level_rows = 0;
+  size_t samples = 0;
   for (const DrawnView& view : views) {
+    if (view.task->plan->blend()) samples += simd::samples_of(*view.task, view.rect);
     const auto faces = static_cast<int>(view.task->plan->faces().size());
     if (faces >= kMixedOwners) return refuse(why, "too many faces");
     if (const FocalMap* map = view.task->plan->view().focus.map.get()) level_rows += map->rows;
     if (std::max({view.rect.width(), view.rect.height(), faces, level_rows}) > o.max_size)
       return refuse(why, "the view or the array is too large");
   }
+  if (samples > (views.size() > 1 ? kMostSamples : kMostSamplesOfOne))
+    return refuse(why, "there are too many cameras a pixel");
   return true;
 }
 
@@ -161,6 +172,9 @@ size_t SumDrawer::together(std::span<const SumOrder> orders) const {
 // Mends what the card has left open. False with the reason in `why` where that can't be put back.
 bool SumDrawer::finish(std::span<SumOrder> orders, std::span<SumReading> readings, const ParallelFor& parallel,
                        std::string& why) {
+  for (size_t i = 0; i < orders.size(); i++)
+    if (orders[i].task->plan->blend() && open_samples(*readings[i].out) * orders[i].task->slots.size() > kMostMended)
+      return refuse(why, "the card can't tell too much of it");
   std::vector<size_t> mended(orders.size());
   parallel(orders.size(), [&](size_t i) { mended[i] = mend(*orders[i].task, orders[i].sources, *readings[i].out); });
   bool any = false, is_there = true;

@@ -167,4 +167,7 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
 // task was made of.
 size_t mend(const simd::SumTask& task, std::span<const Source> sources, DrawnSum& sum);
 
+// How many there are.
+size_t open_samples(const DrawnSum& sum);
+
 }  // namespace lf::gl

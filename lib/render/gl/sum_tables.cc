@@ -189,28 +189,57 @@ void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t
   }
 }
 
-void make_cells(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values) {
+// The cells with pixels in a rectangle.
+static Rect cells_of(const Rect& rect) {
+  if (rect.empty()) return {};
+  constexpr int kStep = BlendGrid::kStep;
+  return {rect.x0 / kStep, rect.y0 / kStep, (rect.x1 - 1) / kStep + 1, (rect.y1 - 1) / kStep + 1};
+}
+
+static size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
+
+void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& parallel,
+                std::vector<uint32_t>& values) {
   values.clear();
   const BlendGrid* const grid = task.plan->blend();
   if (!grid || rect.empty()) return;
-  constexpr int kStep = BlendGrid::kStep;
-  const Rect cells{rect.x0 / kStep, rect.y0 / kStep, (rect.x1 - 1) / kStep + 1, (rect.y1 - 1) / kStep + 1};
-  const size_t count = static_cast<size_t>(cells.width()) * cells.height();
-  values.assign(count + 1, 0);
-  size_t number = 0;
-  for (int j = cells.y0; j < cells.y1; j++)
-    for (int i = cells.x0; i < cells.x1; i++) {
-      const Rect pixels{i * kStep, j * kStep, (i + 1) * kStep, (j + 1) * kStep};
-      for (size_t slot = 0; slot < task.slots.size(); slot++) {
-        BlendGrid::Cell cell;
-        if (intersect(task.slots[slot].rect, pixels).empty() || !grid->find(task.slots[slot].camera, i, j, cell))
-          continue;
-        values.push_back(static_cast<uint32_t>(slot));
-        for (int p = 0; p < 4; p++)
-          values.push_back(static_cast<uint32_t>(cell.before[p]) | static_cast<uint32_t>(cell.with[p]) << 16);
-      }
-      values[++number] = static_cast<uint32_t>((values.size() - count - 1) / kCellWords);
+  const Rect cells = cells_of(rect);
+  struct Row {
+    std::vector<uint32_t> ends, cameras;
+  };
+  std::vector<Row> rows(static_cast<size_t>(cells.height()));
+  parallel(rows.size(), [&](size_t j) {
+    const int y = cells.y0 + static_cast<int>(j);
+    std::vector<size_t> slots;  // that this row has to do with
+    for (size_t slot = 0; slot < task.slots.size(); slot++) {
+      const Rect of_slot = cells_of(task.slots[slot].rect);
+      if (y >= of_slot.y0 && y < of_slot.y1) slots.push_back(slot);
     }
+    for (int x = cells.x0; x < cells.x1; x++) {
+      for (const size_t slot : slots) {
+        const Rect of_slot = cells_of(task.slots[slot].rect);
+        BlendGrid::Cell cell;
+        if (x < of_slot.x0 || x >= of_slot.x1 || !grid->find(task.slots[slot].camera, x, y, cell)) continue;
+        rows[j].cameras.push_back(static_cast<uint32_t>(slot));
+        for (int p = 0; p < 4; p++)
+          rows[j].cameras.push_back(static_cast<uint32_t>(cell.before[p]) | static_cast<uint32_t>(cell.with[p]) << 16);
+      }
+      rows[j].ends.push_back(static_cast<uint32_t>(rows[j].cameras.size() / kCellWords));
+    }
+  });
+  values.push_back(0);
+  for (uint32_t before = 0; const Row& row : rows) {
+    for (const uint32_t end : row.ends) values.push_back(before + end);
+    before = values.back();
+  }
+  for (const Row& row : rows) values.insert(values.end(), row.cameras.begin(), row.cameras.end());
+}
+
+size_t most_of_cells(const simd::SumTask& task, const Rect& rect) {
+  if (!task.plan->blend() || rect.empty()) return 0;
+  size_t numbers = area(cells_of(rect)) + 1;
+  for (const simd::Slot& slot : task.slots) numbers += kCellWords * area(cells_of(intersect(slot.rect, rect)));
+  return numbers;
 }
 
 }  // namespace lf::gl

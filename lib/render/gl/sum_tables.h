@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/rect.h"
+#include "base/worker_pool.h"
 #include "render/gl/image_atlas.h"
 #include "render/gl/sum_shader.h"
 #include "render/simd/band_data.h"
@@ -22,7 +23,10 @@ size_t table_rows(const simd::SumTask& task);
 void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values);
 // Of a view that is not blended by its mesh: of each of the BlendGrid's cells that has pixels in `rect`, row by row, the
 // first of its cameras, and the end of the last one's; then kCellWords of each camera. Else nothing.
-void make_cells(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values);
+void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& parallel,
+                std::vector<uint32_t>& values);
+// How many numbers that is at the most.
+size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
 // How far apart a focal map's nodes are, pixels; the inverse distance of level 0 and of a level more; the eye's
 // distance from where distances are counted. Without a map none of it means anything.

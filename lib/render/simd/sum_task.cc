@@ -104,6 +104,15 @@ void place_image(const SumTask& task, Slot& slot, const ImageView& image) {
   look_for_calm_rows(*task.plan, task.family, slot);
 }
 
+size_t samples_of(const SumTask& task, const Rect& rect) {
+  size_t samples = 0;
+  for (const Slot& slot : task.slots) {
+    const Rect part = intersect(slot.rect, rect);
+    if (!part.empty()) samples += static_cast<size_t>(part.width()) * part.height();
+  }
+  return samples;
+}
+
 PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
                            PixelFamily family, Coordinates coordinates) {
   task.plan = &plan;

@@ -28,6 +28,9 @@ struct PreparedTask {
 // Gives a slot of a task its image in this process's memory, in place of the same image on a card.
 void place_image(const SumTask& task, Slot& slot, const ImageView& image);
 
+// Pixels of the rectangle times cameras that may have a weight there.
+size_t samples_of(const SumTask& task, const Rect& rect);
+
 // The calling thread's memory, with room for a rectangle and a number of slots, and nothing known of them.
 Scratch& scratch_for(const Rect& rect, size_t slots);
 

@@ -32,6 +32,17 @@ TEST(RendererRace, TheFasterOneWinsAndTheFirstOfTheCardDoesNotCount) {
   }
 }
 
+TEST(RendererRace, BeginsAgain) {
+  RendererRace race;
+  for (int i = 0; i < 3; i++) race.add(true, 1000, 10);
+  race.begin_again();
+  EXPECT_EQ(race.best(true), std::numeric_limits<double>::infinity());
+  race.add(true, 1000, 1);
+  EXPECT_EQ(race.best(true), std::numeric_limits<double>::infinity()) << "programs are compiled anew";
+  race.add(true, 1000, 2000);
+  EXPECT_EQ(race.best(true), 2);
+}
+
 TEST(RendererRace, OneAloneDecidesNothing) {
   RendererRace race;
   for (int i = 0; i < 100; i++) race.add(false, 1000, 1000);
@@ -253,13 +264,14 @@ TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
   EXPECT_FALSE(drawer->is_lost());
   EXPECT_FALSE(renderer.drawing().drawn);
   EXPECT_FALSE(renderer.drawing().refused);
-  EXPECT_EQ(renderer.drawing().why_not, "the view is not blended by its mesh");
+  EXPECT_EQ(renderer.drawing().why_not, "the view is not blended by its mesh, and the card computes on the CPU");
   for (int i = 0; i < 5; i++) {  // nor is the card blamed for it
     card.rendered(RendererChoice::kGl, {.drawing = renderer.drawing(), .pixels = 1000, .render_ns = 1000});
     EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
   }
   EXPECT_EQ(card.explain(RendererChoice::kGl),
-            "cpu, " + drawer->device() + " does not draw this: the view is not blended by its mesh");
+            "cpu, " + drawer->device() +
+                " does not draw this: the view is not blended by its mesh, and the card computes on the CPU");
 }
 
 TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
