@@ -33,6 +33,7 @@ bool CardPieces::begin(GLuint texture, Programs& programs, std::string& why) {
   glBindVertexArray(no_vertices_);
   glBindSampler(kCardImage, nearest_);
   glDisable(GL_BLEND);
+  glDisable(GL_DITHER);
   glDisable(GL_DEPTH_TEST);
   return true;
 }
