@@ -54,7 +54,7 @@ struct _LfFragment {
     gint64 trimmed_at = 0;                                           // monotonic time, microseconds
     guint next_camera_pad = 0, next_pair = 0;  // numbers of the next camera pad and of the next pair of pads
     uint32_t next_requester = 0;
-    lf::WeakGlContext frames_context;  // of the latest frame in a card's memory
+    lf::WeakGlContext frames_context;  // of the latest frame that may stay on a card
   } * state;
 };
 

@@ -29,7 +29,7 @@ class RendererRace {
   // Answers of each that count. The card's first one does not: its programs are compiled then.
   static constexpr int kRounds = 3;
 
-  // What the card has taken so far tells nothing about it any more.
+  // What has been seen so far tells nothing any more.
   void begin_again() { *this = {}; }
   bool decided() const { return rounds_[0] >= kRounds && rounds_[1] >= kRounds; }
   // Whether the card is to draw the next one; until it is decided, by turns.

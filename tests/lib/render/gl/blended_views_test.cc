@@ -8,8 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "lib/render/production.h"
-#include "lib/render/sum_arrays.h"
+#include "lib/render/gl/eye.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 
@@ -17,7 +16,7 @@ namespace lf {
 namespace {
 
 using reference::Random;
-using test::Sum;
+using test::Eye;
 
 Blending within(double aperture) { return {.kind = Blending::Kind::kAperture, .aperture = aperture}; }
 Blending nearest(int count) { return {.kind = Blending::Kind::kAngle, .nearest = count}; }
@@ -30,46 +29,11 @@ class BlendedViews : public testing::Test {
     ASSERT_TRUE(card_) << why;
   }
 
-  // A view of an array, and its images.
-  struct Eye {
-    Eye(const Rig& rig, const View& view, const std::vector<Image>& images, PixelFamily family)
-        : production(rig, build_mesh(rig), view),
-          sources(test::sources_of(rig, production.plan, images)),
-          family(family) {}
-    std::unique_ptr<SumRenderer> renderer(gl::SumDrawer* card) const {
-      return std::make_unique<SumRenderer>(production.plan, production.owners.runs(), sources, family,
-                                           Coordinates::kExact, card);
-    }
-    Sum sum_of(const SumRenderer& renderer) const {
-      const View& view = production.plan.view();
-      Sum sum(family, test::whole(view));
-      renderer.render_rows(0, view.height, sum.planes);
-      return sum;
-    }
-    test::Production production;
-    std::vector<Source> sources;
-    PixelFamily family;
-  };
-
-  // What the card's sum is off the CPU's by: levels of 255, and of weight 1.
-  struct Difference {
-    double level = 0, lost = 0;
-    void add(const Difference& other) {
-      level = std::max(level, other.level);
-      lost = std::max(lost, other.lost);
-    }
-  };
-  Difference difference(const Eye& eye) {
+  // What the card's sum is off the CPU's by.
+  test::SumDifference difference(const Eye& eye) {
     const auto cpu = eye.renderer(nullptr), drawn = eye.renderer(card_.get());
     EXPECT_TRUE(drawn->drawing().drawn || drawn->rect().empty()) << drawn->drawing().why_not;
-    const Sum a = eye.sum_of(*cpu), b = eye.sum_of(*drawn);
-    Difference worst;
-    for (int c = 0; c < 3; c++)
-      for (size_t i = 0; i < a.memory[c].size(); i++)
-        worst.level = std::max(worst.level, std::abs(a.memory[c][i] - b.memory[c][i]) / 128.0);
-    for (size_t i = 0; i < a.lost.size(); i++)
-      worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kLostOne});
-    return worst;
+    return test::difference_of(eye.sum_of(*cpu), eye.sum_of(*drawn));
   }
 
   static std::vector<Image> images_of_family(const Rig& rig, Random& random, PixelFamily family) {
@@ -84,7 +48,7 @@ class BlendedViews : public testing::Test {
 // lenses, borders, turned views, nodes of some cameras, cameras without an image.
 TEST_F(BlendedViews, AreTheCpus) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
-    Difference worst;
+    test::SumDifference worst;
     size_t mended = 0;
     for (int seed = 0; seed < 20; seed++) {
       SCOPED_TRACE(seed);
@@ -95,7 +59,7 @@ TEST_F(BlendedViews, AreTheCpus) {
       if (seed % 5 < 2) view.focus.map = test::depths(random, view, 8, seed % 5 == 1);
       if (seed % 7 == 3) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * view.width, 70, 50, -0.1});
       const std::vector<Image> images = images_of_family(rig, random, family);
-      Eye eye(rig, view, images, family);
+      Eye eye(rig, build_mesh(rig), view, images, family);
       if (seed % 6 == 5) std::erase_if(eye.sources, [](const Source& source) { return source.camera % 3 == 0; });
       for (Source& source : eye.sources) {
         if (seed % 3 == 1 && source.camera % 5 == 2) source.image = {.family = PixelFamily::kNone};
@@ -121,8 +85,8 @@ TEST_F(BlendedViews, NodesOfSomeCamerasAre) {
     const std::vector<Image> images = images_of_family(rig, random, family);
     for (const Blending& blending : {within(0.2), within(1.3), nearest(6)}) {
       view.blending = blending;
-      const Eye all(rig, view, images, family);
-      Difference worst = difference(all);
+      const Eye all(rig, build_mesh(rig), view, images, family);
+      test::SumDifference worst = difference(all);
       for (int node = 0; node < 9; node++) {
         Eye eye = all;
         std::erase_if(eye.sources, [&](const Source& of) {
@@ -144,7 +108,7 @@ TEST_F(BlendedViews, NodesOfSomeCamerasAre) {
 TEST_F(BlendedViews, HardOnesAre) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const Blending& blending : {within(0.25), nearest(4)}) {
-      Difference worst;
+      test::SumDifference worst;
       size_t mended = 0;
       for (int hard = 0; hard < 6; hard++) {
         SCOPED_TRACE(hard);
@@ -162,7 +126,7 @@ TEST_F(BlendedViews, HardOnesAre) {
         }
         view.blending = blending;
         const std::vector<Image> images = images_of_family(rig, random, family);
-        Eye eye(rig, view, images, family);
+        Eye eye(rig, build_mesh(rig), view, images, family);
         if (hard == 4) eye.sources.resize(1);
         worst.add(difference(eye));
         mended += card_->mended();
@@ -186,7 +150,7 @@ TEST_F(BlendedViews, GoInOnePass) {
       View view = test::view_into(rig, 4, random.integer(33, 150), random.integer(30, 120), random.small_rotation(0.1));
       if (seed > 1) view.focus.map = test::depths(random, view, 8, false);
       if (i < 4) view.blending = i % 2 ? within(0.15) : nearest(3);
-      eyes.push_back(std::make_unique<Eye>(rig, view, images, family));
+      eyes.push_back(std::make_unique<Eye>(rig, build_mesh(rig), view, images, family));
     }
     std::vector<std::unique_ptr<SumRenderer>> together;
     std::vector<SumRenderer*> all;

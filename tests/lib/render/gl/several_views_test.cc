@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "lib/render/production.h"
-#include "lib/render/sum_arrays.h"
+#include "lib/render/gl/eye.h"
 #include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
@@ -17,6 +16,7 @@ namespace lf {
 namespace {
 
 using reference::Random;
+using test::Eye;
 using test::Sum;
 using Shaders = gl::SumDrawer::Shaders;
 
@@ -29,25 +29,6 @@ class SeveralViews : public testing::TestWithParam<Shaders> {
   }
   bool computes() const { return GetParam() == Shaders::kCompute; }
 
-  // A view, and its sum.
-  struct Eye {
-    Eye(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images, PixelFamily family)
-        : production(rig, mesh, view), sources(test::sources_of(rig, production.plan, images)), family(family) {}
-    std::unique_ptr<SumRenderer> renderer(gl::SumDrawer* card = nullptr, bool may_stay = false) const {
-      return std::make_unique<SumRenderer>(production.plan, production.owners.runs(), sources, family,
-                                           Coordinates::kExact, card, serial_for, may_stay);
-    }
-    Sum sum_of(const SumRenderer& renderer) const {
-      const View& view = production.plan.view();
-      Sum sum(family, test::whole(view));
-      renderer.render_rows(0, view.height, sum.planes);
-      return sum;
-    }
-
-    test::Production production;
-    std::vector<Source> sources;
-    PixelFamily family;
-  };
   using Eyes = std::vector<std::unique_ptr<Eye>>;
 
   // Those of all eyes, drawn at once.

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <functional>
 
+#include "lib/render/gl/eye.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/hard_cases.h"
@@ -77,13 +78,8 @@ Difference SumDrawer::difference(const Rig& rig, const View& view, const std::ve
   EXPECT_EQ(card_says_lost, has_lost(b));
   EXPECT_GE(cpu_says_lost, has_lost(a));
   EXPECT_GE(cpu_says_lost, has_lost(b));
-  Difference worst{.mended = card().mended()};
-  for (int c = 0; c < 3; c++)
-    for (size_t i = 0; i < a.memory[c].size(); i++)
-      worst.level = std::max(worst.level, std::abs(a.memory[c][i] - b.memory[c][i]) / 128.0);
-  for (size_t i = 0; i < a.lost.size(); i++)
-    worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kLostOne});
-  return worst;
+  const test::SumDifference most = test::difference_of(a, b);
+  return {most.level, most.lost, card().mended()};
 }
 
 TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
