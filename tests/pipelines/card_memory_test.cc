@@ -212,7 +212,7 @@ TEST_F(CardMemory, PicturesAreMadeInIt) {
 
 // A viewer's, of several views each, which a filter then has; it does nothing to them.
 TEST_F(CardMemory, PicturesOfLfviewsrcAre) {
-  save_array("rig.json", "videotestsrc pattern=ball num-buffers=30 ! video/x-raw,format=RGBA,width=96,height=72");
+  save_array("rig.json", "videotestsrc pattern=ball num-buffers=90 ! video/x-raw,format=RGBA,width=96,height=72");
   const std::string line = "lfviewsrc is-live=false num-buffers=4 focus=plane rig=" + dir_ / "rig.json" +
                            " width=96 height=72 views=row columns=3 eye-distance=0.01 ! ",
                     back = " ! gldownload ! video/x-raw,format=RGBA";
