@@ -55,13 +55,25 @@ void SentTexture::reserve(size_t bytes) {
   if (!buffer_.memory()) memory_.resize(buffer_.bytes());
 }
 
-void SentTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact) {
+void SentTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact,
+                       GLuint from) {
   texture_.bind(unit, internal_format, width, height, exact);
-  const bool is_mapped = buffer_.memory() != nullptr;
-  if (is_mapped) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, buffer_.name());
+  if (!from && buffer_.memory()) from = buffer_.name();
+  if (from) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, from);
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_UNSIGNED_BYTE,
-                  is_mapped ? nullptr : memory_.data());
+                  from ? nullptr : memory_.data());
   glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+}
+
+void SentTexture::copy_to(GLuint buffer, size_t bytes) {
+  const auto size = static_cast<GLsizeiptr>(bytes);
+  glBindBuffer(GL_COPY_WRITE_BUFFER, buffer);
+  if (!buffer_.memory()) {
+    glBufferSubData(GL_COPY_WRITE_BUFFER, 0, size, memory_.data());
+    return;
+  }
+  glBindBuffer(GL_COPY_READ_BUFFER, buffer_.name());
+  glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0, size);
 }
 
 }  // namespace lf::gl

@@ -14,6 +14,8 @@ namespace {
 
 int even(int size) { return (size + 1) & ~1; }
 
+int up_to(int multiple, int size) { return (size + multiple - 1) / multiple * multiple; }
+
 }  // namespace
 
 // What the views look at: pixels of the same memory, or of the same textures with the same made of them, are the same
@@ -24,7 +26,7 @@ void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixel
   uses_.clear();
   bytes_ = 1;
   has_chroma_ = needed.colours && family == PixelFamily::kI420;
-  has_sent_ = has_drawn_ = false;
+  has_sent_ = has_card_ = false;
   std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t, CardPixels>, size_t> known;
   for (size_t v = 0; v < views.size(); v++)
     for (const Source& source : views[v].sources) {
@@ -34,30 +36,32 @@ void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixel
       const auto [at, is_new] =
           known.try_emplace({image.plane[0], image.plane[1], image.stride[0], image.on_card}, pieces_.size());
       if (is_new) pieces_.push_back({&image, {}, {}});
-      (image.on_card.image ? has_drawn_ : has_sent_) = true;
+      (image.on_card.image ? has_card_ : has_sent_) = true;
       Piece& piece = pieces_[at->second];
       piece.part = unite(piece.part, needed.part(views[v], source));
       uses_.push_back({v, static_cast<size_t>(slot), at->second});
-      // OpenGL need not draw to what has three bytes.
+      // CardPieces makes words.
       if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.on_card.image ? 4 : image.layout.pixel_stride);
     }
 }
 
 // On shelves, the highest first. Returns how high they are.
 int ImageAtlas::place_pieces() {
+  // Chroma, of half the width, begins at words, too, where CardPieces makes it.
+  const int columns = has_card_ ? 2 * CardPieces::kWord : 2;
   double area = 0;
-  int widest = 2;
+  int widest = columns;
   std::vector<Piece*> highest_first;
   for (Piece& piece : pieces_) {
-    area += static_cast<double>(even(piece.part.width())) * even(piece.part.height());
-    widest = std::max(widest, even(piece.part.width()));
+    area += static_cast<double>(up_to(columns, piece.part.width())) * even(piece.part.height());
+    widest = std::max(widest, up_to(columns, piece.part.width()));
     highest_first.push_back(&piece);
   }
   std::ranges::sort(highest_first, std::ranges::greater(), [](const Piece* piece) { return piece->part.height(); });
-  width_ = std::max(widest, even(static_cast<int>(std::sqrt(1.1 * area))));
+  width_ = std::max(widest, up_to(columns, static_cast<int>(std::sqrt(1.1 * area))));
   int x = 0, y = 0, shelf = 0;
   for (Piece* const piece : highest_first) {
-    const int width = even(piece->part.width()), height = even(piece->part.height());
+    const int width = up_to(columns, piece->part.width()), height = even(piece->part.height());
     if (x + width > width_) {
       x = 0;
       y += shelf;
@@ -76,8 +80,7 @@ bool ImageAtlas::lay_out(std::span<const DrawnView> views, const NeededPixels& n
   offsets_.resize(views.size());
   for (size_t v = 0; v < views.size(); v++) offsets_[v].assign(views[v].task->slots.size(), {});
   for (const auto& [view, slot, piece] : uses_) offsets_[view][slot] = pieces_[piece].at;
-  const size_t bytes = static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_);
-  return std::max(width_, all_rows()) <= max_size && bytes <= kMostBytes;
+  return std::max(width_, all_rows()) <= max_size && size() <= kMostBytes;
 }
 
 // To where it is in the texture's memory.
@@ -109,16 +112,18 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   }
 }
 
-// What is on the card, in the same place.
-void ImageAtlas::draw(const Piece& piece, CardPieces& pieces) const {
+// What is on the card, in the same place of the buffer of `pieces`.
+void ImageAtlas::copy_there(const Piece& piece, CardPieces& pieces) const {
   const auto& [image, part, at] = piece;
-  pieces.draw(*image, {0, image->width, image->height, part, at.x, at.y});
+  const int samples = bytes_ == 1 ? CardPieces::kWord : 1, row = width_ / samples;  // of a word; words
+  const auto word_at = [&](int x, int y) { return static_cast<size_t>(y) * row + static_cast<size_t>(x / samples); };
+  pieces.copy(*image, {0, image->width, image->height, part, word_at(at.x + part.x0, at.y + part.y0), row});
   if (!has_chroma_) return;
   const Rect half{part.x0 / 2, part.y0 / 2, chroma_size(part.x1), chroma_size(part.y1)};
   for (const int plane : {1, 2}) {
     const Offset origin = chroma_offset(plane);
-    pieces.draw(*image, {plane, chroma_size(image->width), chroma_size(image->height), half, origin.x + at.x / 2,
-                         origin.y + at.y / 2});
+    pieces.copy(*image, {plane, chroma_size(image->width), chroma_size(image->height), half,
+                         word_at(origin.x + at.x / 2 + half.x0, origin.y + at.y / 2 + half.y0), row});
   }
 }
 
@@ -132,20 +137,24 @@ void ImageAtlas::fill(const ParallelFor& parallel) {
 bool ImageAtlas::send(CardPieces& pieces, Programs& programs, std::string& why) {
   const GLenum internal_format = bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
                format = bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA;
-  if (has_sent_)
-    texture_.send(kImages, internal_format, format, width_, all_rows(), false);
-  else
-    texture_.bind(kImages, internal_format, width_, all_rows());
-  if (!has_drawn_) return true;
+  const auto send_from = [&](GLuint buffer) {
+    texture_.send(kImages, internal_format, format, width_, all_rows(), false, buffer);
+  };
+  if (!has_card_) {
+    send_from(0);
+    return true;
+  }
   std::set<const CardImage*> waited_for;
   for (const Piece& piece : pieces_) {
     const CardImage* const image = piece.image->on_card.image;
     if (image && waited_for.insert(image).second) image->wait();
   }
-  if (!pieces.begin(texture_.name(), programs, why)) return false;
+  if (!pieces.begin(size(), programs, why)) return false;
+  if (has_sent_) texture_.copy_to(pieces.name(), size());
   for (const Piece& piece : pieces_)
-    if (piece.image->on_card.image) draw(piece, pieces);
+    if (piece.image->on_card.image) copy_there(piece, pieces);
   pieces.end();
+  send_from(pieces.name());
   return true;
 }
 

@@ -30,9 +30,10 @@ struct NeededPixels {
 };
 
 // What the views of a pass need of cameras' images, side by side in one texture, which is a few times as large as a
-// view, however many and however large the images are, where the mesh blends; else as many times as cameras see it. It is sent in one piece: cards are slow with many small ones.
-// An image that several views look at is there once, with all that they need of it. What is needed of images that are
-// on the card, in textures that the context shares, is drawn there.
+// view, however many and however large the images are, where the mesh blends; else as many times as cameras see it. It
+// is sent in one piece: cards are slow with many small ones. An image that several views look at is there once, with
+// all that they need of it. What is needed of images that are on the card, in textures that the context shares, is
+// copied there.
 //
 // Calls need no context but where they say so: what takes long, filling it, is done while the card draws something
 // else.
@@ -44,8 +45,8 @@ class ImageAtlas {
   static constexpr size_t kMostBytes = 512'000'000;
 
   // Gives each of the views' sources that has an image and a slot in its task a place, in a texture of at most
-  // `max_size` pixels a side and kMostBytes; false if they don't fit. All images are of one family, and stay where they are until they
-  // are uploaded.
+  // `max_size` pixels a side and kMostBytes; false if they don't fit. All images are of one family, and stay where they
+  // are until they are uploaded.
   bool lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size);
 
   // Where pixel (0, 0) of an image would be; even.
@@ -58,11 +59,11 @@ class ImageAtlas {
   Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
   // Whether there is memory for what was laid out, and makes room for it, while the context is current.
-  bool has_room() const { return texture_.has_room(size()); }
-  void reserve() { texture_.reserve(size()); }
+  bool has_room() const { return texture_.has_room(sent_size()); }
+  void reserve() { texture_.reserve(sent_size()); }
   // Copies what was laid out to where the card can reach it, after what was drawn from it before has been read.
   void fill(const ParallelFor& parallel);
-  // Sends it, has `pieces` draw what is on the card, and binds it. While the context is current. False with the reason
+  // Sends it, has `pieces` copy what is on the card, and binds it. While the context is current. False with the reason
   // in `why` if that can't be done.
   bool send(CardPieces& pieces, Programs& programs, std::string& why);
 
@@ -78,12 +79,10 @@ class ImageAtlas {
   void find_pieces(std::span<const DrawnView> views, const NeededPixels& needed);
   int place_pieces();
   void copy(const Piece& piece, uint8_t* to) const;
-  void draw(const Piece& piece, CardPieces& pieces) const;
+  void copy_there(const Piece& piece, CardPieces& pieces) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
-  // Of what is sent.
-  size_t size() const {
-    return has_sent_ ? static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_) : 0;
-  }
+  size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
+  size_t sent_size() const { return has_sent_ ? size() : 0; }
 
   std::vector<Piece> pieces_;
   std::vector<Use> uses_;
@@ -91,7 +90,7 @@ class ImageAtlas {
   int width_ = 0, height_ = 0;                // of what is RGB or luma
   int bytes_ = 1;                             // a pixel
   bool has_chroma_ = false;
-  bool has_sent_ = false, has_drawn_ = false;  // images that come from here, and that are on the card
+  bool has_sent_ = false, has_card_ = false;  // images that come from here, and that are on the card
   SentTexture texture_;
 };
 

@@ -90,13 +90,10 @@ class SentTexture {
   bool has_room(size_t bytes) const { return buffer_.bytes() >= bytes; }
   uint8_t* room() { return buffer_.memory() ? buffer_.memory() : memory_.data(); }
   // Sends what is in the room now, rows of bytes in that format without gaps, and binds the texture, which may be
-  // larger but where `exact`.
-  void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact);
-  // Binds it with room for as much, to be drawn to.
-  void bind(int unit, GLenum internal_format, int width, int height) {
-    texture_.bind(unit, internal_format, width, height);
-  }
-  GLuint name() const { return texture_.name(); }
+  // larger but where `exact`. `from`: a buffer that has them, in place of the room.
+  void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact, GLuint from = 0);
+  // Copies so many bytes of the room to a buffer.
+  void copy_to(GLuint buffer, size_t bytes);
 
  private:
   Texture texture_;

@@ -250,13 +250,14 @@ std::string head(const SumProgram& program) {
 }  // namespace
 
 std::string vertex_shader(const SumProgram& program) {
-  const bool whole = program.output == SumProgram::Output::kChromaBits || program.output == SumProgram::Output::kImage;
+  const bool whole = program.output == SumProgram::Output::kChromaBits;
   return head(program).append(whole ? kWholeTarget : kVertex);
 }
 
 std::string compute_shader(const SumProgram& program) {
   if (is_of_picture(program)) return head(program).append(kPicture);
   if (program.output == SumProgram::Output::kAdded) return head(program).append(kAdding);
+  if (program.output == SumProgram::Output::kImage) return head(program).append(kImage);
   const std::string text = head(program).append(kRule).append(kRuns);
   if (is_of_moments(program)) return text + std::string(kMoments);
   return text + std::string(kBlocks) + std::string(program.has_cells ? kBlockOfCells : kBlockOfFaces);
@@ -265,7 +266,6 @@ std::string compute_shader(const SumProgram& program) {
 std::string fragment_shader(const SumProgram& program) {
   std::string text = head(program);
   if (program.output == SumProgram::Output::kChromaBits) return text.append(kChromaBits);
-  if (program.output == SumProgram::Output::kImage) return text.append(kImage);
   const bool pixels = program.output == SumProgram::Output::kRgb || program.output == SumProgram::Output::kLuma;
   return text.append(kRule).append(pixels ? kPixels : kChroma);
 }

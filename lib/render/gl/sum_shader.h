@@ -18,25 +18,25 @@ struct SumProgram {
   //   kChroma: Cb and Cr of two by two pixels, as 16 bits.
   //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
   //   kChromaBits: such sums as 16 bits.
-  //   kImage: samples of a camera's image, as they are to be sampled, see CardPieces; nothing below means anything.
   //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
   //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
   //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, by a compute shader to which nothing below means
-  //     anything. kAdded: one such sum and another, likewise.
+  //     anything. kAdded: one such sum and another, likewise; kImage: samples of a camera's image, as they are to be
+  //     sampled, see CardPieces.
   enum class Output {
     kRgb,
     kLuma,
     kChroma,
     kMixedChroma,
     kChromaBits,
-    kImage,
     kBlocksRgb,
     kBlocksI420,
     kMomentsRgb,
     kMomentsI420,
     kPictureRgb,
     kPictureI420,
-    kAdded
+    kAdded,
+    kImage
   } output = Output::kRgb;
   // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
   // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
