@@ -1,24 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/card_picture.h"
 
-#include <gst/gl/gl.h>
-
 #include <array>
 #include <atomic>
 #include <utility>
 
 #include "common/buffer_ptr.h"
 #include "common/gl_share.h"
+#include "common/gl_writer.h"
 
 namespace lf {
-
-// Who has written a picture in another context than its own says when that is done: its own, which is returned, goes
-// on after it.
-static GstGLContext* wait_for_writer(GstBuffer* buffer) {
-  GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(buffer, 0))->mem.context;
-  if (GstGLSyncMeta* const written = gst_buffer_get_gl_sync_meta(buffer)) gst_gl_sync_meta_wait(written, context);
-  return context;
-}
 
 // The picture in its textures. What is done of it is done once.
 class CardPicture::Textures : public CardImage {

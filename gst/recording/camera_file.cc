@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "common/common.h"
+#include "common/gl_writer.h"
 #include "common/guard.h"
 
 namespace lf {
@@ -53,10 +54,11 @@ GstCaps* coded_caps(const GstCaps* caps) {
 
 // A copy that is nobody else's, in this process's memory; null where there is none to be had.
 GstBuffer* copy_here(GstBuffer* frame, GstCaps* caps) {
-  const bool is_on_card = gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+  const bool is_on_card = gst_buffer_n_memory(frame) > 0 && gst_is_gl_memory(gst_buffer_peek_memory(frame, 0));
   GstVideoInfo info;
   GstVideoFrame from, to;
   if (!is_on_card) return gst_buffer_copy_deep(frame);
+  wait_for_writer(frame);
   if (!gst_video_info_from_caps(&info, caps) || !gst_video_frame_map(&from, &info, frame, GST_MAP_READ)) return nullptr;
   GstBuffer* copy = gst_buffer_new_allocate(nullptr, info.size, nullptr);
   const bool is_there = copy && gst_video_frame_map(&to, &info, copy, GST_MAP_WRITE);
