@@ -125,14 +125,17 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
       const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
       const auto narrow =
           hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
-      const auto level =
-          hn::And(hn::Lt(hn::Abs(dy), set(8)), hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
+      // What WindowPositions has of a whole block is within 16 bits, too: two pixels of the image for one of the view
+      // are not, though the samples of either half fit into its window.
+      constexpr float kWithin16Bits = (1 << (16 - kPositionBits)) - 1;
+      const auto fixed_fit = hn::And(hn::And(hn::Lt(dx, set(kWithin16Bits)), hn::Lt(hn::Abs(dy), set(8))),
+                                     hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
       const auto third = hn::Add(row, set(2 + plane.border));
       const auto readable =
           hn::Or(hn::Lt(third, set(plane.height - 1)),
                  hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
       const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
-      auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, two_steps)));
+      auto fits = hn::And(hn::And(rises, narrow), hn::And(fixed_fit, hn::And(readable, two_steps)));
       if (plane.border > 0)
         fits = hn::And(fits, hn::And(hn::And(hn::Ge(low_x, set(plane.border)), hn::Ge(low_y, set(plane.border))),
                                      hn::Lt(high_x, set(plane.width - 1 - plane.border))));
