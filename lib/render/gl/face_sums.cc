@@ -37,7 +37,8 @@ void FaceSums::upload_owners(const simd::SumTask& task, const Rect& rect) {
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT, owner_memory_.data());
 }
 
-// Of the owners that were uploaded.
+// Of the owners that were uploaded. Where the view ends in half a block, the block's middle may be outside of the face
+// that has its pixels, so that only what is drawn of several owners' faces, a margin around, is sure to reach it.
 void FaceSums::upload_block_owners(const Rect& rect) {
   const int width = rect.width(), height = rect.height(), columns = chroma_size(width), rows = chroma_size(height);
   block_memory_.resize(static_cast<size_t>(columns) * rows);
@@ -49,8 +50,15 @@ void FaceSums::upload_block_owners(const Rect& rect) {
       const bool same = ((a ^ b) | (a ^ c) | (a ^ d)) == 0;
       return same ? a : static_cast<uint16_t>(kMixedOwners);
     };
-    for (int i = 0; i < width / 2; i++) to[i] = common(upper[2 * i], upper[2 * i + 1], lower[2 * i], lower[2 * i + 1]);
-    if (width % 2) to[columns - 1] = common(upper[width - 1], upper[width - 1], lower[width - 1], lower[width - 1]);
+    const auto of_half = [](uint16_t a, uint16_t b) {
+      return a | b ? static_cast<uint16_t>(kMixedOwners) : uint16_t{0};
+    };
+    if (upper == lower)
+      for (int i = 0; i < width / 2; i++) to[i] = of_half(upper[2 * i], upper[2 * i + 1]);
+    else
+      for (int i = 0; i < width / 2; i++)
+        to[i] = common(upper[2 * i], upper[2 * i + 1], lower[2 * i], lower[2 * i + 1]);
+    if (width % 2) to[columns - 1] = of_half(upper[width - 1], lower[width - 1]);
   }
   block_owners_.bind(kBlockOwners, GL_DEPTH_COMPONENT16, columns, rows);
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, columns, rows, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT, block_memory_.data());
@@ -150,8 +158,7 @@ bool FaceSums::draw_chroma(std::string& why) {
   add(SumProgram::Output::kMixedChroma, false, cover.calm.blocks);
   add(SumProgram::Output::kMixedChroma, true, cover.careful.blocks);
   glDisable(GL_BLEND);
-  if (!begin(chroma_, GL_RG16UI, block_owners_, width, height))
-    return fail(why, "16-bit targets can't be drawn to");
+  if (!begin(chroma_, GL_RG16UI, block_owners_, width, height)) return fail(why, "16-bit targets can't be drawn to");
   add(SumProgram::Output::kChroma, false, cover.calm.pixels);
   add(SumProgram::Output::kChroma, true, cover.careful.pixels);
   if (!drawn || !job_.programs->use({.output = SumProgram::Output::kChromaBits}, why)) return false;

@@ -40,7 +40,7 @@ TEST(SumScales, AreAllWithinTheBound) {
       for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom}) {
         test::Worst worst;
         test::compare(rig, view, images, family, Coordinates::kGrid, worst, resampling);
-        EXPECT_LE(std::max(worst.level, worst.chroma), 0.25)
+        EXPECT_LE(std::max(worst.level, worst.chroma), 0.15)
             << "scale " << scale << ", view " << n << ", turned by " << turn << (view.focus.map ? ", map" : ", plane")
             << (family == PixelFamily::kI420 ? ", I420" : ", RGB")
             << (resampling == Resampling::kBilinear ? "" : ", cubic");

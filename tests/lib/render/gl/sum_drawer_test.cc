@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
 
 #include "lib/render/gl/eye.h"
@@ -110,6 +111,35 @@ TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
         }
 }
 
+// Views a few pixels wide, whose pixels are as wide as faces: what ends in half a block is drawn, too. And views that
+// see their cameras' pixels larger or smaller than the cameras do. `LF_SCALES`: how many in all.
+TEST_P(SumDrawer, DrawsTinyViewsAndAllScales) {
+  const char* const asked = std::getenv("LF_SCALES");
+  const int views = asked ? std::atoi(asked) : 150;
+  Difference worst;
+  for (int n = 0; n < views; n++) {
+    SCOPED_TRACE(n);
+    Random random(n);
+    const Rig rig = test::jittered_array(random, 4, 160, 120, n % 3 ? 0 : -0.25);
+    const bool tiny = n % 2;
+    View view = test::view_into(rig, 4, tiny ? random.integer(1, 9) : random.integer(30, 120),
+                                tiny ? random.integer(1, 7) : random.integer(20, 90), random.small_rotation(0.1));
+    const double focal =
+        tiny ? random.uniform(0.8, 2.5) * view.width : 1.25 * 160 / std::exp2(random.uniform(-2.5, 2.5));
+    view.lens = Lens::pinhole(focal, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
+    if (n % 5 == 0) view.focus.map = test::depths(random, view, FocalMap::kFinestStep, n % 10 == 0);
+    view.pose.position.z = random.uniform(-0.2, 0.05);
+    const auto images = images_of(rig, random, reference::smooth_image);
+    const PixelFamily family = n % 4 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    const Difference one = difference(rig, view, images, family, Resampling::kBilinear);
+    EXPECT_LE(one.level, 0.2) << view.width << "x" << view.height;
+    EXPECT_LE(one.lost, 1e-4);
+    worst.level = std::max(worst.level, one.level);
+    worst.mended += one.mended;
+  }
+  std::printf("levels %.3f, %zu mended\n", worst.level, worst.mended);
+}
+
 // Planes and surfaces through eyes, arrays behind them, meshes that fold, slivers: what is proved of a face's pixels on
 // the CPU, and what is left to doubts on the card.
 TEST_P(SumDrawer, DrawsTheHardCases) {
@@ -120,11 +150,7 @@ TEST_P(SumDrawer, DrawsTheHardCases) {
         Random random(trial);
         const auto [rig, view] = hard.make(random);
         const auto images = images_of(rig, random, reference::smooth_image);
-        // Where a view ends in half a block the CPU's fast path samples chroma half a pixel further out than its exact
-        // one, which shows where pixels are as wide as a view.
-        const PixelFamily family =
-            view.width == 1 || view.width == reference::kEnlarged ? PixelFamily::kRgb : PixelFamily::kI420;
-        const Difference one = difference(rig, view, images, family, Resampling::kBilinear);
+        const Difference one = difference(rig, view, images, PixelFamily::kI420, Resampling::kBilinear);
         worst.level = std::max(worst.level, one.level);
         worst.lost = std::max(worst.lost, one.lost);
       }
