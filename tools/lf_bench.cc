@@ -104,7 +104,7 @@ class Link {
     header.cameras = lf::CameraRanges(array_.cameras);
     std::string news;
     manner_.card = card_.open(renderer_, news);
-    if (!news.empty()) throw lf::Error(news);
+    if (!news.empty()) throw lf::Error("nothing that a card does to measure: " + news);
     lf::RenderedAnswer rendered = task->render(header, sources, manner_, std::move(bytes_));
     card_.rendered(renderer_, rendered);
     bytes_ = std::move(rendered.bytes);

@@ -71,8 +71,9 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                               0, G_MAXINT64),
       property<&S::renderer>(
           kWhilePlaying, "renderer", "Renderer",
-          "What draws the sums, and trials: both give the same picture to 1 of 255. Views that are "
-          "not blended by the array's mesh are the CPU's where OpenGL is, too; stats say what renders",
+          "What draws the sums, and trials: both give the same picture to 1 of 255, in the format that cameras have. "
+          "auto: the faster one, as the first answers tell, and never a driver that computes on the CPU, as Mesa's "
+          "llvmpipe does; stats say what renders, and why",
           LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;

@@ -47,7 +47,9 @@ bool Card::is_open(RendererChoice choice, std::string& news) {
   if (!drawer_ && tried_ != drivers && tried_ != gl::Context::Drivers::kAny) {
     tried_ = drivers;
     drawer_ = open_(drivers, why_);
-    if (!drawer_ && choice == RendererChoice::kGl) news = "no OpenGL ES 3.1 to render with, the CPU does: " + why_;
+    if (!drawer_ && choice == RendererChoice::kGl) 
+      news = "no OpenGL ES 3.1 to render with, the CPU does: " + why_ +
+             " (a card needs its driver's EGL, and whoever uses it the right to open /dev/dri/renderD* or its like)";
   }
   if (!drawer_) return false;
   if (!drawer_->is_lost()) return choice == RendererChoice::kGl || !drawer_->is_software();

@@ -212,7 +212,7 @@ TEST(Card, SaysWhyThereIsNone) {
   EXPECT_EQ(news, "");
   EXPECT_EQ(card.explain(RendererChoice::kAuto), "auto: cpu, there is no other: nothing here");
   EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr);  // any driver will do now
-  EXPECT_EQ(news, "no OpenGL ES 3.1 to render with, the CPU does: nothing here");
+  EXPECT_TRUE(news.starts_with("no OpenGL ES 3.1 to render with, the CPU does: nothing here (a card needs")) << news;
   news.clear();
   for (const RendererChoice choice : {RendererChoice::kAuto, RendererChoice::kGl})
     EXPECT_EQ(card.open(choice, news), nullptr);
