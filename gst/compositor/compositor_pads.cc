@@ -63,6 +63,8 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
       gst_query_set_position(query, format, static_cast<gint64>(position));
       return TRUE;
     }
+    case GST_QUERY_CONTEXT:
+      return self->state->output.own_card().answer(query) || parent_class()->src_query(agg, query);
     default: return parent_class()->src_query(agg, query);
   }
 }

@@ -173,8 +173,14 @@ static gboolean lf_compositor_decide_allocation(GstAggregator* agg, GstQuery* qu
   return output_of(agg).decide_allocation(query);
 }
 
+static void lf_compositor_set_context(GstElement* element, GstContext* context) {
+  output_of(GST_AGGREGATOR(element)).own_card().share(context);
+  GST_ELEMENT_CLASS(lf_compositor_parent_class)->set_context(element, context);
+}
+
 static void lf_compositor_class_init(LfCompositorClass* klass) {
   G_OBJECT_CLASS(klass)->finalize = lf_compositor_finalize;
+  GST_ELEMENT_CLASS(klass)->set_context = lf::callback<lf_compositor_set_context>;
   GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
   aggregator_class->start = lf::callback<lf_compositor_start>;
   aggregator_class->stop = lf::callback<lf_compositor_stop>;

@@ -39,6 +39,7 @@ void PictureOutput::stop() {
   drop_sheet();
   gst_clear_buffer(&last_picture_);
   pool_.clear();
+  own_card_.stop();
 }
 
 // What the base class asks of its own accord, when downstream has changed, is answered when the next picture is made:
@@ -72,7 +73,7 @@ bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
 bool PictureOutput::decide_allocation(GstQuery* query) {
   if (!partial_) {
     GlContextPtr context;
-    const bool decided = pool_.decide(query, &context);
+    const bool decided = pool_.decide(query, &own_card_, &context);
     set_context(std::move(context));
     return decided;
   }
@@ -112,13 +113,15 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
     GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
-  const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";
+  const char* name = family == PixelFamily::kI420 ? "I420" : family == PixelFamily::kRgb ? "RGB" : "RGB or I420";
   if (wants_card_) {
-    GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
-                      ("Downstream takes no %s video of %dx%d pixels in a graphics card's memory, or has no memory for "
-                       "it: glupload ! glcolorconvert in between do.",
-                       name, width, height),
-                      (nullptr));
+    GST_ELEMENT_ERROR(
+        element_, STREAM, FORMAT,
+        ("Downstream takes no %s video of %dx%d pixels in a graphics card's memory, or there is no OpenGL "
+         "to have it in: glupload ! glcolorconvert before who takes it, and before its caps, do. Without a "
+         "display GStreamer needs GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
+         name, width, height),
+        (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
   GST_ELEMENT_ERROR(

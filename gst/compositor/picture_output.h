@@ -15,6 +15,7 @@
 #include "composite/weight_overlay.h"
 #include "compositor/card_textures.h"
 #include "compositor/lfcompositor.h"
+#include "compositor/own_card.h"
 #include "compositor/picture_pool.h"
 #include "node/answer_form.h"
 
@@ -22,10 +23,10 @@ namespace lf {
 
 // What leaves an lfcompositor: pictures, or partial answers, in caps and memory that downstream agrees on, and the
 // picture before, which may stand in for an incomplete one. Posts errors of its element. Streaming thread, but for
-// is_pushing() and has_begun().
+// is_pushing(), has_begun() and own_card().
 class PictureOutput {
  public:
-  explicit PictureOutput(GstAggregator* element) : element_(element) {}
+  explicit PictureOutput(GstAggregator* element) : element_(element), own_card_(GST_ELEMENT(element)) {}
   ~PictureOutput() { stop(); }
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
@@ -41,6 +42,7 @@ class PictureOutput {
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
+  OwnCard& own_card() { return own_card_; }
 
   // What pictures show from now on of their cameras' weights; nothing without a rig.
   void show(ShownWeights what, std::shared_ptr<const Rig> rig) {
@@ -108,6 +110,7 @@ class PictureOutput {
   GlContextPtr context_;     // under the element's object lock
   bool in_card_ = false;     // what was negotiated is in a graphics card's memory, see is_in_card()
   bool wants_card_ = false;  // downstream takes no other
+  OwnCard own_card_;
   PicturePool pool_;
   // The picture that views of a set are being drawn into.
   struct Sheet {

@@ -95,7 +95,7 @@ bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guin
 
 namespace lf {
 
-bool PicturePool::decide(GstQuery* query, GlContextPtr* context) {
+bool PicturePool::decide(GstQuery* query, OwnCard* card, GlContextPtr* context) {
   clear();
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -119,8 +119,11 @@ bool PicturePool::decide(GstQuery* query, GlContextPtr* context) {
   }
   gst_clear_object(&memory.allocator);
   if (!chosen) {
-    if (!has_own) return false;
-    chosen = GST_BUFFER_POOL(gst_object_ref(own_));
+    if (has_own)
+      chosen = GST_BUFFER_POOL(gst_object_ref(own_));
+    else if (!may_be_own && card)
+      chosen = card->pool(caps, size);
+    if (!chosen) return false;
     chosen_size = size;
     least = most = 0;
   }

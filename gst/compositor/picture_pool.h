@@ -4,6 +4,7 @@
 #include <gst/gst.h>
 
 #include "common/in_process.h"
+#include "compositor/own_card.h"
 
 namespace lf {
 
@@ -19,10 +20,10 @@ class PicturePool {
   PicturePool& operator=(const PicturePool&) = delete;
 
   // Decides on the pool that pictures of raw video come from, in GstAggregatorClass::decide_allocation: it becomes the
-  // first one of the query, downstream's own if it offers one that serves, else one of ours. False if there is no
-  // memory: of a graphics card's (see is_in_card()) there is none but downstream's. `context`: becomes the one that the
-  // pool's memory belongs to, null if that is not a card's.
-  bool decide(GstQuery* query, GlContextPtr* context = nullptr);
+  // first one of the query, downstream's own if it offers one that serves, else one of ours, in a graphics card (see
+  // is_in_card()) one of `card`. False if there is no memory. `context`: becomes the one that the pool's memory belongs
+  // to, null if that is not a card's.
+  bool decide(GstQuery* query, OwnCard* card = nullptr, GlContextPtr* context = nullptr);
   // A buffer of `chosen`, the pool that decide() decided on, owned by the caller; null if there is no memory. Where
   // that pool has run out the buffer is one of ours, as pictures are kept to be shown again and nobody may wait for
   // them.
