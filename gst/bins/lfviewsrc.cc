@@ -12,8 +12,8 @@
  *
  * Each request pad `src_%u` is a further viewer of the same cameras, which has an lfviewrequest and an lfcompositor of
  * its own ("view_0", "compositor_0" of `src_0`). It begins with the settings of the bin, but with a view of its own
- * that stands in the middle of the array. Viewers come and go while everything runs, and none waits for another.
- * Pictures of a pad that is not linked are dropped.
+ * that stands in the middle of the array; `location`, `loop` and `num-buffers` are of `src` alone. Viewers come and go
+ * while everything runs, and none waits for another. Pictures of a pad that is not linked are dropped.
  *
  * Live, whoever takes pictures more slowly than they come gets the newest: the oldest are dropped behind the
  * compositor, and the search for the focal surface goes on at its own pace. No queue is needed between the pads and
