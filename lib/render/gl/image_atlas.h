@@ -82,7 +82,8 @@ class ImageAtlas {
   void copy_there(const Piece& piece, CardPieces& pieces) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
   size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
-  size_t sent_size() const { return has_sent_ ? size() : 0; }
+  // A view that no camera shows anything of is sent a texture of nothing.
+  size_t sent_size() const { return has_sent_ || !has_card_ ? size() : 0; }
 
   std::vector<Piece> pieces_;
   std::vector<Use> uses_;

@@ -393,5 +393,27 @@ TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
     EXPECT_NE(why, "");
 }
 
+// A drawer that has sent no image yet has nothing to send for a view that no camera shows anything of.
+TEST_P(SumDrawer, BeginsWithBlindCameras) {
+  std::string why;
+  const auto fresh = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(fresh) << why;
+  Random random(7);
+  const Rig rig = test::jittered_array(random, 3, 64, 48, 0);
+  const View view = test::view_into(rig, 3, 64, 48, {1, 0, 0, 0});
+  const test::Production production(rig, build_mesh(rig), view);
+  const std::vector<Image> images = images_of(rig, random, reference::smooth_image);
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+    for (Source& source : sources) source.image = {.family = PixelFamily::kNone};
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, family, Coordinates::kExact,
+                               fresh.get());
+    ASSERT_TRUE(renderer.drawing().drawn) << renderer.drawing().why_not;
+    Sum sum(family, test::whole(view));
+    EXPECT_TRUE(renderer.render_rows(0, view.height, sum.planes));
+    EXPECT_EQ(sum.lost_weight(32, 24), 1);
+  }
+}
+
 }  // namespace
 }  // namespace lf
