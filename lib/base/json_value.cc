@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "base/json_value.h"
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <system_error>
-
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/file.h"
 
 namespace lf {
 namespace {
@@ -73,27 +66,12 @@ std::string without_tag(const std::string& what) {
 
 }  // namespace
 
-std::string read_text_file(const std::string& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) throw Error(path + ": can't be read: it is a folder");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(path + ": can't be read: " + std::strerror(errno));
-  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (file.bad()) throw Error(path + ": can't be read to its end");
-  return text;
-}
+std::string read_text_file(const std::string& path) { return read_file(path); }
 
 void write_text_file(const std::string& text, const std::string& path) {
-  const std::string temporary = path + ".part";
-  errno = 0;
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file << text;
-  file.close();
-  if (!file || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    const int reason = errno;
-    std::remove(temporary.c_str());
-    throw Error(path + ": can't be written: " + std::strerror(reason ? reason : EIO));
-  }
+  FileReplacement file(path);
+  file.write(text);
+  file.commit();
 }
 
 bool is_utf8(const std::string& text) {

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <random>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Descriptor {
+ public:
+  explicit Descriptor(int number) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) close(number_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  operator int() const { return number_; }
+
+ private:
+  int number_;
+};
+
+// The file that `path` names once its symbolic links are followed; the file itself need not exist. "": too many links.
+std::string follow_links(std::string path) {
+  constexpr int kMostLinks = 40;  // as Linux has it
+  for (int i = 0; i < kMostLinks; i++) {
+    std::error_code error;
+    const fs::path target = fs::read_symlink(path, error);
+    if (error) return path;
+    path = (fs::path(path).parent_path() / target).string();  // an absolute target replaces the folder
+  }
+  return "";
+}
+
+std::string folder_of(const std::string& path) {
+  const std::string folder = fs::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+std::string random_name(const std::string& beginning, const std::string& ending) {
+  std::random_device random;
+  char digits[17];
+  std::snprintf(digits, sizeof digits, "%08x%08x", random(), random());
+  return beginning + digits + ending;
+}
+
+// Makes a rename in the folder survive a loss of power. Some file systems cannot; then there is nothing to do.
+void sync_folder(const std::string& folder) {
+  const Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (opened >= 0) fsync(opened);
+}
+
+// Gives the new file the owner and the mode of the old one. A group that cannot be kept gets no rights from the mode.
+void copy_owner_and_mode(int descriptor, const struct stat& old) {
+  mode_t mode = old.st_mode & 07777;
+  if (fchown(descriptor, old.st_uid, old.st_gid) != 0 && fchown(descriptor, static_cast<uid_t>(-1), old.st_gid) != 0) {
+    struct stat own;
+    if (fstat(descriptor, &own) != 0 || own.st_gid != old.st_gid) mode &= ~static_cast<mode_t>(S_IRWXG);
+  }
+  fchmod(descriptor, mode & 0777);
+}
+
+}  // namespace
+
+std::string read_file(const std::string& path, size_t most_bytes) {
+  const auto fail = [&](const std::string& reason) { throw Error(path + ": can't be read: " + reason); };
+  // O_NONBLOCK: opening a FIFO without a writer must not wait.
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+  if (file < 0) fail(std::strerror(errno));
+  struct stat status;
+  if (fstat(file, &status) != 0) fail(std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) fail("it is a folder");
+  if (!S_ISREG(status.st_mode)) fail("it is not a regular file");
+  const auto too_large = [&] { fail("it has more than " + std::to_string(most_bytes) + " bytes"); };
+  if (static_cast<uint64_t>(status.st_size) > most_bytes) too_large();
+  std::string text(static_cast<size_t>(status.st_size), '\0');
+  size_t size = 0;
+  for (;;) {
+    // Files of /proc say that they are empty, and others may grow while they are read.
+    if (size == text.size()) text.resize(std::min(most_bytes + 1, size + 4096));
+    const ssize_t count = read(file, text.data() + size, text.size() - size);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail(std::strerror(errno));
+    if (count == 0) break;
+    size += static_cast<size_t>(count);
+    if (size > most_bytes) too_large();
+  }
+  text.resize(size);
+  return text;
+}
+
+void FileReplacement::fail(int error) const {
+  throw Error(path_ + ": can't be written: " + std::strerror(error == 0 ? EIO : error));
+}
+
+FileReplacement::FileReplacement(const std::string& path) : path_(path), target_(follow_links(path)) {
+  if (target_.empty()) fail(ELOOP);
+  struct stat old;
+  const bool exists = lstat(target_.c_str(), &old) == 0;
+  if (!exists && errno != ENOENT) fail(errno);
+  if (exists && S_ISDIR(old.st_mode)) fail(EISDIR);
+  if (exists && !S_ISREG(old.st_mode)) {
+    descriptor_ = open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOCTTY);
+    if (descriptor_ < 0) fail(errno);
+    return;
+  }
+  constexpr size_t kMostOfName = 200;  // of 255 bytes
+  const std::string name = fs::path(target_).filename().string().substr(0, kMostOfName);
+  if (name.empty()) fail(EISDIR);
+  std::string temporary;
+  do {
+    temporary = random_name(folder_of(target_) + "/." + name + ".", ".part");
+    descriptor_ = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, exists ? 0600 : 0666);
+  } while (descriptor_ < 0 && errno == EEXIST);
+  if (descriptor_ < 0) fail(errno);
+  temporary_ = temporary;
+  if (exists) copy_owner_and_mode(descriptor_, old);
+}
+
+FileReplacement::~FileReplacement() { discard(); }
+
+void FileReplacement::discard() {
+  if (descriptor_ >= 0) close(std::exchange(descriptor_, -1));
+  if (!temporary_.empty()) unlink(std::exchange(temporary_, "").c_str());
+}
+
+void FileReplacement::write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = ::write(descriptor_, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail(errno);
+    bytes.remove_prefix(static_cast<size_t>(count));
+  }
+}
+
+void FileReplacement::commit() {
+  if (!temporary_.empty() && fsync(descriptor_) != 0) fail(errno);
+  if (close(std::exchange(descriptor_, -1)) != 0) fail(errno);
+  if (temporary_.empty()) return;
+  if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail(errno);
+  temporary_.clear();
+  sync_folder(folder_of(target_));
+}
+
+FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
+  const auto fail = [&](const std::string& reason) { throw Error(folder + ": can't be made: " + reason); };
+  std::error_code error;
+  created_ = fs::create_directories(folder, error);
+  if (error) fail(error.message());
+  do {
+    staging_ = random_name(folder + "/.new-", "");
+    if (mkdir(staging_.c_str(), 0777) == 0) return;
+  } while (errno == EEXIST);
+  const int reason = errno;
+  staging_.clear();
+  fail(std::strerror(reason));
+}
+
+FolderUpdate::~FolderUpdate() {
+  std::error_code ignored;
+  if (!staging_.empty()) fs::remove_all(staging_, ignored);
+  if (created_) fs::remove(folder_, ignored);  // fails unless it is empty
+}
+
+void FolderUpdate::commit() {
+  const auto fail = [&](const fs::path& path, const std::string& reason) {
+    throw Error((fs::path(folder_) / path).string() + ": can't be written: " + reason);
+  };
+  try {
+    std::vector<fs::path> files;
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(staging_)) {
+      const fs::path name = entry.path().lexically_relative(staging_);
+      std::error_code error;
+      if (entry.is_directory() && !entry.is_symlink())
+        fs::create_directories(fs::path(folder_) / name, error);
+      else
+        files.push_back(name);
+      if (error) fail(name, error.message());
+    }
+    std::ranges::sort(files);
+    for (const fs::path& name : files) {
+      const std::string target = follow_links((fs::path(folder_) / name).string());
+      std::error_code error;
+      fs::rename(fs::path(staging_) / name, target, error);
+      if (error) fail(name, error.message());
+    }
+    fs::remove_all(std::exchange(staging_, ""));
+  } catch (const fs::filesystem_error& error) {
+    throw Error(folder_ + ": can't be written: " + error.code().message());
+  }
+  sync_folder(folder_);
+}
+
+}  // namespace lf

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/file.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "base/json_value.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+mode_t mode_of(const std::string& path) {
+  struct stat status {};
+  stat(path.c_str(), &status);
+  return status.st_mode & 07777;
+}
+
+size_t entries_of(const std::string& folder) {
+  size_t count = 0;
+  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(folder)) count++;
+  return count;
+}
+
+TEST(ReadFile, RefusesWhatIsNoRegularFileWithoutWaiting) {
+  const TempDir dir;
+  ASSERT_EQ(mkfifo((dir / "fifo").c_str(), 0600), 0);
+  fs::create_symlink("/dev/zero", dir / "zero");
+  EXPECT_ERROR(read_file(dir / "fifo"), "fifo: can't be read: it is not a regular file");
+  EXPECT_ERROR(read_file(dir / "zero"), "zero: can't be read: it is not a regular file");
+  EXPECT_ERROR(read_file(dir.path()), "can't be read: it is a folder");
+  EXPECT_ERROR(read_file(dir / "none"), "none: can't be read: No such file or directory");
+}
+
+TEST(ReadFile, BoundsTheSize) {
+  const TempDir dir;
+  dir.write("ten", "0123456789");
+  EXPECT_EQ(read_file(dir / "ten", 10), "0123456789");
+  EXPECT_ERROR(read_file(dir / "ten", 9), "ten: can't be read: it has more than 9 bytes");
+  dir.write("sparse", "");
+  fs::resize_file(dir / "sparse", uintmax_t{1} << 40);
+  EXPECT_ERROR(read_file(dir / "sparse"), "sparse: can't be read: it has more than");
+  EXPECT_FALSE(read_file("/proc/self/stat").empty()) << "a file that says that it is empty";
+}
+
+TEST(FileReplacement, KeepsTheMode) {
+  const TempDir dir;
+  for (const mode_t mode : {0600, 0640, 0664, 0444}) {
+    dir.write("rig.json", "old");
+    chmod((dir / "rig.json").c_str(), mode);
+    write_text_file("new", dir / "rig.json");
+    EXPECT_EQ(mode_of(dir / "rig.json"), mode);
+    fs::remove(dir / "rig.json");
+  }
+  const mode_t mask = umask(027);
+  write_text_file("new", dir / "rig.json");
+  umask(mask);
+  EXPECT_EQ(mode_of(dir / "rig.json"), 0640u);
+}
+
+TEST(FileReplacement, ALinkStaysALink) {
+  const TempDir dir;
+  dir.write("folder/real", "old");
+  fs::create_symlink("folder/real", dir / "one");
+  fs::create_symlink("one", dir / "two");
+  write_text_file("new", dir / "two");
+  EXPECT_TRUE(fs::is_symlink(dir / "two"));
+  EXPECT_TRUE(fs::is_symlink(dir / "one"));
+  EXPECT_EQ(read_text_file(dir / "folder/real"), "new");
+  fs::create_symlink("folder/later", dir / "dangling");
+  write_text_file("new", dir / "dangling");
+  EXPECT_EQ(read_text_file(dir / "folder/later"), "new");
+  fs::create_symlink("loop", dir / "loop");
+  EXPECT_ERROR(write_text_file("new", dir / "loop"), "loop: can't be written");
+  EXPECT_EQ(entries_of(dir / "folder"), 2u) << "no temporary file is left";
+}
+
+TEST(FileReplacement, FollowsNoLinkUnderATemporaryName) {
+  const TempDir dir;
+  dir.write("victim", "precious");
+  fs::create_symlink("victim", dir / "rig.json.part");
+  write_text_file("new", dir / "rig.json");
+  EXPECT_EQ(read_text_file(dir / "victim"), "precious");
+}
+
+TEST(FileReplacement, WithoutCommitNothingChanges) {
+  const TempDir dir;
+  dir.write("file", "old");
+  {
+    FileReplacement file(dir / "file");
+    file.write("half");
+    EXPECT_EQ(read_text_file(dir / "file"), "old");
+  }
+  EXPECT_EQ(read_text_file(dir / "file"), "old");
+  EXPECT_EQ(entries_of(dir.path()), 1u);
+}
+
+TEST(FileReplacement, AFailureLeavesTheOldFileAndNoOther) {
+  FileReplacement full("/dev/full");
+  EXPECT_ERROR(full.write("x"), "/dev/full: can't be written: No space left on device");
+  const TempDir dir;
+  EXPECT_ERROR(write_text_file("new", dir.path()), "can't be written: Is a directory");
+  EXPECT_ERROR(write_text_file("new", dir / "none/file"), "none/file: can't be written: No such file");
+  EXPECT_EQ(entries_of(dir.path()), 0u);
+}
+
+TEST(FileReplacement, ADeviceIsWrittenToDirectly) {
+  write_text_file("x", "/dev/null");
+  EXPECT_TRUE(fs::is_character_file("/dev/null"));
+}
+
+TEST(FileReplacement, WritersAtOnceLeaveAWholeFile) {
+  const TempDir dir;
+  const std::string path = dir / "file";
+  const auto content = [](char c) { return std::string(100000, c); };
+  write_text_file(content('a'), path);
+  std::atomic<int> running = 3;
+  std::vector<std::thread> writers;
+  for (const char c : {'a', 'b', 'c'})
+    writers.emplace_back([&, c] {
+      for (int i = 0; i < 20; i++) write_text_file(content(c), path);
+      running--;
+    });
+  while (running > 0) {
+    const std::string read = read_text_file(path);
+    ASSERT_EQ(read, content(read[0]));
+  }
+  for (std::thread& writer : writers) writer.join();
+  EXPECT_EQ(entries_of(dir.path()), 1u);
+}
+
+TEST(FolderUpdate, ReplacesFilesWhenItIsComplete) {
+  const TempDir dir;
+  dir.write("out/a", "old");
+  dir.write("out/kept", "kept");
+  {
+    FolderUpdate update(dir / "out");
+    write_text_file("half", update.staging() + "/a");
+  }
+  EXPECT_EQ(read_text_file(dir / "out/a"), "old");
+  FolderUpdate update(dir / "out");
+  write_text_file("new", update.staging() + "/a");
+  fs::create_directory(update.staging() + "/truth");
+  write_text_file("view", update.staging() + "/truth/v");
+  EXPECT_EQ(read_text_file(dir / "out/a"), "old");
+  update.commit();
+  EXPECT_EQ(read_text_file(dir / "out/a"), "new");
+  EXPECT_EQ(read_text_file(dir / "out/kept"), "kept");
+  EXPECT_EQ(read_text_file(dir / "out/truth/v"), "view");
+  EXPECT_EQ(entries_of(dir / "out"), 3u) << "no staging folder is left";
+}
+
+TEST(FolderUpdate, LeavesNoFolderThatItMadeInVain) {
+  const TempDir dir;
+  { const FolderUpdate update(dir / "out"); }
+  EXPECT_FALSE(fs::exists(dir / "out"));
+  dir.write("file", "");
+  EXPECT_ERROR(FolderUpdate(dir / "file"), "file: can't be made");
+}
+
+}  // namespace
+}  // namespace lf
