@@ -1,42 +1,242 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Apart from the pixels, so that whoever reads and writes no files loads no OpenCV.
+// Apart from the pixels, so that programs that read and write no files load no OpenCV.
+#include "image/image_file.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cctype>
+#include <charconv>
+#include <cstring>
 #include <filesystem>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "base/error.h"
-#include "image/image.h"
+#include "base/file.h"
+#include "base/number_text.h"
 
 namespace lf {
+namespace {
 
-Image load_image(const std::string& path) {
+// As the header says; may be more than an image can have.
+struct ClaimedSize {
+  int64_t width = 0, height = 0;
+};
+
+// Whole numbers in the bytes of a file; nothing where the file ends before.
+class HeaderBytes {
+ public:
+  HeaderBytes(std::string_view bytes, bool big_endian) : bytes_(bytes), big_endian_(big_endian) {}
+
+  std::optional<uint32_t> number(size_t at, size_t size) const {
+    if (at > bytes_.size() || bytes_.size() - at < size) return std::nullopt;
+    uint32_t value = 0;
+    for (size_t i = 0; i < size; i++) {
+      const size_t place = big_endian_ ? i : size - 1 - i;
+      value = value << 8 | static_cast<uint8_t>(bytes_[at + place]);
+    }
+    return value;
+  }
+
+ private:
+  std::string_view bytes_;
+  bool big_endian_;
+};
+
+std::optional<ClaimedSize> pair_of(std::optional<uint32_t> width, std::optional<uint32_t> height) {
+  if (!width || !height) return std::nullopt;
+  return ClaimedSize{*width, *height};
+}
+
+std::optional<ClaimedSize> png_size(std::string_view bytes) {
+  const HeaderBytes header(bytes, true);
+  return pair_of(header.number(16, 4), header.number(20, 4));
+}
+
+// The first frame header (SOF) of a JPEG file. Segments before it have a length each.
+std::optional<ClaimedSize> jpeg_size(std::string_view bytes) {
+  const HeaderBytes header(bytes, true);
+  for (size_t at = 2;;) {
+    while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;  // fill bytes
+    const auto marker = header.number(at, 2);
+    if (!marker || *marker >> 8 != 0xff) return std::nullopt;
+    const uint32_t kind = *marker & 0xff;
+    const bool is_frame = kind >= 0xc0 && kind <= 0xcf && kind != 0xc4 && kind != 0xc8 && kind != 0xcc;
+    if (is_frame) return pair_of(header.number(at + 7, 2), header.number(at + 5, 2));
+    const bool has_length = kind != 0x01 && !(kind >= 0xd0 && kind <= 0xd7);
+    if (kind == 0xd9 || kind == 0xda) return std::nullopt;
+    const auto length = has_length ? header.number(at + 2, 2) : std::optional<uint32_t>(0);
+    if (!length) return std::nullopt;
+    at += 2 + *length;
+  }
+}
+
+std::optional<ClaimedSize> bmp_size(std::string_view bytes) {
+  const HeaderBytes header(bytes, false);
+  const auto kind = header.number(14, 4);
+  if (!kind) return std::nullopt;
+  if (*kind == 12) return pair_of(header.number(18, 2), header.number(20, 2));
+  const auto size = pair_of(header.number(18, 4), header.number(22, 4));
+  if (!size) return std::nullopt;
+  // The height is negative where rows go from the top down.
+  const auto height = static_cast<int32_t>(static_cast<uint32_t>(size->height));
+  return ClaimedSize{size->width, std::abs(int64_t{height})};
+}
+
+// The first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
+std::optional<ClaimedSize> tiff_size(std::string_view bytes) {
+  const HeaderBytes header(bytes, bytes[0] == 'M');
+  const auto directory = header.number(4, 4);
+  const auto count = directory ? header.number(*directory, 2) : std::nullopt;
+  std::optional<uint32_t> width, height;
+  for (size_t i = 0; count && i < *count; i++) {
+    const size_t at = size_t{*directory} + 2 + 12 * i;
+    const auto tag = header.number(at, 2), type = header.number(at + 2, 2);
+    if (!tag || !type) return std::nullopt;
+    constexpr uint32_t kWidth = 256, kHeight = 257, kShort = 3;
+    if (*tag == kWidth) width = header.number(at + 8, *type == kShort ? 2 : 4);
+    if (*tag == kHeight) height = header.number(at + 8, *type == kShort ? 2 : 4);
+  }
+  return pair_of(width, height);
+}
+
+std::optional<ClaimedSize> webp_size(std::string_view bytes) {
+  const HeaderBytes header(bytes, false);
+  const std::string_view kind = bytes.substr(12, 4);
+  if (kind == "VP8X") {
+    const auto size = pair_of(header.number(24, 3), header.number(27, 3));
+    return size ? std::optional(ClaimedSize{size->width + 1, size->height + 1}) : std::nullopt;
+  }
+  if (kind == "VP8L") {
+    const auto packed = header.number(21, 4);
+    return packed ? std::optional(ClaimedSize{(*packed & 0x3fff) + 1, (*packed >> 14 & 0x3fff) + 1}) : std::nullopt;
+  }
+  const auto size = pair_of(header.number(26, 2), header.number(28, 2));
+  return size ? std::optional(ClaimedSize{size->width & 0x3fff, size->height & 0x3fff}) : std::nullopt;
+}
+
+// The next number of a header in text, after spaces and lines of comment.
+std::optional<int64_t> next_number(std::string_view text, size_t& at) {
+  while (at < text.size() && (std::isspace(static_cast<unsigned char>(text[at])) || text[at] == '#'))
+    at = text[at] == '#' ? std::min(text.find('\n', at), text.size()) : at + 1;
+  int64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), number);
+  if (error != std::errc()) return std::nullopt;
+  at = static_cast<size_t>(end - text.data());
+  return number;
+}
+
+std::optional<ClaimedSize> pnm_size(std::string_view bytes) {
+  size_t at = 2;
+  const auto width = next_number(bytes, at);
+  const auto height = width ? next_number(bytes, at) : std::nullopt;
+  if (!height) return std::nullopt;
+  return ClaimedSize{*width, *height};
+}
+
+// "-Y 480 +X 640" after an empty line.
+std::optional<ClaimedSize> hdr_size(std::string_view bytes) {
+  size_t at = bytes.find("\n\n");
+  if (at == bytes.npos) return std::nullopt;
+  at += 2;
+  std::array<int64_t, 2> sides{};
+  for (int i = 0; i < 2; i++) {
+    at = std::min(bytes.find_first_of("XY", at), bytes.size());
+    const bool is_width = at < bytes.size() && bytes[at] == 'X';
+    if (at < bytes.size()) at++;
+    const auto number = next_number(bytes, at);
+    if (!number) return std::nullopt;
+    (is_width ? sides[0] : sides[1]) = *number;
+  }
+  return ClaimedSize{sides[0], sides[1]};
+}
+
+std::optional<ClaimedSize> claimed_size(std::string_view bytes) {
+  const auto begins = [&](std::string_view magic) { return bytes.substr(0, magic.size()) == magic; };
+  if (begins("\x89PNG\r\n\x1a\n")) return png_size(bytes);
+  if (begins("\xff\xd8\xff")) return jpeg_size(bytes);
+  if (begins("BM")) return bmp_size(bytes);
+  if (begins(std::string_view("II*\0", 4)) || begins(std::string_view("MM\0*", 4))) return tiff_size(bytes);
+  if (begins("RIFF") && bytes.size() >= 16 && bytes.substr(8, 4) == "WEBP") return webp_size(bytes);
+  if (begins("#?RADIANCE") || begins("#?RGBE")) return hdr_size(bytes);
+  if (bytes.size() > 2 && bytes[0] == 'P' && std::string_view("123456Ff").find(bytes[1]) != std::string_view::npos)
+    return pnm_size(bytes);
+  return std::nullopt;
+}
+
+ImageSize checked_size(const std::string& path, std::string_view bytes) {
+  const std::optional<ClaimedSize> size = claimed_size(bytes);
+  if (!size || size->width < 1 || size->height < 1)
+    throw Error(path + ": not an image that can be read (PNG, JPEG, BMP, TIFF, WebP, PNM, PFM and HDR can)");
+  const auto [width, height] = *size;
+  if (width > kMostImageSide || height > kMostImageSide || width * height > kMostImagePixels)
+    throw Error(path + ": is " + std::to_string(width) + "x" + std::to_string(height) + " pixels: at most " +
+                std::to_string(kMostImageSide) + " a side can be read");
+  return {static_cast<int>(width), static_cast<int>(height)};
+}
+
+std::string read_image_file(const std::string& path) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) throw Error(path + ": no such image file");
-  cv::Mat bgr;
+  return read_file(path);
+}
+
+Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
+  // The decoder writes to the image's own memory if it finds the size that the header claims.
+  Image image(PixelFamily::kRgb, size.width, size.height);
+  cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
+  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
-    bgr = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
-  if (bgr.empty()) throw Error(path + ": not an image that can be read");
-  Image image(PixelFamily::kRgb, bgr.cols, bgr.rows);
-  cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, image.data().data());
-  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+  if (pixels.empty()) throw Error(path + ": not an image that can be read");
+  if (pixels.data != image.data().data() || pixels.cols != size.width || pixels.rows != size.height)
+    throw Error(path + ": its header and its pixels are of different sizes");
+  for (size_t i = 0; i + 2 < image.data().size(); i += 3) std::swap(image.data()[i], image.data()[i + 2]);
   return image;
+}
+
+}  // namespace
+
+ImageSize load_image_size(const std::string& path) { return checked_size(path, read_image_file(path)); }
+
+Image load_image(const std::string& path) {
+  const std::string bytes = read_image_file(path);
+  return decode_image(path, bytes, checked_size(path, bytes));
+}
+
+Image load_image_of_size(const std::string& path, ImageSize expected) {
+  const std::string bytes = read_image_file(path);
+  const ImageSize size = checked_size(path, bytes);
+  if (size != expected)
+    throw Error(path + ": has " + size_text(size.width, size.height) + " pixels, the rig says " +
+                size_text(expected.width, expected.height));
+  return decode_image(path, bytes, size);
 }
 
 void save_image(const Image& rgb, const std::string& path) {
   const cv::Mat in(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
   cv::Mat bgr;
   cv::cvtColor(in, bgr, cv::COLOR_RGB2BGR);
-  bool written = false;
+  std::vector<uint8_t> bytes;
+  bool coded = false;
   try {
-    written = cv::imwrite(path, bgr);
+    coded = cv::imencode(std::filesystem::path(path).extension().string(), bgr, bytes);
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
-  if (!written) throw Error(path + ": can't be written");
+  if (!coded) throw Error(path + ": can't be written");
+  FileReplacement file(path);
+  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  file.commit();
 }
 
 }  // namespace lf

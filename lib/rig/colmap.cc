@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
-#include "image/image.h"
+#include "image/image_file.h"
 #include "rig/colmap_text.h"
 
 namespace lf {
@@ -106,9 +106,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       if (!is_new) throw Error(camera.image + ": stands for \"" + other->second + "\" and \"" + image.name + "\"");
       const std::string file = fs::path(camera.image).lexically_relative(folder).generic_string();
       if (file != image.name && num_renamed++ == 0) renamed = file + " for \"" + image.name + "\"";
-      const Image pixels = load_image(camera.image);
-      camera.width = pixels.width();
-      camera.height = pixels.height();
+      const ImageSize size = load_image_size(camera.image);
+      camera.width = size.width;
+      camera.height = size.height;
       if (!options.undistorted && (camera.width != from.width || camera.height != from.height))
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) + ", its camera " +
                     std::to_string(image.camera_id) + " in cameras.txt " + size_text(from.width, from.height) +

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "image/image.h"
+#include "image/image_file.h"
 
 namespace lf {
 namespace {
@@ -82,9 +82,9 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
     camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
   } else {
     if (camera.image.empty()) value.fail("has neither w and h nor a file_path");
-    const Image image = load_image(camera.image);
-    camera.width = image.width();
-    camera.height = image.height();
+    const ImageSize size = load_image_size(camera.image);
+    camera.width = size.width;
+    camera.height = size.height;
   }
   camera.lens = parse_lens(frame, value, camera.width, camera.height);
   RigidMotion motion = parse_rigid_motion(value.at("transform_matrix"));

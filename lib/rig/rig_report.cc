@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
-#include "image/image.h"
+#include "image/image_file.h"
 #include "rig/bin_description.h"
 #include "rig/mesh.h"
 
@@ -119,11 +119,13 @@ void check_files(const Rig& rig, size_t index, std::vector<RigFinding>& findings
   const std::string place = "cameras[" + std::to_string(index) + "]";
   if (!camera.image.empty()) {
     try {
-      const Image image = load_image(rig.resolve(camera.image));
-      if (image.width() != camera.width || image.height() != camera.height)
-        findings.push_back({Severity::kError, place + ".image: " + rig.resolve(camera.image) + " is " +
-                                                  size_text(image.width(), image.height()) + ", the camera is " +
-                                                  size_text(camera.width, camera.height)});
+      const std::string path = rig.resolve(camera.image);
+      const ImageSize size = load_image_size(path);
+      if (size != ImageSize{camera.width, camera.height})
+        findings.push_back({Severity::kError, place + ".image: " + path + " is " + size_text(size.width, size.height) +
+                                                  ", the camera is " + size_text(camera.width, camera.height)});
+      else
+        load_image(path);  // finds damage that the header does not show
     } catch (const Error& e) {
       findings.push_back({Severity::kError, place + ".image: " + e.what()});
     }

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
-#include "image/image.h"
+#include "image/image_file.h"
 
 namespace lf {
 namespace {
@@ -87,13 +87,13 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   Place last(0, 0);
   for (const auto& [place, named] : read_names(directory)) {
     last = {std::max(last.first, place.first), std::max(last.second, place.second)};
-    const Image image = load_image(named.path);
+    const ImageSize size = load_image_size(named.path);
     Camera camera;
     camera.id = static_cast<uint32_t>(rig.cameras.size());
     camera.name = fs::path(named.path).stem().string();
     camera.image = fs::proximate(named.path).string();
-    camera.width = image.width();
-    camera.height = image.height();
+    camera.width = size.width;
+    camera.height = size.height;
     rig.cameras.push_back(camera);
     positions.push_back(named.position);
   }

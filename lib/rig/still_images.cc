@@ -5,9 +5,8 @@
 #include <string>
 
 #include "base/error.h"
-#include "base/number_text.h"
 #include "image/colour_correction.h"
-#include "image/image.h"
+#include "image/image_file.h"
 
 namespace lf {
 bool has_images(const Rig& rig) {
@@ -26,13 +25,10 @@ const Image& StillImages::get(CameraIndex camera) {
   const std::string path = rig_.resolve(rig_camera.image);
   Image image;
   try {
-    image = load_image(path);
+    image = load_image_of_size(path, {rig_camera.width, rig_camera.height});
   } catch (const Error& e) {
     throw Error(name + e.what());
   }
-  if (image.width() != rig_camera.width || image.height() != rig_camera.height)
-    throw Error(name + path + ": has " + size_text(image.width(), image.height()) + " pixels, the rig says " +
-                size_text(rig_camera.width, rig_camera.height));
   if (family_ == PixelFamily::kI420) image = to_i420(image);
   if (rig_camera.colour) image = corrected(image, *rig_camera.colour, rig_camera.principal_point());
 
