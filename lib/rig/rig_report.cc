@@ -11,6 +11,7 @@
 #include "base/number_text.h"
 #include "image/image_file.h"
 #include "rig/bin_description.h"
+#include "rig/camera_distances.h"
 #include "rig/mesh.h"
 
 namespace lf {
@@ -31,13 +32,6 @@ std::string range_text(double least, double most) {
 
 double distance(const Rig& rig, size_t a, size_t b) {
   return glm::length(rig.cameras[a].pose.position - rig.cameras[b].pose.position);
-}
-
-double largest_distance(const Rig& rig) {
-  double largest = 0;
-  for (size_t a = 0; a < rig.cameras.size(); a++)
-    for (size_t b = 0; b < a; b++) largest = std::max(largest, distance(rig, a, b));
-  return largest;
 }
 
 std::vector<std::string> lens_lines(const Rig& rig) {
@@ -73,20 +67,25 @@ double flatness(const Rig& rig, const MeshFace& face) {
   return longest > 0 ? glm::length(glm::cross(a / longest, b / longest)) : 0;
 }
 
-// Pairs of cameras at one place: neighbours in the order of their positions.
+// Cameras at one place, each named once with the first camera there: neighbours in the order along the widest axis.
 void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   const double tolerance = kSamePlace * largest_distance(rig);
+  const int axis = widest_axis(rig);
   std::vector<size_t> order(rig.cameras.size());
   for (size_t i = 0; i < order.size(); i++) order[i] = i;
-  const auto x = [&](size_t i) { return rig.cameras[i].pose.position.x; };
-  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return x(a) < x(b); });
-  for (size_t i = 0; i < order.size(); i++)
-    for (size_t j = i + 1; j < order.size() && x(order[j]) - x(order[i]) <= tolerance; j++)
-      if (distance(rig, order[i], order[j]) <= tolerance) {
-        const auto [a, b] = std::minmax(order[i], order[j]);
-        findings.push_back({Severity::kWarning, "cameras[" + std::to_string(b) + "].position: is that of cameras[" +
-                                                    std::to_string(a) + "] too"});
-      }
+  const auto along = [&](size_t i) { return rig.cameras[i].pose.position[axis]; };
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return along(a) < along(b); });
+  std::vector<bool> named(order.size());
+  for (size_t i = 0; i < order.size(); i++) {
+    if (named[order[i]]) continue;
+    for (size_t j = i + 1; j < order.size() && along(order[j]) - along(order[i]) <= tolerance; j++) {
+      const auto [a, b] = std::minmax(order[i], order[j]);
+      if (named[b] || distance(rig, a, b) > tolerance) continue;
+      named[order[j]] = true;
+      findings.push_back({Severity::kWarning, "cameras[" + std::to_string(b) + "].position: is that of cameras[" +
+                                                  std::to_string(a) + "] too"});
+    }
+  }
 }
 
 void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
@@ -145,21 +144,15 @@ void check_files(const Rig& rig, size_t index, std::vector<RigFinding>& findings
 RigSummary summarize(const Rig& rig) {
   RigSummary summary;
   Vec3 least(std::numeric_limits<double>::infinity()), most(-std::numeric_limits<double>::infinity());
-  double sum = 0;
-  for (size_t i = 0; i < rig.cameras.size(); i++) {
-    const Camera& camera = rig.cameras[i];
+  for (const Camera& camera : rig.cameras) {
     least = glm::min(least, camera.pose.position);
     most = glm::max(most, camera.pose.position);
     summary.images += !camera.image.empty();
     summary.sources += !camera.source.empty();
-    double nearest = std::numeric_limits<double>::infinity();
-    for (size_t j = 0; j < rig.cameras.size(); j++)
-      if (j != i) nearest = std::min(nearest, distance(rig, i, j));
-    if (rig.cameras.size() > 1) sum += nearest;
   }
   summary.extent = most - least;
   summary.baseline = largest_distance(rig);
-  summary.mean_neighbour = sum / static_cast<double>(rig.cameras.size());
+  summary.mean_neighbour = mean_nearest_distance(rig);
   for (const MeshFace& face : build_mesh(rig).faces) (face.corners() == 3 ? summary.triangles : summary.other_faces)++;
   summary.lenses = lens_lines(rig);
   return summary;

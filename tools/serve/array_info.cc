@@ -7,6 +7,7 @@
 
 #include "composite/view_coverage.h"
 #include "render/contribution_map.h"
+#include "rig/camera_distances.h"
 #include "rig/rig_json.h"
 #include "view/navigator.h"
 
@@ -25,8 +26,7 @@ ArrayInfo::ArrayInfo(const std::string& rig) : rig_(load_rig(rig)), mesh_(build_
     names_.push_back(name_of(camera));
     cameras.push_back({{"name", names_.back()}, {"position", numbers(camera.pose.position)}});
   }
-  for (const Camera& a : rig_.cameras)
-    for (const Camera& b : rig_.cameras) size_ = std::max(size_, glm::distance(a.pose.position, b.pose.position));
+  size_ = largest_distance(rig_);
   for (const MeshFace& face : mesh_.faces)
     faces.push_back(std::vector<CameraIndex>(face.camera.begin(), face.camera.begin() + face.corners()));
   const Pose front = default_viewpoint(rig_).pose;

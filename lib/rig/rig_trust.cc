@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig_trust.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "base/error.h"
+#include "rig/bin_description.h"
+
+namespace lf {
+namespace {
+
+void require_own_file(const std::string& path) {
+  struct stat status;
+  if (stat(path.c_str(), &status) != 0) throw Error(path + ": " + std::strerror(errno));
+  if ((status.st_uid == geteuid() || status.st_uid == 0) && !(status.st_mode & S_IWOTH)) return;
+  throw Error(path +
+              " is written by others, and a source that describes elements may run any program: only rig files "
+              "of your own may have one (make it yours with chown and chmod o-w, or copy it)");
+}
+
+}  // namespace
+
+void require_trust(const Camera& camera, const std::string& path, bool trusted) {
+  if (is_bin_description(camera.source) && !path.empty()) require_own_file(path);
+  if (trusted) return;
+  if (const auto part = untrusted_part(camera.source))
+    throw Error("its source has " + *part +
+                ", which may write files or run programs. If you trust this rig file, allow it: --trust-rig, or the "
+                "property trusted=true");
+}
+
+void require_trust(const Rig& rig, const std::string& path, bool trusted) {
+  for (const Camera& camera : rig.cameras) {
+    try {
+      require_trust(camera, path, trusted);
+    } catch (const Error& error) {
+      throw Error(path + ": camera " + std::to_string(camera.id) +
+                  (camera.name.empty() ? "" : " (" + camera.name + ")") + ": " + error.what());
+    }
+  }
+}
+
+}  // namespace lf

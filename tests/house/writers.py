@@ -1,0 +1,52 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Checks that files are read and written by lib/base/file.h alone.
+
+Its writer keeps the old file until the new one is complete, keeps modes and links, and syncs. Its reader refuses devices,
+FIFOs and huge files. Prints each other place that opens a file, and exits 1 if there is one. GStreamer's sinks, which
+write a recording while it grows, are not looked for.
+
+    writers.py SOURCE_ROOT
+"""
+import pathlib
+import re
+import sys
+
+FORBIDDEN = re.compile(
+    r"std::(?:o|w|wo)?fstream\b|\bf(?:re)?open\(|\bcv::im(?:read|write)\b|\bg_file_set_contents|\bcreat\(|"
+    r"cv::FileStorage\s+\w+\([^;]*FileStorage::(?:WRITE|READ)(?![^;]*MEMORY)|\bfs::copy_file\(|std::ifstream\b"
+)
+# Files of the kernel (/proc, /sys), which have no size and no name to replace; secrets, which are wiped; and the first
+# bytes of films.
+ALLOWED = {
+    "gst/bins/rtp_link.cc": "std::ifstream",
+    "gst/camsrc/camera_source.cc": "std::ifstream",
+    "gst/rtp/rtp_key.cc": "std::ifstream",
+    "tools/cameras/links.cc": "std::ifstream",
+    "tools/lf_report.cc": "std::ifstream",
+    "tools/serve/http_server.cc": "std::ifstream",
+    "tools/serve/processor_load.h": "std::ifstream",
+}
+
+
+def places(root):
+    for building in ("lib", "gst", "tools", "calib"):
+        for path in sorted((root / building).rglob("*")):
+            if path.suffix not in (".h", ".cc"):
+                continue
+            name = str(path.relative_to(root))
+            for number, line in enumerate(path.read_text().splitlines(), 1):
+                code = line.split("//")[0]
+                for found in FORBIDDEN.findall(code):
+                    if ALLOWED.get(name) != found:
+                        yield f"{name}:{number}: {found}: use lib/base/file.h"
+
+
+def main():
+    faults = list(places(pathlib.Path(sys.argv[1])))
+    print("\n".join(faults) or "files are read and written in one place")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
