@@ -35,6 +35,7 @@ using nlohmann::json;
 struct AllArguments {
   std::string rig, lights, boards, colour, out, board, charuco;
   double bar = 0, record = 0;
+  bool trusted = false;
   int page = -1;
 };
 
@@ -95,8 +96,8 @@ class Afternoon {
     lf::cameras::RecordingGuide guided = guide;
     if (o_.page >= 0) guided.page = o_.page;
     const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
-    const std::vector<lf::cameras::Recorded> recorded =
-        lf::cameras::record_guided(rig, o_.rig, folder, {.seconds = o_.record}, guided, [] { return true; });
+    const std::vector<lf::cameras::Recorded> recorded = lf::cameras::record_guided(
+        rig, o_.rig, folder, {.trusted = o_.trusted, .seconds = o_.record}, guided, [] { return true; });
     for (const lf::cameras::Recorded& one : recorded) {
       const lf::Camera& camera = rig->cameras[one.camera];
       const std::string name = lf::cameras::name_of(camera);
@@ -194,12 +195,8 @@ class Afternoon {
 
   // A rig file that says the same is left as it is: whoever watches it need not read it again.
   static void write_if_other(const lf::Rig& rig, const std::string& path, const json& text) {
-    const std::string beside = path + ".new";
-    lf::save_rig(rig, beside, &text);
-    if (fs::exists(path) && lf::read_text_file(path) == lf::read_text_file(beside))
-      fs::remove(beside);
-    else
-      fs::rename(beside, path);
+    const std::string rig_text = lf::rig_to_json(rig, &text);
+    if (!fs::exists(path) || lf::read_text_file(path) != rig_text) lf::write_text_file(rig_text, path);
   }
 
   void publish(const std::string& path) {
@@ -259,6 +256,7 @@ void add_all_command(cli::App& app, int& status) {
       ->add_option("--page", o->page,
                    "Port of a page on this machine that shows the cameras as they record, and what is said; 0: any")
       ->check(cli::Range(0, 65535));
+  cli::add_trust_option(*command, o->trusted);
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
       ->check(cli::PositiveNumber);
   command

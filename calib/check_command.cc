@@ -17,6 +17,7 @@
 #include "commands.h"
 #include "light_recordings.h"
 #include "monitor_check.h"
+#include "rig/location_text.h"
 #include "rig/rig_json.h"
 #include "solve_progress.h"
 
@@ -127,7 +128,7 @@ void add_check_command(cli::App& app, int& status) {
     try {
       status = check(*o);
     } catch (const lf::Error& error) {
-      std::fprintf(stderr, "lf-calibrate: %s\n", error.what());
+      std::fprintf(stderr, "lf-calibrate: %s\n", lf::location_text(error.what()).c_str());
       status = 2;
     }
   });

@@ -32,6 +32,7 @@ struct IntrinsicsArguments {
   double square = 1, marker = lf::CharucoBoard().marker;
   uint32_t camera = 0;
   int views = 20;
+  bool trusted = false;
 };
 
 // What frames come from: the elements that give them, and what messages call it.
@@ -47,7 +48,7 @@ Video video_of(const std::string& uri) {
 }
 
 // Of a rig's camera, opened as the light field opens it: in its size, with its controls.
-Video video_of(const std::string& rig, uint32_t camera) {
+Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": has a quotation mark");
   const lf::Rig read = lf::load_rig(rig);
   const auto index = read.index_of_id(camera);
@@ -56,7 +57,7 @@ Video video_of(const std::string& rig, uint32_t camera) {
   const std::string name = rig + ": camera " + std::to_string(camera);
   if (source.empty()) throw lf::Error(name + ": has no source; name images or a video of the board");
   const bool file = !lf::is_bin_description(source) && (!lf::is_uri(source) || source.starts_with("file:"));
-  return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera), name, file};
+  return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name, file};
 }
 
 // The frames as RGB images until `use` returns false or the video ends. Throws Error where there is no video.
@@ -137,7 +138,7 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
     throw lf::Error("needs images or videos of the board, or --rig, whose camera is watched");
-  if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera), found);
+  if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera, options.trusted), found);
   for (const std::string& path : options.images) {
     if (path.find("://") != std::string::npos) {
       watch(options, board, video_of(path), found);
@@ -261,6 +262,7 @@ void add_intrinsics_command(cli::App& app) {
   command->add_option("--marker", o->marker, "Side of a marker, over that of a square")->capture_default_str();
   command->add_option("--model", o->model, "Lens model, or auto: by evidence")->capture_default_str();
   command->add_option("--rig", o->rig, "Rig file whose camera this is; else the result is a rig of one camera");
+  cli::add_trust_option(*command, o->trusted);
   command->add_option("--camera", o->camera, "Its id")->capture_default_str();
   command->add_option("--out", o->out, "Rig file to write; may be that of --rig")->required();
   command->add_option("--json", o->json, "Report to write");

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "rig/location_text.h"
 
 namespace fs = std::filesystem;
 
@@ -14,7 +15,7 @@ std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf
     if (camera.source.empty())
       throw lf::Error("the rig names no source of it: give --recordings, a folder with " + camera.name + ".*");
     if (lf::is_uri(camera.source) && !camera.source.starts_with("file:"))
-      throw lf::Error(camera.source + " is live: record it first, and give --recordings");
+      throw lf::Error(lf::location_text(camera.source) + " is live: record it first, and give --recordings");
     return rig.resolve(camera.source);
   }
   static const std::set<std::string> kOthers = {".png", ".json"};

@@ -19,6 +19,7 @@ usage: pipelines/camera-node.sh --rig RIG.json --requests PORT --answers HOST:PO
   --framerate N/D       of cameras whose source has none (default: 30/1)
   --mtu BYTES           of a packet (default: 1400; jumbo frames: 8900)
   --bitrate BITS        paces the packets of an answer, bits per second (default: 1000000000; 0: all at once)
+  --trust-rig           let the rig run any GStreamer element: such a file may write files and run programs
   --set 'NAME=VALUE'    a property of lfcameranode, such as codec=raw16, loop=false; may be repeated
 END
 }
@@ -27,6 +28,7 @@ rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=1000000000 key_file= peers=
 requests=() answers=() settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
+  [[ $1 != --trust-rig ]] || { settings+=(trusted=true); shift; continue; }
   (($# > 1)) || die "$1 needs a value (see --help)"
   case $1 in
     --rig) need_file "$@"; rig=$2 ;;

@@ -10,16 +10,18 @@ rig=
 frames=120
 framerate=15
 window=false
+trust=false
 
 usage() {
   cat <<END
-usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--frames N] [--window]
+usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--trust-rig] [--frames N] [--window]
 
 Renders a virtual camera on a smooth path with changing focus and writes view.mkv, sheet.png and report.json.
 
   --out DIR       where to (default: quickstart-out)
   --rig RIG.json  any rig, in place of the built-in scene filmed by an 8x8 array; of cameras that are live a film is taken
                   first, to DIR/film, for as long as the path
+  --trust-rig     let the rig run any GStreamer element: such a file may write files and run programs
   --frames N      length of the path (default: $frames)
   --window        afterwards open a window in which mouse and keys fly: drag orbits, shift-drag pans, the wheel
                   zooms and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
@@ -37,6 +39,7 @@ while (($#)); do
       shift 2
       ;;
     --window) window=true; shift ;;
+    --trust-rig) trust=true; shift ;;
     --help | -h) usage; exit ;;
     *)
       echo "quickstart.sh: unknown option $1 (see --help)" >&2
@@ -94,10 +97,17 @@ else
   report=()
   if names_live_cameras "$rig"; then
     echo "filming with the cameras of $rig, to $out/film"
-    rm -rf "$out/film"
-    gst-launch-1.0 -q lfviewsrc "rig=$rig" "framerate=$framerate/1" width=64 height=48 focus=plane "record=$out/film" \
-      "num-buffers=$((frames + framerate))" ! fakesink sync=false
+    # The film of the run before stays until the new one is complete.
+    gst-launch-1.0 -q lfviewsrc "rig=$rig" "trusted=$trust" "framerate=$framerate/1" width=64 height=48 focus=plane \
+      "record=$work/film" "num-buffers=$((frames + framerate))" ! fakesink sync=false
+    if [[ ! -s $work/film/rig.json ]] || ! compgen -G "$work/film/*.mkv" >/dev/null; then
+      echo "quickstart.sh: the cameras of $rig gave no film; $out/film is as it was" >&2
+      exit 1
+    fi
+    [[ ! -e $out/film ]] || mv -T "$out/film" "$work/film-before"
+    mv -T "$work/film" "$out/film"
     rig=$out/film/rig.json
+    trust=false  # a film needs no trust
   fi
 fi
 lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"
@@ -119,7 +129,7 @@ launch() {
 
 # Everything between cameras and pictures is in one element.
 light_field() { # is-live, more properties
-  pipeline=(lfviewsrc "rig=$rig" "location=$out/views.json" "framerate=$framerate/1" "is-live=$1" post-messages=true
+  pipeline=(lfviewsrc "rig=$rig" "trusted=$trust" "location=$out/views.json" "framerate=$framerate/1" "is-live=$1" post-messages=true
     "${@:2}")
 }
 
@@ -144,5 +154,5 @@ echo "in $out: view.mkv, sheet.png, report.json, views.json"
 
 if $window; then
   echo "opening a window; close it to end"
-  gst-launch-1.0 -q lfviewsrc "rig=$rig" framerate=30/1 ! videoconvert ! autovideosink
+  gst-launch-1.0 -q lfviewsrc "rig=$rig" "trusted=$trust" framerate=30/1 ! videoconvert ! autovideosink
 fi

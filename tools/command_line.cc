@@ -10,6 +10,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "rig/location_text.h"
+
 namespace cli {
 
 Check::Check(const CLI::Validator& validator) : validator_(std::make_shared<CLI::Validator>(validator)) {}
@@ -110,6 +112,11 @@ App* App::require_option(size_t count) {
   return this;
 }
 
+void add_trust_option(App& app, bool& trusted) {
+  app.add_flag("--trust-rig", trusted,
+               "Let the rig file run any GStreamer element: such a file may write files and run programs");
+}
+
 void App::callback(std::function<void()> job) { parts_->app->callback(std::move(job)); }
 
 App::operator bool() const { return parts_->app->parsed(); }
@@ -123,10 +130,11 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
     return 0;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);  // --help
-    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), e.what());
+    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), lf::location_text(e.what()).c_str());
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), e.what());
-    if (on_error) on_error(e.what());
+    const std::string what = lf::location_text(e.what());
+    std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), what.c_str());
+    if (on_error) on_error(what);
   }
   return 1;
 }

@@ -48,6 +48,10 @@ class Option {
   CLI::Option* option_;
 };
 
+class App;
+// Adds --trust-rig, which sets `trusted` (rig/rig_trust.h).
+void add_trust_option(App& app, bool& trusted);
+
 // A program's command line, one of its commands, or a group of options.
 class App {
  public:

@@ -36,6 +36,7 @@ struct Options {
   ServerOptions server;
   Limits limits;
   bool watch = false;         // the rig file
+  bool trusted = false;       // the rig file may run any element
   int capture_delay_ms = -1;  // less than 0: by the kind of cameras
 };
 
@@ -156,7 +157,7 @@ class Program {
       try {
         field_ =
             std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file, options_.resampling,
-                                         options_.renderer, options_.record, options_.limits.viewers);
+                                         options_.renderer, options_.record, options_.limits.viewers, options_.trusted);
         field_->start([this](const std::string& what) { fail(what); });
       } catch (const lf::Error& error) {
         problem = error.what();
@@ -217,6 +218,7 @@ int main(int argc, char** argv) {
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
   app.add_flag("--watch", o.watch,
                "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
+  cli::add_trust_option(app, o.trusted);
   app.add_option("--nodes", o.nodes,
                  "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
   app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");

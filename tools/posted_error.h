@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "rig/location_text.h"
+
 namespace lf {
 
 // What the first error says that is on the pipeline's bus, or comes there within `patience`; `otherwise` if none does.
@@ -14,7 +16,7 @@ inline std::string posted_error(GstElement* pipeline, GstClockTime patience, std
   if (GstMessage* message = gst_bus_timed_pop_filtered(bus, patience, GST_MESSAGE_ERROR)) {
     GError* error = nullptr;
     gst_message_parse_error(message, &error, nullptr);
-    otherwise = error->message;
+    otherwise = location_text(error->message);
     g_error_free(error);
     gst_message_unref(message);
   }

@@ -32,6 +32,9 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
       property<&S::record>(kWhileReady, "record", "Record",
                            "Folder that the cameras are recorded into from the start to the stop, with a rig.json to "
                            "play them by; it must not have one already (none: not recorded)"),
+      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
+                            "Whether the rig file may run any element: without it, sources that describe elements can "
+                            "have sources, converters and decoders of a short list only"),
   };
   return table;
 }

@@ -20,6 +20,7 @@ struct CameraNodeSettings {
   guint latency = 200;  // ms
   guint node = 0;
   bool retry = true;
+  bool trusted = false;
   std::string record;
   bool operator==(const CameraNodeSettings&) const = default;
 

@@ -98,7 +98,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   if (!camera) throw lf::Error("element lfcamsrc is not installed");
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
                "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, "retry", settings.retry,
-               nullptr);
+               "trusted", settings.trusted, nullptr);
   lf_cam_src_set_expendable(LF_CAM_SRC(camera));
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());

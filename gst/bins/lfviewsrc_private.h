@@ -39,6 +39,7 @@ struct LfViewSrcSettings : LfViewSrcHosts {
   std::string rig;
   bool is_live = true;
   std::string record;
+  bool trusted = false;
   lf::RendererChoice renderer = lf::RendererChoice::kCpu;
 
   static lf::PropertyTable<LfViewSrcSettings>& properties();

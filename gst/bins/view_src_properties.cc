@@ -38,7 +38,8 @@ void lf_view_src_set_node(LfViewSrc* self) {
   const LfViewSrcSettings settings = Properties::now(self);
   const auto text_or_null = [](const std::string& text) { return text.empty() ? nullptr : text.c_str(); };
   g_object_set(node, "is-live", settings.is_live, "rig", text_or_null(settings.rig), "record",
-               text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), nullptr);
+               text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), "trusted",
+               settings.trusted, nullptr);
   gst_object_unref(node);
 }
 
@@ -83,7 +84,8 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
   Properties::set(object, id, value, pspec);
   if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
   if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
-  if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer")) lf_view_src_set_node(self);
+  if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer") || lf::is_named(pspec, "trusted"))
+    lf_view_src_set_node(self);
 }
 
 static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -216,6 +218,10 @@ lf::PropertyTable<LfViewSrcSettings>& LfViewSrcSettings::properties() {
       lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
                                  "What draws the sums of cameras of this machine, as of lfcameranode",
                                  LF_TYPE_FRAGMENT_RENDERER),
+      lf::property<&S::trusted>(
+          lf::kWhileReady, "trusted", "Trusted",
+          "Whether the rig file may run any element: without it, sources that describe elements can "
+          "have sources, converters and decoders of a short list only"),
   };
   return table;
 }

@@ -5,6 +5,8 @@
 #include "camsrc/camera_source.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"
+#include "rig/location_text.h"
+#include "rig/rig_trust.h"
 
 namespace {
 
@@ -16,13 +18,12 @@ std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
   return lf::shared_rig(path);
 }
 
-// The errors say which camera of which rig they are about.
-lf::CameraSource find_source(const lf::Rig& rig, const std::string& path, const lf::Camera& camera,
+// Errors name the rig and the camera.
+lf::CameraSource find_source(const lf::Rig& rig, const lf::CamSrcSettings& settings, const lf::Camera& camera,
                              const std::string& place) {
   try {
-    const lf::CameraSource source = lf::find_camera_source(rig, camera);
-    if (source.kind == Kind::kBin) lf::require_own_file(path);
-    return source;
+    lf::require_trust(camera, settings.rig, settings.trusted);
+    return lf::find_camera_source(rig, camera);
   } catch (const lf::MissingFile& error) {
     throw lf::MissingFile(place + ": " + error.what());
   } catch (const lf::Error& error) {
@@ -81,8 +82,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                   lf::CameraIndex index) {
   const lf::Camera& camera = rig->cameras[index];
   std::string place = place_of(settings, camera);
-  const lf::CameraSource source = find_source(*rig, settings.rig, camera, place);
-  if (!source.location.empty()) place += ": " + source.location;
+  const lf::CameraSource source = find_source(*rig, settings, camera, place);
+  if (!source.location.empty()) place += ": " + lf::location_text(source.location);
   const bool file = is_file(source);
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
   const bool network = device || (source.kind == Kind::kUri && !file);
@@ -96,6 +97,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                                              .live = settings.is_live,
                                              .loop = settings.loop,
                                              .decode = settings.decode,
+                                             .trusted = settings.trusted,
                                              .controls = controls,
                                              .latency = settings.latency},
                                             place);
@@ -201,6 +203,22 @@ void lf_cam_src_close(LfCamSrc* self) {
   delete run;
 }
 
+// A camera may be a view of another light field, whose cameras may be views, too: a rig that names itself would open
+// cameras without end.
+static void require_shallow(LfCamSrc* self) {
+  constexpr int kMostInside = 1;
+  int inside = 0;
+  GstObject* object = GST_OBJECT(gst_object_ref(self));
+  while (GstObject* parent = gst_object_get_parent(object)) {
+    gst_object_unref(object);
+    object = parent;
+    if (LF_IS_CAM_SRC(object)) inside++;
+  }
+  gst_object_unref(object);
+  if (inside > kMostInside)
+    throw lf::Error("cameras are views of light fields inside one another: does a rig name itself?");
+}
+
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
   lf_cam_src_close(self);
   g_atomic_int_inc(&self->serial);
@@ -210,6 +228,7 @@ bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
   std::shared_ptr<const lf::Rig> rig;
   lf::CameraIndex index = 0;
   *failure = failure_of([&] {
+    require_shallow(self);
     rig = open_rig(settings.rig);
     const auto found = rig->index_of_id(settings.camera);
     if (!found) throw lf::Error(settings.rig + ": has no camera " + std::to_string(settings.camera));

@@ -12,6 +12,7 @@
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"
+#include "rig/location_text.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_cam_src_debug);
 #undef GST_CAT_DEFAULT  // of another file that is compiled in one with this
@@ -83,19 +84,20 @@ bool lf_cam_src_may_be_lost(LfCamSrc* self) {
 }
 
 void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more) {
-  gst_element_message_full(
-      GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup((failure.text + more).c_str()),
-      failure.debug.empty() ? nullptr : g_strdup(failure.debug.c_str()), __FILE__, GST_FUNCTION, __LINE__);
+  const std::string text = lf::location_text(failure.text) + more, debug = lf::location_text(failure.debug);
+  gst_element_message_full(GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup(text.c_str()),
+                           debug.empty() ? nullptr : g_strdup(debug.c_str()), __FILE__, GST_FUNCTION, __LINE__);
 }
 
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
   if (!lf_cam_src_may_be_lost(self)) return lf_cam_src_post(self, GST_MESSAGE_ERROR, failure);
-  if (!self->service->lose(failure.text, lf::now_ns())) {
-    GST_INFO_OBJECT(self, "not back: %s", failure.text.c_str());
+  const std::string reason = lf::location_text(failure.text);
+  if (!self->service->lose(reason, lf::now_ns())) {
+    GST_INFO_OBJECT(self, "not back: %s", reason.c_str());
     return;
   }
   GstStructure* lost = lf_cam_src_structure(self, LF_CAMERA_LOST);
-  gst_structure_set(lost, "reason", G_TYPE_STRING, failure.text.c_str(), nullptr);
+  gst_structure_set(lost, "reason", G_TYPE_STRING, reason.c_str(), nullptr);
   lf_cam_src_post_structure(self, lost);
   lf_cam_src_post(self, GST_MESSAGE_WARNING, failure,
                   lf_cam_src_retries(self) ? ": out of service until it is back" : ": out of service from now on");

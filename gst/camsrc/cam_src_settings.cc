@@ -22,9 +22,10 @@ PropertyTable<CamSrcSettings>& CamSrcSettings::properties() {
                                "Frames after which the stream ends (-1 = when the source does: stills and the built-in "
                                "scene never do)",
                                gint64{-1}, G_MAXINT64),
-      property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
-                           "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
+      property<&S::decode>(
+          kWhileReady, "decode", "Decode",
+          "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
+          "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
       property<&S::latency>(
           kWhileReady, "latency", "Latency",
           "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0u, 60000u),
@@ -32,6 +33,9 @@ PropertyTable<CamSrcSettings>& CamSrcSettings::properties() {
                           "A camera that fails is opened again, after half a second at first and after ten seconds at "
                           "most, in place of an error: the element messages lightfield-camera-lost and "
                           "lightfield-camera-found and a warning tell"),
+      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
+                            "Whether the rig file may run any element: without it, sources that describe elements can "
+                            "have sources, converters and decoders of a short list only"),
   };
   return table;
 }

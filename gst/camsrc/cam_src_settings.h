@@ -20,6 +20,7 @@ struct CamSrcSettings {
   bool decode = true;
   guint latency = 200;  // ms
   bool retry = false;
+  bool trusted = false;
   bool operator==(const CamSrcSettings&) const = default;
 
   static PropertyTable<CamSrcSettings>& properties();

@@ -136,7 +136,7 @@ GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
 
 GstElement* add_described(GstBin* bin, const std::string& line, const Camera& camera, const ChainOptions& options,
                           GstElement* convert) {
-  GstElement* described = make_described_source(line);
+  GstElement* described = make_described_source(line, options.trusted);
   gst_bin_add(bin, described);
   append(append(described, add_capsfilter(bin, bin_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
   return described;

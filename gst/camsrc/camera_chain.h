@@ -19,6 +19,7 @@ struct ChainOptions {
   bool live = false;         // each frame comes at its time on the clock
   bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
   bool decode = true;        // JPEG video too; stills always
+  bool trusted = false;      // a source that describes elements may have any
   Controls controls = {};    // set on sources that are devices or elements
   guint latency = 200;       // milliseconds that packets of network sources are waited for and put in order
 };

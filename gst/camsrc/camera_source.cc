@@ -2,8 +2,6 @@
 #include "camsrc/camera_source.h"
 
 #include <gst/gst.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <array>
 #include <cctype>
@@ -115,15 +113,6 @@ bool gives_pictures(const std::string& uri) {
 }
 
 }  // namespace
-
-void require_own_file(const std::string& path) {
-  struct stat status;
-  if (stat(path.c_str(), &status) != 0) throw MissingFile(path + ": no such file");
-  if ((status.st_uid == geteuid() || status.st_uid == 0) && !(status.st_mode & S_IWOTH)) return;
-  throw Error(path +
-              " is written by others, and a source that describes elements may run any program: only rig files "
-              "of your own may have one (make it yours with chown and chmod o-w, or copy it)");
-}
 
 CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   using Kind = CameraSource::Kind;

@@ -33,10 +33,6 @@ struct CameraSource {
   int first = 0;
 };
 
-// Throws Error where somebody else than this user and root can write the file: a rig that describes elements may run
-// any program.
-void require_own_file(const std::string& path);
-
 // The camera's `source` if the rig gives one, else its `image`, else the built-in scene. Looks at the first bytes of
 // local files, not at their names. Throws MissingFile, and Error for a pattern that is not one.
 CameraSource find_camera_source(const Rig& rig, const Camera& camera);

@@ -12,8 +12,11 @@
  * error. With `decode=false` JPEG video comes as it is, and pictures in a graphics card's memory do where these are
  * taken.
  *
- * Elements are asked for the size in the rig, and for `framerate` if it is given. They may be anything, programs that
- * run others, too: rig files with such sources must be the user's own, and nobody else's to write.
+ * Elements are asked for the size in the rig, and for `framerate` if it is given. Sources, converters and decoders of a
+ * short list need no more than a rig file that nobody else can write. Any other element, which may write files or run
+ * programs, needs `trusted=true`; so does a view of another light field (`lf:///path/of/rig.json`).
+ *
+ * Messages and `stats` name sources without the users and passwords in them.
  *
  * Devices and elements are set to the camera's `controls`.
  *
@@ -50,6 +53,7 @@
 
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
+#include "camsrc/message_secrets.h"
 #include "common/common.h"
 
 GST_DEBUG_CATEGORY(lf_cam_src_debug);
@@ -205,6 +209,7 @@ static std::string describe(const std::string& place, const std::string& wanted,
 // told: their warnings come before an error or mean nothing.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
+  message = lf::hide_secrets(message);
   if (lf::take_decoder_message(bin, message)) return;
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;

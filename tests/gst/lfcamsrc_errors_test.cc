@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -137,6 +138,88 @@ TEST_F(CamSrcTest, ErrorsNameThePlace) {
     EXPECT_TRUE(camera.frames.empty());
     EXPECT_EQ(GST_BIN_NUMCHILDREN(camera.camera()), 0);
   }
+}
+
+// All that a pipeline says: messages, and what our categories log at the highest level.
+class Listener {
+ public:
+  Listener() {
+    gst_debug_set_threshold_from_string("lf*:9", FALSE);
+    gst_debug_add_log_function(log, this, nullptr);
+  }
+  ~Listener() {
+    gst_debug_remove_log_function_by_data(this);
+    gst_debug_set_threshold_from_string("lf*:1", FALSE);
+  }
+  void read(GstElement* pipeline, GstClockTime patience) {
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
+    for (bool going = true; going;) {
+      GstMessage* message = gst_bus_timed_pop(bus, patience);
+      if (!message) break;
+      going = GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR;
+      if (const GstStructure* structure = gst_message_get_structure(message)) {
+        g_autofree gchar* text = gst_structure_to_string(structure);
+        add(text);
+      }
+      problems_ += GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR || GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
+      // Structures print errors as pointers.
+      g_autoptr(GError) error = nullptr;
+      g_autofree gchar* debug = nullptr;
+      if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) gst_message_parse_error(message, &error, &debug);
+      if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING) gst_message_parse_warning(message, &error, &debug);
+      if (error) add(error->message);
+      if (debug) add(debug);
+      gst_message_unref(message);
+    }
+  }
+  int problems() const { return problems_; }
+  std::string said() const {
+    const std::lock_guard lock(mutex_);
+    return said_;
+  }
+
+ private:
+  void add(const char* text) {
+    const std::lock_guard lock(mutex_);
+    said_ += std::string(text) + "\n";
+  }
+  static void log(GstDebugCategory* category, GstDebugLevel, const gchar*, const gchar*, gint, GObject*,
+                  GstDebugMessage* message, gpointer self) {
+    if (g_str_has_prefix(gst_debug_category_get_name(category), "lf"))
+      static_cast<Listener*>(self)->add(gst_debug_message_get(message));
+  }
+  mutable std::mutex mutex_;
+  std::string said_;
+  int problems_ = 0;
+};
+
+TEST_F(CamSrcTest, NeverTellsPasswords) {
+  const char* const sources[] = {
+      "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream",
+      "rtsp://Hunter2Secret@127.0.0.1:1/stream",
+      "http://admin:Hunter2Secret@127.0.0.1:1/a.jpg",
+      "http://127.0.0.1:1/video.cgi?user=admin&pwd=Hunter2Secret",
+      "nothing://admin:Hunter2Secret@host/x",
+      "rtspsrc location=rtsp://127.0.0.1:1/ user-id=me user-pw=Hunter2Secret ! decodebin",
+      "rtspsrc location=rtsp://me:Hunter2Secret@127.0.0.1:1/ ! decodebin",
+      "souphttpsrc location=http://127.0.0.1:1/ user-pw=\"Hunter2Secret and more\" ! jpegdec",
+      "rtspsrc nosuch=1 user-pw=Hunter2Secret ! decodebin",
+      "nosuchelement password=Hunter2Secret ! decodebin",
+  };
+  for (const char* source : sources)
+    for (const char* retry : {"false", "true"}) {
+      SCOPED_TRACE(std::string(source) + " retry=" + retry);
+      Listener listener;
+      CameraPipeline camera("rig=" + rig_with_source(source) + " trusted=true retry=" + retry);
+      camera.set_state(GST_STATE_PLAYING);
+      listener.read(camera.pipeline(), 3 * GST_SECOND);
+      g_autoptr(GstStructure) stats = nullptr;
+      g_object_get(camera.camera(), "stats", &stats, nullptr);
+      g_autofree gchar* text = gst_structure_to_string(stats);
+      camera.set_state(GST_STATE_NULL);
+      EXPECT_GT(listener.problems(), 0) << "there is something to tell";
+      EXPECT_THAT(listener.said() + text, ::testing::Not(HasSubstr("Hunter2Secret")));
+    }
 }
 
 TEST_F(CamSrcTest, IsUsableAgainAfterAnError) {

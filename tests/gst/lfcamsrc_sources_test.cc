@@ -222,9 +222,35 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
       {"videotestsrc ! video/x-raw,width=32", "it gives no pictures of 64x48"},
   };
   for (const auto& [source, text] : cases) {
-    const std::string error = CameraPipeline("rig=" + rig_of(source)).play();
+    const std::string error = CameraPipeline("trusted=true rig=" + rig_of(source)).play();
     EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): "), ::testing::HasSubstr(text)));
   }
+}
+
+TEST_F(CamSrcElementsTest, ThatMayDoMoreThanGivePicturesNeedTrust) {
+  const std::string written = files->path("written-by-the-rig");
+  const std::string picture = "videotestsrc num-buffers=3 ! video/x-raw,format=RGB,width=64,height=48 ! ";
+  const std::string writes = "tee name=t t. ! queue ! filesink location=\"" + written + "\" t. ! queue";
+  const std::string error = CameraPipeline("rig=" + rig_of(picture + writes)).play();
+  EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): its source has tee"),
+                                      ::testing::HasSubstr("trusted=true")));
+  EXPECT_FALSE(std::filesystem::exists(written));
+  EXPECT_EQ(CameraPipeline("trusted=true rig=" + rig_of(picture + writes)).play(), "EOS");
+  EXPECT_TRUE(std::filesystem::exists(written)) << "or the rig would have written nothing in any case";
+  std::filesystem::remove(written);
+  EXPECT_EQ(CameraPipeline("rig=" + rig_of(picture + "videoconvert ! queue")).play(), "EOS");
+}
+
+// A rig that names itself would open light fields without end.
+TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
+  const std::string itself = "lf://" + files->path("rig.json");
+  EXPECT_THAT(CameraPipeline("rig=" + rig_with_source(itself)).play(),
+              ::testing::HasSubstr("a URI of another light field"));
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(itself)).play(),
+              ::testing::HasSubstr("a URI of another light field"));
+  const std::string described = "lfviewsrc trusted=true rig=\"" + files->path("rig.json") + "\" ! identity";
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(described)).play(),
+              ::testing::HasSubstr("does a rig name itself?"));
 }
 
 TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {

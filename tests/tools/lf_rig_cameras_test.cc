@@ -94,6 +94,69 @@ TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
   EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "who does well is left alone";
 }
 
+// A rig whose first camera writes a file when it is opened.
+std::string write_rig_that_writes(const TempDir& dir) {
+  const std::string mark = dir / "written-by-the-rig";
+  write_rig(dir,
+            {"videotestsrc is-live=true ! video/x-raw,format=RGB,width=64,height=48,framerate=15/1 ! tee name=t t. "
+             "! queue ! filesink location=" +
+                 mark + " t. ! queue",
+             kGood});
+  return mark;
+}
+
+constexpr const char* kCommandsThatOpenCameras[] = {
+    "doctor rig.json --seconds 1 --patience 3",
+    "snapshot rig.json --out stills --after 0",
+    "identify rig.json --port 0",
+    "lock rig.json --settle 0.1 --no-check",
+    "record rig.json --out films --seconds 0.3",
+};
+
+TEST(LfRigTrust, NoCommandRunsElementsThatMayWrite) {
+  const TempDir dir;
+  const std::string mark = write_rig_that_writes(dir);
+  for (const char* command : {"info rig.json", "check rig.json"}) {
+    EXPECT_EQ(lf_rig(command, dir).status, 0) << command << " opens no camera";
+    EXPECT_FALSE(std::filesystem::exists(mark)) << command;
+  }
+  for (const char* command : kCommandsThatOpenCameras) {
+    const Outcome outcome = lf_rig(std::string(command), dir);
+    EXPECT_EQ(outcome.status, 1) << command;
+    EXPECT_THAT(outcome.output, AllOf(HasSubstr("its source has tee"), HasSubstr("--trust-rig"))) << command;
+    EXPECT_FALSE(std::filesystem::exists(mark)) << command;
+  }
+  EXPECT_EQ(lf_rig("doctor rig.json --seconds 1 --trust-rig", dir).status, 0);
+  EXPECT_TRUE(std::filesystem::exists(mark)) << "or the rig would have written nothing in any case";
+}
+
+// Commands that open a copy check the file that the copy is of.
+TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
+  const TempDir dir;
+  const std::string mark = write_rig_that_writes(dir);
+  std::filesystem::permissions(dir / "rig.json", std::filesystem::perms::others_write,
+                               std::filesystem::perm_options::add);
+  for (const char* command : kCommandsThatOpenCameras) {
+    const Outcome outcome = lf_rig(std::string(command) + " --trust-rig", dir);
+    EXPECT_EQ(outcome.status, 1) << command;
+    EXPECT_THAT(outcome.output, HasSubstr("is written by others")) << command;
+    EXPECT_FALSE(std::filesystem::exists(mark)) << command;
+  }
+}
+
+TEST(LfRigTrust, NoCommandTellsPasswords) {
+  const TempDir dir;
+  write_rig(dir, {"rtsp://admin:Hunter2Secret@127.0.0.1:1/none", "rtsp://admin:Hunter2Secret@127.0.0.1:1/none"});
+  std::vector<std::string> commands(std::begin(kCommandsThatOpenCameras), std::end(kCommandsThatOpenCameras));
+  commands.erase(commands.begin() + 2);  // identify runs for ever
+  commands.insert(commands.end(), {"info rig.json", "check rig.json", "doctor rig.json --seconds 1 --patience 3 --json",
+                                   "subset rig.json --cameras 7 --out other.json"});
+  for (const std::string& command : commands)
+    EXPECT_THAT(lf_rig(command, dir).output, Not(HasSubstr("Hunter2Secret"))) << command;
+  EXPECT_EQ(lf_rig("subset rig.json --cameras 0 --out other.json", dir).status, 0);
+  EXPECT_THAT(read_text_file(dir / "other.json"), HasSubstr("Hunter2Secret")) << "rigs keep their sources";
+}
+
 TEST(LfRigDoctor, KnowsNetworkCameras) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
   gst_init(nullptr, nullptr);
@@ -189,6 +252,23 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
     for (size_t i = 1; i < stamps.size(); i++) EXPECT_GT(stamps[i], stamps[i - 1]);
     EXPECT_NEAR(static_cast<double>(stamps.size() - 1) / (stamps.back() - stamps.front()), rate, 0.5 * rate);
   }
+}
+
+TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
+  const TempDir dir;
+  write_rig(dir, {"none.mkv", "rtsp://127.0.0.1:1/none"});
+  for (const char* name : {"films/cam_00_00.mkv", "films/cam_00_01.mkv"}) dir.write(name, "of last week");
+  const Outcome nothing = lf_rig("record rig.json --out films --seconds 0.3", dir);
+  EXPECT_EQ(nothing.status, 1);
+  for (const char* name : {"films/cam_00_00.mkv", "films/cam_00_01.mkv"})
+    EXPECT_EQ(read_text_file(dir / name), "of last week") << nothing.output;
+  write_rig(dir, {"videotestsrc is-live=true ! video/x-raw,framerate=15/1", "none.mkv"});
+  const Outcome one = lf_rig("record rig.json --out films --seconds 0.5", dir);
+  EXPECT_EQ(one.status, 1);
+  EXPECT_GT(std::filesystem::file_size(dir / "films/cam_00_00.mkv"), 100u) << one.output;
+  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "of another evening than the new film";
+  EXPECT_EQ(read_text_file(dir / "films/earlier/cam_00_01.mkv"), "of last week");
+  EXPECT_THAT(one.output, HasSubstr("its film of before is now films/earlier/cam_00_01.mkv"));
 }
 
 // Of cameras that run freely each has its first frame a while after the recording's beginning.

@@ -80,6 +80,57 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
   expect_one_viewer_up_to_a_good_end(served);
 }
 
+// What a client gets for a path.
+std::string get(const Served& served, const std::string& path) {
+  SoupSession* session = soup_session_new();
+  SoupMessage* message = soup_message_new("GET", (served.url() + path).c_str());
+  GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
+  gsize size = 0;
+  const char* data = bytes ? static_cast<const char*>(g_bytes_get_data(bytes, &size)) : nullptr;
+  const std::string text(data ? data : "", size);
+  if (bytes) g_bytes_unref(bytes);
+  g_object_unref(message);
+  g_object_unref(session);
+  return text;
+}
+
+TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
+  Served served({}, [this](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+    rig.cameras[0].source = "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream";
+    rig.cameras[1].source = "rtspsrc location=rtsp://127.0.0.1:1/ user-pw=Hunter2Secret ! decodebin";
+  });
+  ASSERT_NE(served.url(), "") << served.said();
+  EXPECT_TRUE(says(served, "127.0.0.1:1/stream: "));
+  EXPECT_TRUE(becomes([&] { return get(served, "mosaic.json").find("127.0.0.1:1/stream") != std::string::npos; }));
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(is_told(client, "\"cameras\""));
+  for (const char* path : {"", "mosaic.json", "metrics", "healthz", "array.json", "rig.json"})
+    EXPECT_THAT(get(served, path), ::testing::Not(HasSubstr("Hunter2"))) << path;
+  for (const std::string& message : client.messages()) EXPECT_THAT(message, ::testing::Not(HasSubstr("Hunter2")));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
+}
+
+TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
+  const std::string mark = files_.path("written-by-the-rig");
+  const auto edit = [&](Rig& rig) {
+    rig.cameras[0].source =
+        "videotestsrc is-live=true ! video/x-raw,format=RGB,width=64,height=48,framerate=15/1 ! tee name=t t. ! queue "
+        "! "
+        "filesink location=" +
+        mark + " t. ! queue";
+  };
+  Served refused({}, edit);
+  EXPECT_EQ(refused.url(), "");
+  EXPECT_EQ(refused.stop(), 1);
+  EXPECT_THAT(refused.said(), ::testing::AllOf(HasSubstr("its source has tee"), HasSubstr("--trust-rig")));
+  EXPECT_FALSE(std::filesystem::exists(mark));
+  Served served({"--trust-rig"}, edit);
+  EXPECT_NE(served.url(), "") << served.said();
+  EXPECT_TRUE(becomes([&] { return std::filesystem::exists(mark); }));
+}
+
 TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   auto server = std::make_unique<RtspServer>();

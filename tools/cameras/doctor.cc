@@ -143,7 +143,7 @@ Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const Exam
   if (options.on_plan) options.on_plan(exam.planned);
   std::vector<Watch> watches(rig->cameras.size());
   // JPEG stays JPEG, as in the light field: otherwise a large array would be measured by what this machine decodes.
-  RigCameras cameras(rig, path, {.decode = false, .fps = options.fps},
+  RigCameras cameras(rig, path, {.decode = false, .trusted = options.trusted, .fps = options.fps},
                      [&](const CameraFrame& frame) { watches[frame.camera].see(frame); });
   cameras.start();
   cameras.wait(options.patience, [&] {

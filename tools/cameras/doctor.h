@@ -48,6 +48,7 @@ struct Exam {
 struct ExamOptions {
   double seconds = 4;    // seconds that cameras are watched, once they give frames
   double patience = 10;  // seconds in which cameras must begin to give frames
+  bool trusted = false;  // the rig may run any element, see rig/rig_trust.h
   int fps = 0;           // frames per second that devices are asked for; 0: as they have it
   std::function<void(const std::vector<LinkLoad>&)> on_plan = {};  // told what links will carry, before cameras open
   std::function<void(double)> on_progress = {};  // how much of the watching is done, 0..1; on the caller's thread

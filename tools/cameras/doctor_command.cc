@@ -56,5 +56,6 @@ void add_doctor_command(cli::App& app, int& status) {
   command->add_option("--fps", o->exam.fps, "Frames per second to ask of devices (default: as they have them)")
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "For programs, in place of a page for people");
+  cli::add_trust_option(*command, o->exam.trusted);
   command->callback([o, &status] { status = examine(*o); });
 }

@@ -6,6 +6,7 @@
 #include "cameras/doctor.h"
 #include "cameras/rig_cameras.h"
 #include "rig/bin_description.h"
+#include "rig/location_text.h"
 
 namespace lf::cameras {
 namespace {
@@ -122,10 +123,10 @@ void look_for_shared_devices(const Rig& rig, const Exam& exam, Findings& finding
     if (camera.attachment.device.empty()) continue;
     const auto [other, is_new] = first.emplace(camera.attachment.device, &camera);
     if (!is_new)
-      findings.error(
-          camera,
-          "has the device of camera " + name_of(rig.cameras[other->second->camera]) + ", " + camera.attachment.device,
-          "give each its own source (lf-rig new --devices lists what is plugged in)");
+      findings.error(camera,
+                     "has the device of camera " + name_of(rig.cameras[other->second->camera]) + ", " +
+                         location_text(camera.attachment.device),
+                     "give each its own source (lf-rig new --devices lists what is plugged in)");
   }
 }
 
@@ -165,6 +166,8 @@ bool is_of_file(const Camera& camera) {
 }  // namespace
 
 std::string remedy_of(const Camera& camera, const std::string& problem) {
+  if (contains(problem, "--trust-rig"))
+    return "run it again with --trust-rig if you know who wrote the rig file, and why it needs this element";
   if (contains(problem, "the rig says"))
     return "write the true width and height into the rig (lens and poses then need another calibration), or set the "
            "camera to the rig's";

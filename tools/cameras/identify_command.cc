@@ -33,6 +33,7 @@ using namespace lf::cameras;
 struct IdentifyArguments {
   std::string rig;
   int port = 8090;
+  bool trusted = false;
 };
 
 // The cameras stay open as they are, by a copy of the rig, while the rig file says where they belong.
@@ -42,10 +43,10 @@ class Identify {
       : path_(options.rig),
         text_(lf::parse_json(lf::read_text_file(path_), path_)),
         rig_(lf::load_rig(path_)),
-        copy_(rig_, text_),
+        copy_(rig_, text_, path_, options.trusted),
         mosaic_(rig_),
         place_of_(rig_.cameras.size()),
-        cameras_(copy_.rig(), copy_.path(), {.decode = false},
+        cameras_(copy_.rig(), copy_.path(), {.decode = false, .trusted = options.trusted},
                  [this](const CameraFrame& frame) {
                    mosaic_.see(rig_.cameras[place_of_[frame.camera]].id, gst_sample_get_buffer(frame.sample),
                                gst_sample_get_caps(frame.sample), frame.came);
@@ -147,6 +148,7 @@ void add_identify_command(cli::App& app) {
   command->add_option("--port", o->port, "Of the page, on this machine alone; 0: any")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
+  cli::add_trust_option(*command, o->trusted);
   command->callback([o] {
     gst_init(nullptr, nullptr);
     Identify(*o).run();

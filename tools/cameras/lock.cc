@@ -51,16 +51,17 @@ Colour colour_of(GstSample* sample) {
 
 // Of each camera the colour of its last picture after settling.
 std::vector<Colour> look(const Rig& rig, const Controls& controls, const LockOptions& options) {
-  const TemporaryRig file(rig, with_controls(rig, controls));
+  const TemporaryRig file(rig, with_controls(rig, controls), options.path, options.trusted);
   std::vector<GstSample*> latest(rig.cameras.size());
   std::mutex mutex;
   std::vector<Colour> colours(rig.cameras.size());
   {
-    RigCameras cameras(file.rig(), file.path(), {.decode = false}, [&](const CameraFrame& frame) {
-      const std::lock_guard lock(mutex);
-      if (latest[frame.camera]) gst_sample_unref(latest[frame.camera]);
-      latest[frame.camera] = gst_sample_ref(frame.sample);
-    });
+    RigCameras cameras(file.rig(), file.path(), {.decode = false, .trusted = options.trusted},
+                       [&](const CameraFrame& frame) {
+                         const std::lock_guard lock(mutex);
+                         if (latest[frame.camera]) gst_sample_unref(latest[frame.camera]);
+                         latest[frame.camera] = gst_sample_ref(frame.sample);
+                       });
     cameras.start();
     cameras.wait(options.patience, [&] {
       return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
@@ -102,8 +103,8 @@ ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   const std::string name = "camera " + name_of(one.cameras[0]);
   Controls automatic;
   for (const char* control : kAutomatic) automatic[control] = std::nullopt;
-  const TemporaryRig file(one, with_controls(one, automatic));
-  RigCameras cameras(file.rig(), file.path(), {.decode = false}, {});
+  const TemporaryRig file(one, with_controls(one, automatic), options.path, options.trusted);
+  RigCameras cameras(file.rig(), file.path(), {.decode = false, .trusted = options.trusted}, {});
   cameras.start();
   cameras.wait(options.patience, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
   cameras.wait(options.settle);

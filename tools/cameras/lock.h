@@ -18,6 +18,8 @@ struct LockOptions {
   CameraIndex reference = 0;
   double settle = 4;            // seconds that automatic controls get, and pictures after a change
   double patience = 10;         // seconds until cameras give frames
+  std::string path = {};        // file that the rig was read from
+  bool trusted = false;         // the rig may run any element, see rig/rig_trust.h
   std::optional<double> mains;  // hertz of the mains: exposures become whole half-waves, against flicker
 };
 

@@ -38,6 +38,7 @@ int lock_cameras(LockArguments options) {
   const auto reference = rig.index_of_id(options.camera);
   if (!reference) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
   options.lock.reference = *reference;
+  options.lock.path = options.rig;
   if (options.mains > 0) options.lock.mains = options.mains;
   // Cameras take a second to open, about.
   const double look = options.lock.settle + 1;
@@ -92,5 +93,6 @@ void add_lock_command(cli::App& app, int& status) {
       ->check(cli::Range(0.1, 120.0));
   command->add_flag("--no-check", o->no_check, "Believe that all cameras respond");
   command->add_option("--out", o->out, "Rig file to write (default: the same)");
+  cli::add_trust_option(*command, o->lock.trusted);
   command->callback([o, &status] { status = lock_cameras(*o); });
 }

@@ -69,5 +69,6 @@ void add_record_command(cli::App& app, int& status) {
       ->add_option("--page", o->page,
                    "Port of a page on this machine that shows the cameras, and what is said; 0: any (default: none)")
       ->check(cli::Range(0, 65535));
+  cli::add_trust_option(*command, o->recording.trusted);
   command->callback([o, &status] { status = record_films(*o); });
 }

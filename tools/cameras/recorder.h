@@ -14,10 +14,11 @@ namespace lf::cameras {
 
 struct RecordingOptions {
   std::vector<CameraIndex> cameras;  // which; empty: all
+  bool trusted = false;              // the rig may run any element, see rig/rig_trust.h
   double seconds = 60;               // from when all are open
   double patience = 10;              // seconds until all give frames; those that don't are left out
-  RigCameras::OnFrame seen;   // every frame, in the thread that brings it; may be none
-  RigCameras::OnFrame shown;  // the same, from when the films begin on
+  RigCameras::OnFrame seen;          // every frame, in the thread that brings it; may be none
+  RigCameras::OnFrame shown;         // the same, from when the films begin on
 };
 
 // What there is of a camera.
@@ -31,8 +32,9 @@ struct Recorded {
 // Films with all cameras of the rig that was read from `path`, opened as the light field opens them: FOLDER/NAME.mkv of
 // each, Motion JPEG, where JPEG comes as it does. Stamps are capture times by one clock, 0 when all are open, without
 // the offsets that the rig has: a calibration finds these anew. `told` is called with how much is done (0 to 1; less
-// than 0: cameras are being opened) and says whether to go on; what there is when it says no is kept. In the order of
-// the cameras. Throws Error where GStreamer's parts or the folder are missing, or names are none of files.
+// than 0: cameras are being opened) and says whether to go on; what there is when it says no is kept. Films of before
+// stay until the end, and also where no camera gives a frame. In the order of the cameras. Throws Error where
+// GStreamer's parts or the folder are missing, or names are none of files.
 std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
                                      const RecordingOptions& options, const std::function<bool(double)>& told);
 

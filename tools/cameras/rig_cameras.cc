@@ -100,7 +100,7 @@ RigCameras::RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, 
       gst_bin_add(GST_BIN(pipeline_), one->source);
       g_signal_connect(one->source, "deep-element-added", G_CALLBACK(on_child), one.get());
       g_object_set(one->source, "rig", path.c_str(), "camera", rig_->cameras[index].id, "is-live", TRUE, "loop", TRUE,
-                   "retry", TRUE, "decode", options_.decode, nullptr);
+                   "retry", TRUE, "decode", options_.decode, "trusted", options_.trusted, nullptr);
       if (options_.fps > 0) g_object_set(one->source, "framerate", options_.fps, 1, nullptr);
       GstElement* sink = make("appsink");
       gst_bin_add(GST_BIN(pipeline_), sink);

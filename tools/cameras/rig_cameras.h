@@ -30,6 +30,7 @@ class RigCameras {
   struct Options {
     std::vector<CameraIndex> cameras;  // indices of the cameras to open; empty: all
     bool decode = true;                // JPEG is decoded; else it comes as it is
+    bool trusted = false;              // the rig may run any element, see rig/rig_trust.h
     int fps = 0;                       // asked of devices, frames per second; 0: as they have it
   };
   using OnFrame = std::function<void(const CameraFrame&)>;

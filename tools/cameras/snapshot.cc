@@ -68,7 +68,7 @@ std::vector<Still> take_snapshot(std::shared_ptr<const Rig> rig, const std::stri
                                  const SnapshotOptions& options) {
   std::vector<Around> around(rig->cameras.size());
   std::atomic<double> instant = INFINITY;
-  RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false},
+  RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false, .trusted = options.trusted},
                      [&](const CameraFrame& frame) { around[frame.camera].see(frame, instant); });
   const auto all = [&](const auto& of) {
     return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),

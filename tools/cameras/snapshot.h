@@ -12,6 +12,7 @@ namespace lf::cameras {
 
 struct SnapshotOptions {
   std::vector<CameraIndex> cameras;  // indices of the cameras; empty: all
+  bool trusted = false;              // the rig may run any element, see rig/rig_trust.h
   double warm_up = 2;                // seconds that cameras run before, in which they adjust to the light
   double patience = 10;              // seconds until all give frames; those that don't are left out
 };

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/json_value.h"
 #include "cameras/commands.h"
 #include "cameras/doctor.h"
@@ -50,9 +51,7 @@ int take_snapshot(SnapshotArguments options) {
                                  options.snapshot.warm_up + 1);
     stills = lf::cameras::take_snapshot(rig, options.rig, options.snapshot);
   }
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
+  lf::FolderUpdate update(options.out);
   lf::Rig result = *rig;
   const nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
   lf::relocate(result, options.out);
@@ -66,10 +65,13 @@ int take_snapshot(SnapshotArguments options) {
       continue;
     }
     camera.image = file_name(*rig, camera);
-    lf::save_image(still.rgb, (fs::path(options.out) / camera.image).string());
+    lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
     std::printf("camera %s: %s, %+.1f ms\n", lf::cameras::name_of(camera).c_str(), camera.image.c_str(),
                 1e3 * still.off);
   }
+  if (static_cast<size_t>(missing) == stills.size())
+    throw lf::Error("no camera gave a still: " + options.out + " stays as it was");
+  update.commit();
   lf::save_rig(result, (fs::path(options.out) / "rig.json").string(), &original);
   std::printf("%s/rig.json: %zu stills of one instant, %d cameras without\n", options.out.c_str(),
               stills.size() - static_cast<size_t>(missing), missing);
@@ -88,5 +90,6 @@ void add_snapshot_command(cli::App& app, int& status) {
   command->add_option("--after", o->snapshot.warm_up, "Seconds that the cameras run before")
       ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
+  cli::add_trust_option(*command, o->snapshot.trusted);
   command->callback([o, &status] { status = take_snapshot(*o); });
 }

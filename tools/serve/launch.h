@@ -7,6 +7,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "rig/location_text.h"
 
 namespace lf::serve {
 
@@ -48,7 +49,7 @@ inline std::string text_of(GstMessage* message) {
     gst_message_parse_error(message, &error, nullptr);
   else
     gst_message_parse_warning(message, &error, nullptr);
-  std::string text = std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + (error ? error->message : "");
+  std::string text = std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + location_text(error ? error->message : "");
   g_clear_error(&error);
   return text;
 }

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "launch.h"
 #include "log.h"
+#include "rig/rig_trust.h"
 #include "wire/bytes.h"
 
 namespace lf::serve {
@@ -60,15 +61,16 @@ void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, co
 
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
                        const std::string& resampling, const std::string& renderer, const std::string& record,
-                       int max_views)
-    : rig_(rig), local_(nodes.empty()) {
+                       int max_views, bool trusted)
+    : rig_(rig), local_(nodes.empty()), trusted_(trusted) {
   array_ = std::make_shared<const ArrayInfo>(rig);
+  if (local_) require_trust(array_->rig(), rig_, trusted_);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
   pipeline_ = launch_pipeline(launch_line(nodes, resampling, renderer));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {
-    set_in(pipeline_, "cameras", "rig", rig.c_str());
+    set_in(pipeline_, "cameras", "rig", rig.c_str(), "trusted", static_cast<gboolean>(trusted));
     if (!record.empty()) set_in(pipeline_, "cameras", "record", record.c_str());
     GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
     // Those that have gone count for a while.
@@ -157,6 +159,7 @@ void LightField::take_rig(std::shared_ptr<const ArrayInfo> array) {
 }
 
 void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
+  if (local_) require_trust(array->rig(), rig_, trusted_);
   restarting_ = true;
   {
     const std::lock_guard lock(mutex_);

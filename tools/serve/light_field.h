@@ -31,9 +31,11 @@ class LightField {
 
   // Cameras in this process, sampled and rendered as lffragment's properties "resampling" and "renderer" say, or, where
   // `nodes` has any, on those hosts, which share what is in `key_file` if there is one. Cameras in this process are
-  // recorded into the folder `record` ("": not). `max_views` bounds what is in flight. Throws Error.
+  // recorded into the folder `record` ("": not). `max_views` bounds what is in flight. `trusted`: the rig may run any
+  // element (rig/rig_trust.h); other rigs are refused, also when they come later. Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
-             const std::string& resampling, const std::string& renderer, const std::string& record, int max_views);
+             const std::string& resampling, const std::string& renderer, const std::string& record, int max_views,
+             bool trusted);
   ~LightField();
   LightField(const LightField&) = delete;
 
@@ -93,7 +95,7 @@ class LightField {
   std::string rig_;
   std::shared_ptr<const ArrayInfo> array_;  // under the mutex, as is what follows
   std::shared_ptr<cameras::Mosaic> mosaic_;
-  bool local_;
+  bool local_, trusted_;
   GstElement* pipeline_ = nullptr;
   GstAppSrc* requests_ = nullptr;
   GstClock* clock_ = nullptr;

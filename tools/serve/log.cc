@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "rate_limit.h"
+#include "rig/location_text.h"
 
 namespace lf::serve {
 
@@ -18,7 +19,8 @@ std::string printable(const std::string& line) {
   return text;
 }
 
-void say(const std::string& line) {
+void say(const std::string& said) {
+  const std::string line = location_text(said);
   static std::mutex mutex;
   static TokenBucket lines(kLinesPerSecond, kLinesAtOnce);
   static uint64_t left_away = 0;
