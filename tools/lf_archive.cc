@@ -13,6 +13,7 @@
 
 #include "archive/film_archive.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/worker_pool.h"
 #include "command_line.h"
 #include "progress.h"
@@ -50,7 +51,7 @@ double megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
 // All films, one on each processor. The bar is of all of them.
 std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<std::string>& films,
-                                        const lf::Rig& archived, int quantizer) {
+                                        const lf::Rig& archived, const std::string& folder, int quantizer) {
   std::vector<ArchivedFilm> results(films.size());
   Progress bar("archiving", 0);
   std::mutex mutex;
@@ -58,13 +59,14 @@ std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<st
   const unsigned threads = std::max(1u, std::thread::hardware_concurrency());
   lf::WorkerPool::shared()->run(threads, films.size(), [&](size_t i) {
     double last = 0;
-    results[i] = lf::archive::archive_film(rig.cameras[i], films[i], archived.resolve(archived.cameras[i].source),
-                                           quantizer, [&](double share) {
-                                             const std::lock_guard lock(mutex);
-                                             done += share - last;
-                                             last = share;
-                                             bar.reach(done / static_cast<double>(films.size()));
-                                           });
+    results[i] =
+        lf::archive::archive_film(rig.cameras[i], films[i], (fs::path(folder) / archived.cameras[i].source).string(),
+                                  quantizer, [&](double share) {
+                                    const std::lock_guard lock(mutex);
+                                    done += share - last;
+                                    last = share;
+                                    bar.reach(done / static_cast<double>(films.size()));
+                                  });
   });
   return results;
 }
@@ -76,7 +78,8 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
   for (size_t i = 0; i < films.size(); i++) {
     const ArchivedFilm& film = films[i];
     std::printf("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
-                static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before), megabytes(film.bytes_after));
+                static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
+                megabytes(film.bytes_after));
     if (film.is_copy)
       std::printf("as it was\n");
     else
@@ -103,13 +106,12 @@ void run(const Options& options) {
   if (fs::exists(out)) throw lf::Error(out + ": there is a recording already: name another folder, or remove it first");
   std::vector<std::string> films;
   for (const lf::Camera& camera : rig.cameras) films.push_back(film_of(rig, camera));
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
+  lf::FolderUpdate update(options.out);
   lf::Rig archived = rig;
   lf::relocate(archived, fs::weakly_canonical(options.out).string());
   for (lf::Camera& camera : archived.cameras) camera.source = "camera" + std::to_string(camera.id) + ".mkv";
-  const std::vector<ArchivedFilm> results = archive_films(rig, films, archived, options.quantizer);
+  const std::vector<ArchivedFilm> results = archive_films(rig, films, archived, update.staging(), options.quantizer);
+  update.commit();
   lf::save_rig_like(path, archived, out);
   print(rig, results, options.out);
 }
@@ -119,7 +121,8 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "Keeps a recording in less bytes: Motion JPEG becomes H.264, with the same times, and plays as the recording does. "
+      "Keeps a recording in less bytes: Motion JPEG becomes H.264, with the same times, and plays as the recording "
+      "does. "
       "Tells the bytes, and how far luma is from what it was.",
       "lf-archive");
   app.add_option("RECORDING", o.recording, "Its folder or rig file; any rig whose cameras' sources are Matroska films")

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "command_line.h"
 #include "file_names.h"
 #include "image/image.h"
@@ -61,13 +62,6 @@ FrameRate rate_of(const std::string& text) {
   return rate;
 }
 
-// An interrupted run leaves no half picture under a picture's name.
-void save_whole(const lf::Image& image, const fs::path& path) {
-  const fs::path part = path.parent_path() / (".part-" + path.filename().string());
-  lf::save_image(image, part.string());
-  fs::rename(part, path);
-}
-
 std::string frame_name(const std::string& camera, int frame) {
   char number[16];
   std::snprintf(number, sizeof number, "_%04d.png", frame);
@@ -78,8 +72,8 @@ std::string frame_name(const std::string& camera, int frame) {
 using Step = std::function<void()>;
 using Job = std::function<void(const Step& step)>;
 
-Job film_job(const Options& options, const lf::Rig& rig, size_t index, const std::vector<lf::ColourFault>& faults,
-             FrameRate rate) {
+Job film_job(const Options& options, const std::string& folder_path, const lf::Rig& rig, size_t index,
+             const std::vector<lf::ColourFault>& faults, FrameRate rate) {
   const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
   const auto frame = [=, &rig, &faults, offset = camera.time_offset, samples = options.samples](int n) {
@@ -87,35 +81,39 @@ Job film_job(const Options& options, const lf::Rig& rig, size_t index, const std
     const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
     return filmed(lf::render_scene(lens, time, samples), faults, rig, index, n);
   };
-  const fs::path folder = options.out;
+  const fs::path folder = folder_path;
   const std::string name = camera.name;
   const int frames = options.frames;
   if (options.format == "png")
     return [=](const Step& step) {
-      for (int n = 0; n < frames; n++, step()) save_whole(frame(n), folder / frame_name(name, n));
-      // Of a longer film before this one.
-      for (int n = frames; fs::remove(folder / frame_name(name, n)); n++) {
-      }
+      for (int n = 0; n < frames; n++, step()) lf::save_image(frame(n), (folder / frame_name(name, n)).string());
     };
   return [=, quality = options.quality](const Step& step) {
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
     for (int n = 0; n < frames; n++, step()) {
       const lf::Image image = frame(n);
       // A still beside the film, for tools that render without a stream.
-      if (n == 0) save_whole(image, folder / (name + ".png"));
+      if (n == 0) lf::save_image(image, (folder / (name + ".png")).string());
       writer.add(image);
     }
     writer.finish();
   };
 }
 
-Job truth_job(const Options& options, const lf::NamedView& view) {
-  const fs::path path = fs::path(options.out) / "truth" / (view.name + ".png");
+Job truth_job(const Options& options, const std::string& folder, const lf::NamedView& view) {
+  const fs::path path = fs::path(folder) / "truth" / (view.name + ".png");
   return [=, samples = options.samples](const Step& step) {
     const lf::SceneCamera camera{view.view.width, view.view.height, view.view.lens, view.view.pose};
-    save_whole(lf::render_scene(camera, view.time, samples), path);
+    lf::save_image(lf::render_scene(camera, view.time, samples), path.string());
     step();
   };
+}
+
+// Frames of a longer film that was in the folder before would be taken for the end of this one.
+void remove_later_frames(const Options& options, const lf::Rig& rig) {
+  for (const lf::Camera& camera : rig.cameras)
+    for (int n = options.frames; fs::remove(fs::path(options.out) / frame_name(camera.name, n)); n++) {
+    }
 }
 
 // Runs the jobs on threads; the first error ends them all.
@@ -158,22 +156,20 @@ void film(const Options& options) {
   for (size_t i = 0; i < views.size(); i++)
     check_file_name(views[i].name, options.truth + ": views[" + std::to_string(i) + "].name", view_names);
 
-  // The rig file comes last: where it is, all that it names is whole.
+  // What the folder has stays until the new film is complete. The rig file comes last: all that it names is there.
   const fs::path rig_path = fs::path(options.out) / "rig.json";
-  try {
-    fs::create_directories(options.out);
-    if (!views.empty()) fs::create_directories(fs::path(options.out) / "truth");
-    if (options.rig.empty() || !fs::exists(rig_path) || !fs::equivalent(rig_path, options.rig)) fs::remove(rig_path);
-  } catch (const fs::filesystem_error& e) {
-    throw lf::Error(options.out + ": " + e.code().message());
-  }
+  lf::FolderUpdate update(options.out);
+  if (!views.empty()) fs::create_directory(fs::path(update.staging()) / "truth");
 
   std::vector<Job> jobs;
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
-  for (size_t i = 0; i < rig.cameras.size(); i++) jobs.push_back(film_job(options, rig, i, faults, rate));
-  for (const lf::NamedView& view : views) jobs.push_back(truth_job(options, view));
+  for (size_t i = 0; i < rig.cameras.size(); i++)
+    jobs.push_back(film_job(options, update.staging(), rig, i, faults, rate));
+  for (const lf::NamedView& view : views) jobs.push_back(truth_job(options, update.staging(), view));
   Progress progress("filming", rig.cameras.size() * static_cast<size_t>(options.frames) + views.size());
   run_jobs(jobs, options.threads, progress);
+  update.commit();
+  if (options.format == "png") remove_later_frames(options, rig);
 
   lf::Rig filmed = rig;
   for (lf::Camera& camera : filmed.cameras) {

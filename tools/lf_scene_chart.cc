@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/worker_pool.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
@@ -30,9 +31,7 @@ void record(const ChartOptions& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
   const std::vector<lf::ChartPose> charts = lf::chart_poses(rig, options.places);
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw lf::Error(options.out + ": " + error.message());
+  lf::FolderUpdate update(options.out);
   Progress progress("filming", rig.cameras.size());
   for (size_t i = 0; i < rig.cameras.size(); i++, progress.step()) {
     lf::Camera& camera = rig.cameras[i];
@@ -43,13 +42,15 @@ void record(const ChartOptions& options) {
       const lf::Image image = lf::render_chart({camera.width, camera.height, camera.lens, camera.pose}, charts[n]);
       frames[n] = filmed(image, faults, rig, i, static_cast<int>(n));
     });
-    MjpegWriter writer((fs::path(options.out) / name).string(), camera.width, camera.height, {1, 1}, options.quality);
+    MjpegWriter writer((fs::path(update.staging()) / name).string(), camera.width, camera.height, {1, 1},
+                       options.quality);
     for (const lf::Image& frame : frames) writer.add(frame);
     writer.finish();
     camera.source = name;
     camera.image.clear();
   }
   progress.finish();
+  update.commit();
   write_faults(rig, faults, options.out);
   lf::save_rig(rig, options.out + "/rig.json");
   std::printf("%zu cameras, a chart at %zu places: %s/rig.json\n", rig.cameras.size(), charts.size(),

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/worker_pool.h"
 #include "file_names.h"
@@ -55,13 +56,13 @@ double parse_seconds(const std::string& text) {
 }
 
 // What one camera records: the film, and where the lights are in it.
-json record(const LightOptions& options, const lf::LightsPath& path, const lf::Camera& camera, size_t index,
-            const std::function<void()>& step) {
+json record(const LightOptions& options, const std::string& folder, const lf::LightsPath& path,
+            const lf::Camera& camera, size_t index, const std::function<void()>& step) {
   const FrameRate rate = parse_rate(options.framerates[index % options.framerates.size()]);
   const double seconds = parse_seconds(options.seconds[index % options.seconds.size()]);
   const auto frames = std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
   const lf::LightsCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
-  MjpegWriter writer((fs::path(options.out) / (camera.name + ".mkv")).string(), camera.width, camera.height, rate,
+  MjpegWriter writer((fs::path(folder) / (camera.name + ".mkv")).string(), camera.width, camera.height, rate,
                      options.quality);
   json list = json::array();
   for (int64_t n = 0; n < frames; n++, step()) {
@@ -89,21 +90,18 @@ void film_lights(const LightOptions& options) {
     const double seconds = parse_seconds(options.seconds[i % options.seconds.size()]);
     frames += std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
   }
-  try {
-    fs::create_directories(options.out);
-  } catch (const fs::filesystem_error& e) {
-    throw lf::Error(options.out + ": " + e.code().message());
-  }
+  lf::FolderUpdate update(options.out);
   Progress progress("filming", frames);
   std::mutex mutex;
   std::vector<json> cameras(rig.cameras.size());
   lf::WorkerPool().run(static_cast<unsigned>(options.threads), rig.cameras.size(), [&](size_t i) {
-    cameras[i] = record(options, path, rig.cameras[i], i, [&] {
+    cameras[i] = record(options, update.staging(), path, rig.cameras[i], i, [&] {
       const std::lock_guard lock(mutex);
       progress.step();
     });
   });
   progress.finish();
+  update.commit();
   const json truth = {
       {"format", "lightfield-tracks"}, {"version", 1}, {"bar", path.num_lights() == 2}, {"cameras", cameras}};
   lf::write_text_file(truth.dump() + "\n", (fs::path(options.out) / "lights.json").string());

@@ -5,7 +5,6 @@
 #include <gst/video/video.h>
 
 #include <cstring>
-#include <filesystem>
 
 #include "base/error.h"
 #include "posted_error.h"
@@ -47,19 +46,20 @@ GstBuffer* to_buffer(const lf::Image& i420, const GstVideoInfo& info) {
 }  // namespace
 
 MjpegWriter::MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality)
-    : path_(path), rate_(rate) {
+    : path_(path), file_(path), rate_(rate) {
   const GstVideoInfo info = info_of(width, height, rate);
   open("jpegenc quality=" + std::to_string(quality) + " ! ", gst_video_info_to_caps(&info));
 }
 
-MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_(path), rate_{0, 1} {
+MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_(path), file_(path), rate_{0, 1} {
   open("", gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, nullptr));
 }
 
 void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   GError* error = nullptr;
   pipeline_ = gst_parse_launch(
-      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + kMuxer + " ! filesink name=sink").c_str(),
+      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + kMuxer + " ! fdsink name=sink sync=false")
+          .c_str(),
       &error);
   if (error) {
     const std::string reason = error->message;
@@ -71,17 +71,18 @@ void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   if (rate_.numerator == 0) write_beginning();
   GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
   source_ = gst_bin_get_by_name(GST_BIN(pipeline_), "source");
-  g_object_set(sink, "location", (path_ + ".part").c_str(), nullptr);
+  g_object_set(sink, "fd", file_.descriptor(), nullptr);
   gst_object_unref(sink);
   gst_app_src_set_caps(GST_APP_SRC(source_), caps);
   gst_caps_unref(caps);
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
-// A demuxer counts from the first block on, whatever its stamp is. Here that is a text's, the time of day, so that films
-// of cameras whose first frames came at different times have one beginning.
+// A demuxer counts from the first block on, whatever its stamp is. Here that is a text's, the time of day, so that
+// films of cameras whose first frames came at different times have one beginning.
 void MjpegWriter::write_beginning() {
-  GstElement *text = gst_element_factory_make("appsrc", nullptr), *muxer = gst_bin_get_by_name(GST_BIN(pipeline_), "muxer");
+  GstElement *text = gst_element_factory_make("appsrc", nullptr),
+             *muxer = gst_bin_get_by_name(GST_BIN(pipeline_), "muxer");
   gst_bin_add(GST_BIN(pipeline_), text);
   g_autoptr(GstCaps) caps = gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr);
   g_object_set(text, "caps", caps, "format", GST_FORMAT_TIME, nullptr);
@@ -135,7 +136,7 @@ void MjpegWriter::finish() {
   gst_object_unref(bus);
   if (!whole) fail();
   close();
-  std::filesystem::rename(path_ + ".part", path_);
+  file_.commit();
 }
 
 void MjpegWriter::fail() {

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "base/file.h"
 #include "image/image.h"
 
 // Frames per second as a fraction.
@@ -16,8 +17,8 @@ struct FrameRate {
   }
 };
 
-// Motion JPEG in a Matroska file, through GStreamer. The file has its name only once it is whole: until finish() it is
-// PATH.part. One thread at a time. Throws lf::Error naming the file. gst_init() must have been called.
+// Motion JPEG in a Matroska file, through GStreamer. finish() replaces the file as a whole (base/file.h); without it
+// nothing changes. One thread at a time. Throws lf::Error naming the file. gst_init() must have been called.
 class MjpegWriter {
  public:
   // Writes pictures. `quality`: JPEG's, 1..100. `rate`: 0/1 where every frame comes with its time.
@@ -30,8 +31,8 @@ class MjpegWriter {
 
   // Writes the next frame, RGB of the writer's size, at its time by the rate.
   void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
-  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before. Without a rate the beginning
-  // is one that all films have in common, even if no frame was taken then.
+  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before. Without a rate the
+  // beginning is one that all films have in common, even if no frame was taken then.
   void add(const lf::Image& rgb, GstClockTime time);
   void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // the buffer is borrowed
   void finish();
@@ -44,6 +45,7 @@ class MjpegWriter {
   [[noreturn]] void fail();  // throws lf::Error with what the pipeline has to say
 
   std::string path_;
+  lf::FileReplacement file_;
   FrameRate rate_;
   uint64_t frames_ = 0;
   GstElement* pipeline_ = nullptr;

@@ -37,7 +37,8 @@ void make_folder(const std::string& folder) {
 
 void require_free(const std::string& path, const std::string& folder) {
   std::error_code error;
-  if (std::filesystem::exists(path, error))
+  // A link to a file that is not there counts, too: the recording would be written to its target.
+  if (std::filesystem::exists(std::filesystem::symlink_status(path, error)))
     throw Error(folder + ": there is a recording in it already (" + std::filesystem::path(path).filename().string() +
                 "): record into another folder, or remove it first");
 }

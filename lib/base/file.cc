@@ -2,6 +2,7 @@
 #include "base/file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -10,6 +11,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <random>
 #include <system_error>
@@ -22,6 +24,10 @@ namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
+
+[[noreturn]] void fail_to_read(const std::string& path, const std::string& reason) {
+  throw Error(path + ": can't be read: " + reason);
+}
 
 class Descriptor {
  public:
@@ -76,20 +82,47 @@ void copy_owner_and_mode(int descriptor, const struct stat& old) {
   fchmod(descriptor, mode & 0777);
 }
 
+constexpr char kStaging[] = ".new-";
+
+// Removes staging folders whose program has ended without removing them: nobody holds their lock. A new one is not
+// locked for an instant.
+void remove_old_staging(const std::string& folder) {
+  constexpr time_t kYoung = 60;  // seconds
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
+    if (!entry.path().filename().string().starts_with(kStaging)) continue;
+    const Descriptor opened(open(entry.path().c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+    struct stat status;
+    if (opened < 0 || fstat(opened, &status) != 0 || time(nullptr) - status.st_mtime < kYoung) continue;
+    if (flock(opened, LOCK_EX | LOCK_NB) == 0) fs::remove_all(entry.path(), ignored);
+  }
+}
+
+// Opens a regular file. `size` becomes that of the file, in bytes. Throws Error.
+int open_regular(const std::string& path, uint64_t& size) {
+  // O_NONBLOCK: opening a FIFO without a writer must not wait.
+  const int file = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
+  struct stat status;
+  if (file < 0 || fstat(file, &status) != 0) {
+    const int reason = errno;
+    if (file >= 0) close(file);
+    fail_to_read(path, std::strerror(reason));
+  }
+  size = static_cast<uint64_t>(status.st_size);
+  if (S_ISREG(status.st_mode)) return file;
+  close(file);
+  fail_to_read(path, S_ISDIR(status.st_mode) ? "it is a folder" : "it is not a regular file");
+}
+
 }  // namespace
 
 std::string read_file(const std::string& path, size_t most_bytes) {
-  const auto fail = [&](const std::string& reason) { throw Error(path + ": can't be read: " + reason); };
-  // O_NONBLOCK: opening a FIFO without a writer must not wait.
-  const Descriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
-  if (file < 0) fail(std::strerror(errno));
-  struct stat status;
-  if (fstat(file, &status) != 0) fail(std::strerror(errno));
-  if (S_ISDIR(status.st_mode)) fail("it is a folder");
-  if (!S_ISREG(status.st_mode)) fail("it is not a regular file");
+  const auto fail = [&](const std::string& reason) { fail_to_read(path, reason); };
+  uint64_t file_size = 0;
+  const Descriptor file(open_regular(path, file_size));
   const auto too_large = [&] { fail("it has more than " + std::to_string(most_bytes) + " bytes"); };
-  if (static_cast<uint64_t>(status.st_size) > most_bytes) too_large();
-  std::string text(static_cast<size_t>(status.st_size), '\0');
+  if (file_size > most_bytes) too_large();
+  std::string text(static_cast<size_t>(file_size), '\0');
   size_t size = 0;
   for (;;) {
     // Files of /proc say that they are empty, and others may grow while they are read.
@@ -103,6 +136,21 @@ std::string read_file(const std::string& path, size_t most_bytes) {
   }
   text.resize(size);
   return text;
+}
+
+void copy_file(const std::string& from, const std::string& to) {
+  uint64_t size = 0;
+  const Descriptor file(open_regular(from, size));
+  FileReplacement copy(to);
+  std::string bytes(size_t{1} << 20, '\0');
+  for (;;) {
+    const ssize_t count = read(file, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail_to_read(from, std::strerror(errno));
+    if (count == 0) break;
+    copy.write(std::string_view(bytes).substr(0, static_cast<size_t>(count)));
+  }
+  copy.commit();
 }
 
 void FileReplacement::fail(int error) const {
@@ -163,10 +211,15 @@ FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
   std::error_code error;
   created_ = fs::create_directories(folder, error);
   if (error) fail(error.message());
+  remove_old_staging(folder);
   do {
-    staging_ = random_name(folder + "/.new-", "");
-    if (mkdir(staging_.c_str(), 0777) == 0) return;
-  } while (errno == EEXIST);
+    staging_ = random_name(folder + "/" + kStaging, "");
+  } while (mkdir(staging_.c_str(), 0777) != 0 && errno == EEXIST);
+  lock_ = open(staging_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ >= 0) {
+    flock(lock_, LOCK_EX);
+    return;
+  }
   const int reason = errno;
   staging_.clear();
   fail(std::strerror(reason));
@@ -175,6 +228,7 @@ FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
 FolderUpdate::~FolderUpdate() {
   std::error_code ignored;
   if (!staging_.empty()) fs::remove_all(staging_, ignored);
+  if (lock_ >= 0) close(lock_);
   if (created_) fs::remove(folder_, ignored);  // fails unless it is empty
 }
 

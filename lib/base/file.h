@@ -40,9 +40,13 @@ class FileReplacement {
   int descriptor_ = -1;
 };
 
+// Replaces the file `to` by the content of the regular file `from`, of any size. Throws Error naming either.
+void copy_file(const std::string& from, const std::string& to);
+
 // New content of a folder, which is complete before it replaces anything: files are written to staging(), a hidden
 // folder inside; commit() moves them to the places of the same names in the folder. Files of other names stay. Without
-// commit() nothing changes. Throws Error naming the folder.
+// commit() nothing changes. What a program that was killed has left is removed by the next update of the folder. Throws
+// Error naming the folder.
 class FolderUpdate {
  public:
   explicit FolderUpdate(const std::string& folder);  // creates the folder if needed
@@ -55,6 +59,7 @@ class FolderUpdate {
 
  private:
   std::string folder_, staging_;
+  int lock_ = -1;  // held while the staging folder is in use
   bool created_ = false;
 };
 

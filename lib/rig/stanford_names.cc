@@ -8,6 +8,7 @@
 #include <regex>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/number_text.h"
 #include "image/image_file.h"
 
@@ -155,8 +156,11 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
     const fs::path to = fs::path(directory) / ("out_" + place_text(static_cast<int>(i), rig.topology.columns) + "_" +
                                                fixed_text(positions[i].y) + "_" + fixed_text(positions[i].x) + "_" +
                                                from.extension().string());
-    fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
-    if (error) throw Error(from.string() + ": can't be copied to " + to.string() + ": " + error.message());
+    try {
+      copy_file(from.string(), to.string());
+    } catch (const Error& error) {
+      throw Error(from.string() + ": can't be copied: " + error.what());
+    }
   }
   result.notes.push_back("lf-rig import stanford --f " + number_text(options.f) + " --focus-distance " +
                          number_text(options.focus_distance) + " --unit " + number_text(unit) + " reads it back");

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "posted_error.h"
 #include "recording/camera_file.h"
 
@@ -207,10 +208,8 @@ ArchivedFilm archive_film(const Camera& camera, const std::string& film, const s
   constexpr double kEncoding = 0.7;  // of the time
   const Contents contents = contents_of(film);
   ArchivedFilm archived{.bytes_before = fs::file_size(film)};
-  std::error_code error;
   if (!contents.is_jpeg) {
-    fs::copy_file(film, out, fs::copy_options::overwrite_existing, error);
-    if (error) throw Error(out + ": can't be written: " + error.message());
+    copy_file(film, out);
     archived.is_copy = true;
     archived.frames = contents.frames;
   } else {

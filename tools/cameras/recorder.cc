@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "cameras/frame_picture.h"
 #include "cameras/rig_cameras.h"
 #include "file_names.h"
@@ -72,27 +73,40 @@ class Film {
   std::string problem_;
 };
 
+std::string film_name(const Camera& camera) { return camera.name + ".mkv"; }
+
+// Films of two recordings would be taken for one: where the new recording lacks a camera, its film of before moves to
+// the folder "earlier".
+void set_earlier_film_aside(const std::string& folder, const std::string& staging, const Camera& camera,
+                            Recorded& recorded) {
+  const fs::path name = film_name(camera), old = fs::path(folder) / name, aside = fs::path(folder) / "earlier";
+  if (fs::exists(fs::path(staging) / name) || !fs::exists(old)) return;
+  std::error_code error;
+  fs::create_directories(aside, error);
+  if (!error) fs::rename(old, aside / name, error);
+  if (error) throw Error(old.string() + ": can't be moved to " + aside.string() + ": " + error.message());
+  recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its film of before is now ") +
+                   (aside / name).string() + ", because films of two recordings do not fit together";
+}
+
 }  // namespace
 
 std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
                                      const RecordingOptions& options, const std::function<bool(double)>& told) {
   check_file_names(*rig);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(folder + ": can't be made: " + error.message());
+  // Films that are in the folder stay until new ones are complete.
+  FolderUpdate update(folder);
   std::vector<Film> films(rig->cameras.size());
   std::atomic<double> begin = INFINITY;
-  RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false}, [&](const CameraFrame& frame) {
-    const Camera& camera = rig->cameras[frame.camera];
-    const double time = frame.taken - camera.time_offset - begin;
-    if (options.seen) options.seen(frame);
-    if (time >= options.seconds) return;
-    films[frame.camera].see(frame, camera, fs::path(folder) / (camera.name + ".mkv"), time);
-    if (time >= 0 && options.shown) options.shown(frame);
-  });
-  // Films of two evenings would be taken for one.
-  for (const CameraIndex index : cameras.cameras())
-    fs::remove(fs::path(folder) / (rig->cameras[index].name + ".mkv"), error);
+  RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false, .trusted = options.trusted},
+                     [&](const CameraFrame& frame) {
+                       const Camera& camera = rig->cameras[frame.camera];
+                       const double time = frame.taken - camera.time_offset - begin;
+                       if (options.seen) options.seen(frame);
+                       if (time >= options.seconds) return;
+                       films[frame.camera].see(frame, camera, fs::path(update.staging()) / film_name(camera), time);
+                       if (time >= 0 && options.shown) options.shown(frame);
+                     });
   bool going = true;
   cameras.start();
   cameras.wait(options.patience, [&] {
@@ -123,11 +137,16 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
     Recorded& recorded = all.emplace_back(Recorded{.camera = index});
     films[index].finish(recorded);
     if (by_arrival[index])
-      recorded.note = "frames are dated as they came, as no sender report told when they were taken: time offsets are "
-                      "not its own";
+      recorded.note =
+          "frames are dated as they came, as no sender report told when they were taken: time offsets are "
+          "not its own";
     if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
     if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "no frame came";
   }
+  if (fs::is_empty(update.staging())) return all;
+  for (Recorded& recorded : all)
+    set_earlier_film_aside(folder, update.staging(), rig->cameras[recorded.camera], recorded);
+  update.commit();
   return all;
 }
 

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <string>
 #include <thread>
@@ -140,6 +141,18 @@ TEST(FileReplacement, WritersAtOnceLeaveAWholeFile) {
   EXPECT_EQ(entries_of(dir.path()), 1u);
 }
 
+TEST(CopyFile, CopiesRegularFilesAsAWhole) {
+  const TempDir dir;
+  const std::string content(3000000, 'x');
+  dir.write("from", content);
+  dir.write("to", "old");
+  copy_file(dir / "from", dir / "to");
+  EXPECT_EQ(read_file(dir / "to"), content);
+  EXPECT_ERROR(copy_file("/dev/zero", dir / "to"), "/dev/zero: can't be read: it is not a regular file");
+  EXPECT_ERROR(copy_file(dir / "none", dir / "to"), "none: can't be read");
+  EXPECT_EQ(read_file(dir / "to"), content);
+}
+
 TEST(FolderUpdate, ReplacesFilesWhenItIsComplete) {
   const TempDir dir;
   dir.write("out/a", "old");
@@ -159,6 +172,19 @@ TEST(FolderUpdate, ReplacesFilesWhenItIsComplete) {
   EXPECT_EQ(read_text_file(dir / "out/kept"), "kept");
   EXPECT_EQ(read_text_file(dir / "out/truth/v"), "view");
   EXPECT_EQ(entries_of(dir / "out"), 3u) << "no staging folder is left";
+}
+
+TEST(FolderUpdate, RemovesWhatAKilledProgramHasLeft) {
+  const TempDir dir;
+  dir.write("out/.new-0123/a", "half");
+  const FolderUpdate young(dir / "out");
+  EXPECT_TRUE(fs::exists(dir / "out/.new-0123")) << "its program may just have begun";
+  const auto old = fs::file_time_type::clock::now() - std::chrono::hours(1);
+  fs::last_write_time(dir / "out/.new-0123", old);
+  fs::last_write_time(young.staging(), old);
+  const FolderUpdate next(dir / "out");
+  EXPECT_FALSE(fs::exists(dir / "out/.new-0123"));
+  EXPECT_TRUE(fs::exists(young.staging())) << "it is in use";
 }
 
 TEST(FolderUpdate, LeavesNoFolderThatItMadeInVain) {
