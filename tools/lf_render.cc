@@ -89,7 +89,7 @@ class Renderer {
     gains_ = {};
     if (options_.focus == "plane") return view;
     const bool match =
-        !options_.leave_one_out && (options_.gains == "true" || (options_.gains == "auto" && !rig_.has_colour()));
+        !options_.leave_one_out && (options_.gains == "on" || (options_.gains == "auto" && !rig_.has_colour()));
     lf::CameraGains gains;
     const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface,
                                              match ? lf::kMatchedRounds : lf::kSettledRounds, match ? &gains : nullptr);
@@ -313,7 +313,7 @@ int main(int argc, char** argv) {
   app.add_option("--gains", options.gains,
                  "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
       ->capture_default_str()
-      ->check(cli::IsMember({"auto", "true", "false"}));
+      ->check(cli::IsMember({"auto", "on", "off"}));
   app.add_option("--renderer", options.renderer, "What draws, as of lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));

@@ -278,7 +278,7 @@ int main(int argc, char** argv) {
   app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(cli::PositiveNumber);
   app.add_option("--gains", o.limits.focus_on.gains,
                  "whether cameras match their brightness (default: until the rig has their colours)")
-      ->check(cli::IsMember({"true", "false"}));
+      ->check(cli::IsMember({"on", "off", "auto"}));
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));

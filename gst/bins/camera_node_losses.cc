@@ -85,8 +85,8 @@ void lf_camera_node_forget_failure(LfCameraNode* self) {
 GstStructure* lf_camera_node_stats(LfCameraNode* self) {
   GstStructure* stats = nullptr;
   if (self->fragment) g_object_get(self->fragment, "stats", &stats, nullptr);
-  if (!stats) stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
-  g_autoptr(GstStructure) cameras = gst_structure_new_empty("cameras");
+  if (!stats) stats = gst_structure_new_empty("lightfield-fragment-stats");
+  g_autoptr(GstStructure) cameras = gst_structure_new_empty("lightfield-cameras");
   const std::shared_ptr<lf::Recording> recording = lf_camera_node_recording(self);
   for (const ElementPtr& camera : lf_camera_node_cameras(self)) {
     guint id = 0;

@@ -23,9 +23,9 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
       property<&S::decode>(kWhileReady, "decode", "Decode",
                            "JPEG video is decoded frame by frame, in place of where a request looks, and what is in a "
                            "graphics card's memory is copied to the computer's"),
-      property<&S::latency>(
-          kWhileReady, "latency", "Latency",
-          "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0u, 60000u),
+      property<&S::latency>(kWhileReady, "latency", "Latency",
+                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
+                            guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
                           "Live cameras that fail are opened again, after half a second at first and after ten seconds "
                           "at most; else they are lost for good, as files are that are not live"),

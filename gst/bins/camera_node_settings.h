@@ -17,7 +17,7 @@ struct CameraNodeSettings {
   bool is_live = false;
   bool loop = false;
   bool decode = false;
-  guint latency = 200;  // ms
+  guint64 latency = 200 * GST_MSECOND;
   guint node = 0;
   bool retry = true;
   bool trusted = false;

@@ -47,8 +47,9 @@ void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
   if (device) gst_object_ref(device);
   const lf::Controls wanted = self->run ? self->run->controls : lf::Controls{};
   lock.unlock();
-  GstStructure* controls = device ? lf::read_controls(device, wanted) : gst_structure_new_empty("controls");
-  GstStructure* values = device ? lf::read_control_values(device, wanted) : gst_structure_new_empty("controls");
+  GstStructure* controls = device ? lf::read_controls(device, wanted) : gst_structure_new_empty("lightfield-controls");
+  GstStructure* values =
+      device ? lf::read_control_values(device, wanted) : gst_structure_new_empty("lightfield-controls");
   if (!device)
     for (const auto& [name, value] : wanted) gst_structure_set(controls, name.c_str(), G_TYPE_BOOLEAN, FALSE, nullptr);
   gst_structure_set(stats, "controls", GST_TYPE_STRUCTURE, controls, "control-values", GST_TYPE_STRUCTURE, values,

@@ -26,9 +26,9 @@ PropertyTable<CamSrcSettings>& CamSrcSettings::properties() {
           kWhileReady, "decode", "Decode",
           "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
           "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
-      property<&S::latency>(
-          kWhileReady, "latency", "Latency",
-          "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0u, 60000u),
+      property<&S::latency>(kWhileReady, "latency", "Latency",
+                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
+                            guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
                           "A camera that fails is opened again, after half a second at first and after ten seconds at "
                           "most, in place of an error: the element messages lightfield-camera-lost and "

@@ -18,7 +18,7 @@ struct CamSrcSettings {
   bool loop = false;
   gint64 num_frames = -1;
   bool decode = true;
-  guint latency = 200;  // ms
+  guint64 latency = 200 * GST_MSECOND;
   bool retry = false;
   bool trusted = false;
   bool operator==(const CamSrcSettings&) const = default;

@@ -58,14 +58,14 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
 }
 
 struct SourceSetup {
-  guint latency;
+  GstClockTime latency;
   std::shared_ptr<SenderClock> sender;
 };
 
 void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
   const auto* setup = static_cast<SourceSetup*>(data);
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
-    g_object_set(source, "latency", setup->latency, nullptr);
+    g_object_set(source, "latency", static_cast<guint>(setup->latency / GST_MSECOND), nullptr);  // milliseconds
   if (setup->sender) setup->sender->watch(source);
 }
 
@@ -96,7 +96,7 @@ std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri
   g_signal_connect(decoder, "element-added", G_CALLBACK(lf::callback<on_child_of_uridecodebin>), nullptr);
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
   std::shared_ptr<SenderClock> sender;
-  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency * GST_MSECOND);
+  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency);
   g_signal_connect_data(
       decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender},
       [](gpointer setup, GClosure*) { delete static_cast<SourceSetup*>(setup); }, GConnectFlags(0));

@@ -21,7 +21,7 @@ struct ChainOptions {
   bool decode = true;        // JPEG video too; stills always
   bool trusted = false;      // a source that describes elements may have any
   Controls controls = {};    // set on sources that are devices or elements
-  guint latency = 200;       // milliseconds that packets of network sources are waited for and put in order
+  GstClockTime latency = 200 * GST_MSECOND;  // how long packets of network sources are waited for and put in order
 };
 
 inline constexpr int kDefaultFps = 15;

@@ -190,7 +190,7 @@ State read_any(const std::vector<GstElement*>& elements, const std::string& name
 
 template <typename Put>
 GstStructure* read_all(GstElement* source, const Controls& wanted, Put put) {
-  GstStructure* result = gst_structure_new_empty("controls");
+  GstStructure* result = gst_structure_new_empty("lightfield-controls");
   const std::vector<GstElement*> elements = elements_of(source);
   for (const char* name : kKnownNames)
     if (const State state = read_any(elements, name); state.known) put(result, name, state);

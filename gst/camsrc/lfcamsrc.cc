@@ -272,7 +272,7 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 static Settings& settings_of(LfCamSrc* self) { return *self->settings; }
 static GstStructure* stats_of(LfCamSrc* self) {
-  GstStructure* stats = lf_cam_src_stats(self, "application/x-lightfield-camera-stats");
+  GstStructure* stats = lf_cam_src_stats(self, "lightfield-camera-stats");
   lf_cam_src_add_controls(self, stats);
   return stats;
 }

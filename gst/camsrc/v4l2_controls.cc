@@ -71,7 +71,7 @@ void set(GstStructure* fields, const std::array<const char*, 2>& names, int valu
 }  // namespace
 
 GstStructure* v4l2_extra_controls(const Controls& controls) {
-  GstStructure* fields = gst_structure_new_empty("controls");
+  GstStructure* fields = gst_structure_new_empty("lightfield-controls");
   for (const auto& [name, value] : controls)
     if (const Known* known = find_known(name); known && known->switch_id)
       set(fields, known->switch_fields, value ? known->manual : known->automatic);

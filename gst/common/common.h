@@ -36,7 +36,7 @@
   GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats) ", texture-target = (string) 2D"
 
 // The view that an event, a query or a message is of (uint): its field of this name.
-#define LF_VIEW_ID_FIELD "lf-view-id"
+#define LF_VIEW_ID_FIELD "lightfield-view-id"
 
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
 // rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so that none need be late).

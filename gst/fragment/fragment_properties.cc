@@ -25,10 +25,10 @@ static Settings& settings_of(LfFragment* self) { return self->state->settings; }
 
 static GstStructure* stats_of(LfFragment* self) {
   const lf::NodeStats& node = self->state->node.stats();
-  GstStructure* stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
+  GstStructure* stats = gst_structure_new_empty("lightfield-fragment-stats");
   for (const auto& [name, value] : node.all()) gst_structure_set(stats, name.c_str(), G_TYPE_UINT64, value, nullptr);
   const std::map<uint32_t, float> gains = node.gains();
-  GstStructure* of_cameras = gst_structure_new_empty("gains");
+  GstStructure* of_cameras = gst_structure_new_empty("lightfield-gains");
   for (const auto& [id, gain] : gains)
     gst_structure_set(of_cameras, ("camera-" + std::to_string(id)).c_str(), G_TYPE_DOUBLE, static_cast<double>(gain),
                       nullptr);

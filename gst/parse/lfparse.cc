@@ -193,8 +193,8 @@ static Settings& settings_of(LfParse* self) { return self->settings; }
 
 static GstStructure* stats_of(LfParse* self) {
   const lf::ObjectLock lock(self);
-  return gst_structure_new("lfparse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes", G_TYPE_UINT64,
-                           self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr);
+  return gst_structure_new("lightfield-parse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes",
+                           G_TYPE_UINT64, self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr);
 }
 
 static void lf_parse_class_init(LfParseClass* klass) {

@@ -204,7 +204,7 @@ CameraFile::Counts Recording::counts(uint32_t camera) const {
 
 GstStructure* Recording::stats() const {
   const std::lock_guard lock(mutex_);
-  return gst_structure_new("recording", "folder", G_TYPE_STRING, folder_.c_str(), "begin", G_TYPE_UINT64,
+  return gst_structure_new("lightfield-recording", "folder", G_TYPE_STRING, folder_.c_str(), "begin", G_TYPE_UINT64,
                            timeline_ ? timeline_->begin() : 0, "reason", G_TYPE_STRING, reason_.c_str(), nullptr);
 }
 

@@ -229,8 +229,7 @@ static Settings& settings_of(LfRtpGate* self) { return *self->settings; }
 
 static GstStructure* stats_of(LfRtpGate* self) {
   const lf::ObjectLock lock(self);
-  GstStructure* stats =
-      gst_structure_new("application/x-lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
+  GstStructure* stats = gst_structure_new("lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
   for (guint fate = 0; fate < kNumFates; fate++)
     gst_structure_set(stats, kFateNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
   return stats;

@@ -173,7 +173,7 @@ std::map<std::string, std::vector<Bytes>> seeds() {
   add_whole("control", R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":{"event":"MouseMove","x":1,)"
                        R"("y":2,"modifier_state":"shift-mask+button1-mask"}}})");
   add_whole("control", R"({"id":8,"request":{"type":"navigationEvent","event":{"event":"KeyPress","key":"Left"}}})");
-  add_whole("control", R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
+  add_whole("control", R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request",)"
                        R"("structure":{"x":0.1,"focus-distance":2}}})");
   const Bytes asking = join({requests[0], {0x8f, 'L', 'x'}, requests[1], requests[2]});
   const Bytes answering = join({answers[1], Bytes(40, 'x'), answers[2], answers[0]});

@@ -356,8 +356,8 @@ TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
     const int port = server->port();
     const std::string uri = server->uri("/jpeg");
     server.reset();
-    const ElementPtr pipeline = launch(
-        line(rig(2, [&](guint id) { return id == 1 ? uri : "failing://0"; }), 1, node_is + " loop=true latency=50"));
+    const ElementPtr pipeline = launch(line(rig(2, [&](guint id) { return id == 1 ? uri : "failing://0"; }), 1,
+                                            node_is + " loop=true latency=50000000"));
     ASSERT_TRUE(pipeline);
     const Said said(pipeline.get());
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
@@ -377,8 +377,8 @@ TEST_F(RtspLossTest, AServerStopsAndStartsAgainWhileTwoViewersWatch) {
     auto server = std::make_unique<RtspServer>();
     const int port = server->port();
     const std::string uri = scheme + server->uri("/jpeg").substr(4);
-    const ElementPtr pipeline = launch(
-        line(rig(3, [&](guint id) { return id == 1 ? uri : "mjpeg.mkv"; }), 2, "is-live=true loop=true latency=50"));
+    const ElementPtr pipeline = launch(line(rig(3, [&](guint id) { return id == 1 ? uri : "mjpeg.mkv"; }), 2,
+                                            "is-live=true loop=true latency=50000000"));
     ASSERT_TRUE(pipeline);
     const Said said(pipeline.get());
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);

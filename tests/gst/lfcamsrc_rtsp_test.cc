@@ -56,7 +56,7 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
       std::printf("no encoder and decoder of H.264 are installed\n");
       continue;
     }
-    CameraPipeline camera("num-frames=10 latency=50 rig=" + rig(path));
+    CameraPipeline camera("num-frames=10 latency=50000000 rig=" + rig(path));
     for (int i = 0; i < 4; ++i) {
       camera.frames.clear();
       ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << path << ": live, said or not";
@@ -77,7 +77,7 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
 // The server's sender reports come by and by: then frames have the times of day that it gives them.
 TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
   const ElementPtr pipeline =
-      launch("lfcamsrc name=c latency=50 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
+      launch("lfcamsrc name=c latency=50000000 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
   const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
   const auto capture_time = [&]() -> std::string {
@@ -123,7 +123,7 @@ TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
 
 TEST_F(RtspTest, JpegStaysJpegWhereItIsNotDecoded) {
   const ElementPtr pipeline =
-      launch("lfcamsrc decode=false latency=50 num-frames=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink");
+      launch("lfcamsrc decode=false latency=50000000 num-frames=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink");
   ASSERT_TRUE(pipeline);
   EXPECT_EQ(run(pipeline.get()), "");
 }
@@ -142,7 +142,7 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   const std::string other = dir / "other.mkv", folder = dir / "recording";
   const ElementPtr client = launch("rtspsrc latency=50 location=" + server->uri("/h264") +
                                    " ! rtph264depay ! h264parse ! matroskamux ! filesink location=" + other);
-  const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50 rig=" + rig("/h264") +
+  const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50000000 rig=" + rig("/h264") +
                                      " record=" + folder + " ! fakesink async=false");
   const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
   gst_element_set_state(client.get(), GST_STATE_PLAYING);
@@ -179,7 +179,7 @@ TEST_F(RtspTest, BesideAFilmInOneNode) {
       "mixed.json", 2, [](Camera& camera) { camera.source = camera.id == 0 ? server->uri("/jpeg") : "mjpeg.mkv"; });
   const ElementPtr pipeline =
       launch("lfviewrequest is-live=true framerate=15/1 capture-delay=400000000 rig=" + rig +
-             " ! lfcameranode name=n is-live=true loop=true latency=100 rig=" + rig + " ! fakesink");
+             " ! lfcameranode name=n is-live=true loop=true latency=100000000 rig=" + rig + " ! fakesink");
   ASSERT_TRUE(pipeline);
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));

@@ -14,7 +14,7 @@ GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
 }
 
 GstEvent* for_view(GstEvent* event, guint view_id) {
-  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, view_id, nullptr);
+  gst_structure_set(gst_event_writable_structure(event), "lightfield-view-id", G_TYPE_UINT, view_id, nullptr);
   return event;
 }
 
@@ -96,7 +96,7 @@ TEST_F(LfCompositorQosTest, NodesHearOfWhichView) {
   while (GstEvent* event = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
     guint of = 0;
     if (GST_EVENT_TYPE(event) == GST_EVENT_QOS &&
-        gst_structure_get_uint(gst_event_get_structure(event), "lf-view-id", &of))
+        gst_structure_get_uint(gst_event_get_structure(event), "lightfield-view-id", &of))
       view_id = of;
     gst_event_unref(event);
   }

@@ -246,7 +246,7 @@ TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
   }
   ASSERT_TRUE(event);
   guint view = 0;
-  EXPECT_TRUE(gst_structure_get_uint(gst_event_get_structure(event), "lf-view-id", &view));
+  EXPECT_TRUE(gst_structure_get_uint(gst_event_get_structure(event), "lightfield-view-id", &view));
   EXPECT_EQ(view, 6u);
   gst_event_unref(event);
   while (GstEvent* other = gst_harness_try_pull_upstream_event(nodes_[0].get())) {

@@ -14,7 +14,7 @@ GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
 }
 
 GstEvent* for_view(GstEvent* event, guint view_id) {
-  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, view_id, nullptr);
+  gst_structure_set(gst_event_writable_structure(event), "lightfield-view-id", G_TYPE_UINT, view_id, nullptr);
   return event;
 }
 

@@ -9,12 +9,13 @@ namespace {
 
 GstEvent* tagged(GstEvent* event, guint view_id) {
   event = gst_event_make_writable(event);
-  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, view_id, nullptr);
+  gst_structure_set(gst_event_writable_structure(event), "lightfield-view-id", G_TYPE_UINT, view_id, nullptr);
   return event;
 }
 
 GstEvent* view_event(const char* fields) {
-  GstStructure* structure = gst_structure_from_string((std::string("lf-view-request") + fields).c_str(), nullptr);
+  GstStructure* structure =
+      gst_structure_from_string((std::string("lightfield-view-request") + fields).c_str(), nullptr);
   return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
 }
 
@@ -140,7 +141,7 @@ TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
   const View view = source.next_live().request.view;
   EXPECT_FALSE(source.send(tagged(gst_navigation_event_new_key_press("w", kPlain), 3)));
   EXPECT_FALSE(source.send(tagged(view_event(", x=(double)7"), 0)));
-  EXPECT_FALSE(source.send(view_event(", x=(double)7, lf-view-id=(string)2")));
+  EXPECT_FALSE(source.send(view_event(", x=(double)7, lightfield-view-id=(string)2")));
   EXPECT_FALSE(source.send(gst_navigation_event_new_mouse_scroll(0, 0, 0, NAN, kPlain)));
   EXPECT_FALSE(source.send(gst_navigation_event_new_mouse_scroll(0, 0, 1, 0, kPlain)));
   EXPECT_FALSE(source.send(gst_navigation_event_new_mouse_button_press(1, NAN, 0, kPlain)));

@@ -45,8 +45,8 @@ TEST(Threads, AViewerGoesWhileItsWindowSteersIt) {
   for (const char* property : {"notify::x", "notify::y", "notify::z"})
     g_signal_connect(view.get(), property, G_CALLBACK(Watching::on_change), &watching);
   std::thread window([&] {
-    GstStructure* view_event = gst_structure_new("lf-view-request", "x", G_TYPE_DOUBLE, 1.0, "y", G_TYPE_DOUBLE, 2.0,
-                                                 "z", G_TYPE_DOUBLE, 3.0, nullptr);
+    GstStructure* view_event = gst_structure_new("lightfield-view-request", "x", G_TYPE_DOUBLE, 1.0, "y", G_TYPE_DOUBLE,
+                                                 2.0, "z", G_TYPE_DOUBLE, 3.0, nullptr);
     gst_pad_send_event(pad.get(), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, view_event));
   });
   watching.begun.get_future().wait();

@@ -81,7 +81,7 @@ TEST(ViewFeedback, AnotherEventIsNone) {
 
 // An application may send such an event, too: what can't be read in it is left out.
 TEST(ViewFeedback, DamagedPartsAreLeftOut) {
-  GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "lf-view-id", G_TYPE_UINT, 3, nullptr);
+  GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "lightfield-view-id", G_TYPE_UINT, 3, nullptr);
   set_cameras(structure, "cameras", {9, 2, 2, kMaxCameras, 4'000'000'000});
   GstBuffer* garbage = gst_buffer_new_allocate(nullptr, 20, nullptr);
   gst_buffer_memset(garbage, 0, 0xa5, 20);

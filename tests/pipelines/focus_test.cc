@@ -198,7 +198,7 @@ TEST_F(FocusedArray, CamerasMatchTheirBrightness) {
   const std::string surface = "focus=surface focus-near=1 focus-far=6", one = node("n", "0-15", "c.sink_0");
   const std::vector<Image> clean = pictures("clean", surface, one);
   brighten();
-  const std::vector<Image> wrong = pictures("wrong", surface + " gains=false", one);
+  const std::vector<Image> wrong = pictures("wrong", surface + " gains=off", one);
   const std::vector<Image> matched = pictures("matched", surface, one);
   const std::vector<Image> apart =
       pictures("apart", surface, node("n", "0-6", "c.sink_0") + node("m", "7-15", "c.sink_1"));
@@ -258,7 +258,7 @@ TEST_F(FocusedArray, StatsHaveTheGains) {
     return gain;
   };
   const std::string surface = "focus=surface focus-near=1 focus-far=6";
-  const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=false");
+  const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=off");
   EXPECT_TRUE(LiveViewer::comes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
   EXPECT_EQ(gain(plain), 0) << "none where they are not asked for";
 }

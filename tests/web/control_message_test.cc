@@ -16,7 +16,7 @@ std::string navigation(const std::string& event) {
   return R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":)" + event + "}}";
 }
 std::string view(const std::string& structure) {
-  return R"({"id":8,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request","structure":)" +
+  return R"({"id":8,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request","structure":)" +
          structure + "}}";
 }
 
@@ -56,7 +56,7 @@ TEST(ControlMessage, ViewsBecomeCustomEvents) {
   const ControlMessage message = parse(view(R"({"x":0.25,"focus-distance":3})"));
   ASSERT_TRUE(message.event) << message.error;
   const GstStructure* structure = gst_event_get_structure(message.event.get());
-  EXPECT_STREQ(gst_structure_get_name(structure), "lf-view-request");
+  EXPECT_STREQ(gst_structure_get_name(structure), "lightfield-view-request");
   gdouble value = 0;
   EXPECT_TRUE(gst_structure_get_double(structure, "focus-distance", &value));
   EXPECT_EQ(value, 3);
@@ -72,8 +72,8 @@ TEST(ControlMessage, AperturesHaveALimit) {
 }
 
 std::string pixel(const std::string& structure) {
-  return R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-pixel","structure":)" + structure +
-         "}}";
+  return R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lightfield-pixel","structure":)" +
+         structure + "}}";
 }
 
 TEST(ControlMessage, AsksAboutPixels) {
@@ -116,7 +116,7 @@ TEST(ControlMessage, RefusesEverythingElse) {
       view(R"({"x":null})"),
       view(R"({"x":1e10})"),
       view(R"({"x y":1})"),
-      view(R"({"lf-view-id":1})"),
+      view(R"({"lightfield-view-id":1})"),
       view(R"({"":1})"),
       pixel(R"({"x":1})"),
       pixel(R"({"x":1,"y":"2"})"),

@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
       viewers.push_back(std::make_unique<lf::test::WhepClient>(options));
       viewers.back()->send(
           "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":"
-          "\"lf-view-request\",\"structure\":{\"yaw\":" +
+          "\"lightfield-view-request\",\"structure\":{\"yaw\":" +
           std::to_string(i % 8 - 4) + "}}}");
     }
     std::vector<uint64_t> before;

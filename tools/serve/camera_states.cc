@@ -8,7 +8,7 @@ namespace {
 GstStructure* stats_of(GstElement* element) {
   GstStructure* stats = nullptr;
   g_object_get(element, "stats", &stats, nullptr);
-  return stats ? stats : gst_structure_new_empty("stats");
+  return stats ? stats : gst_structure_new_empty("lightfield-fragment-stats");
 }
 
 const GstStructure* inner(const GstStructure* outer, const char* name) {

@@ -82,17 +82,24 @@ bool is_field_name(const std::string& name) {
          g_quark_try_string(name.c_str()) != 0;
 }
 
+// Pages of older versions have the prefix lf-.
+std::string structure_name(const json& request) {
+  const std::string name = text(request, "structureName");
+  return name.starts_with("lf-") ? "lightfield-" + name.substr(3) : name;
+}
+
 // Numbers alone: what they mean is lfviewrequest's to know. Which view they are for is the server's to say.
 GstEvent* view_change(const json& request, double max_aperture) {
-  constexpr char kName[] = "lf-view-request";
-  if (text(request, "structureName") != kName) throw Error("structureName is unknown");
+  constexpr char kName[] = "lightfield-view-request";
+  if (structure_name(request) != kName) throw Error("structureName is unknown");
   const json& fields = member(request, "structure");
   if (!fields.is_object() || fields.empty() || fields.size() > ControlMessage::kMaxFields)
     throw Error("structure must be an object of a few numbers");
   GstStructure* structure = gst_structure_new_empty(kName);
   try {
     for (const auto& [name, value] : fields.items()) {
-      if (!is_field_name(name) || name.starts_with("lf-")) throw Error("structure has a field of an unknown name");
+      if (!is_field_name(name) || name.starts_with("lightfield-"))
+        throw Error("structure has a field of an unknown name");
       const double given = number(value, name, 1e9);
       if (name == "aperture" && given > max_aperture) throw Error("aperture is larger than the server takes");
       gst_structure_set(structure, name.c_str(), G_TYPE_DOUBLE, given, nullptr);
@@ -115,7 +122,7 @@ void read_request(const json& request, double max_aperture, ControlMessage& mess
     message.event.reset(navigation(member(request, "event")));
   else if (type != "customUpstreamEvent")
     throw Error("request is of an unknown type");
-  else if (text(request, "structureName") == "lf-pixel")
+  else if (structure_name(request) == "lightfield-pixel")
     message.pixel = pixel_of(member(request, "structure"));
   else
     message.event.reset(view_change(request, max_aperture));

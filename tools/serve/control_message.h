@@ -19,8 +19,8 @@ using EventPtr = std::unique_ptr<GstEvent, UnrefEvent>;
 
 // What a viewer says on the data channel "control", in the format of webrtcsink: {"id": 7, "mid": null, "request":
 // {"type": "navigationEvent", "event": {"event": "MouseMove", "x": 1, "y": 2, "modifier_state": "button1-mask"}}} or
-// {"type": "customUpstreamEvent", "structureName": "lf-view-request", "structure": {"x": 0.1}}. One structure is none
-// of lfviewrequest: "lf-pixel", {"x": 20, "y": 10}, asks which cameras make that pixel.
+// {"type": "customUpstreamEvent", "structureName": "lightfield-view-request", "structure": {"x": 0.1}}. One structure
+// is none of lfviewrequest: "lightfield-pixel", {"x": 20, "y": 10}, asks which cameras make that pixel.
 struct ControlMessage {
   static constexpr size_t kMaxBytes = 4096;
   static constexpr size_t kMaxFields = 16;        // fields of a structure

@@ -63,7 +63,7 @@ export class Flight {
   sendView(view) {
     if (!Object.keys(view).length) return 0;
     return this.viewer.stream.connection?.request(
-      { type: 'customUpstreamEvent', structureName: 'lf-view-request', structure: view }) ?? 0;
+      { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }) ?? 0;
   }
 
   // What the server says the view is; the slider follows.

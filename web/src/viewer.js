@@ -284,7 +284,7 @@ export class Viewer {
   // The answer goes to the cameras' overlay.
   askAbout({ x, y }) {
     return this.stream.connection?.request(
-      { type: 'customUpstreamEvent', structureName: 'lf-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
+      { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
   // As a click there does.
   focusAt(clientX, clientY) {

@@ -18,7 +18,7 @@ namespace {
 struct Trouble {
   const char* name;
   Faults faults;
-  bool matched = true;  // gains=true
+  bool matched = true;  // gains=on
 };
 constexpr Trouble kTroubles[] = {{"", {}},
                                  {", noise of 5", {.noise = 5}},
