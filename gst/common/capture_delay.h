@@ -20,7 +20,7 @@ bool parse_capture_delay(GstEvent* event, GstClockTime* delay);
 // enough for some seconds. Thread-safe.
 class AutoCaptureDelay {
  public:
-  static constexpr GstClockTime kMost = 2 * GST_SECOND;  // frames are kept for as long
+  static constexpr GstClockTime kMost = 2 * GST_SECOND;  // no camera should take longer
   static constexpr GstClockTime kMemory = 10 * GST_SECOND;
 
   // A node says what it needs. True if the delay is another one from now on. `now`: of any steady clock.

@@ -89,7 +89,16 @@ CameraFrames::Pushed CameraFrames::push_damaged(uint64_t time) { return push_at(
 // later than those before it were.
 bool CameraFrames::has_too_many() const {
   if (frames_.size() <= kLiveFrames) return false;
-  return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[2].time >= reach_;
+  return frames_.size() > most_frames() || frames_.back().time - frames_[2].time >= reach_;
+}
+
+// Raw frames have about 1.5 bytes a pixel, compressed ones a fifth of that.
+size_t CameraFrames::most_frames() const {
+  const CameraPicture* picture = frames_.back().frame.picture.get();
+  if (!picture) return kMostLiveFrames;
+  const size_t pixels = static_cast<size_t>(picture->width()) * static_cast<size_t>(picture->height());
+  const size_t bytes = std::max<size_t>(picture->is_compressed() ? pixels * 3 / 10 : pixels * 3 / 2, 1);
+  return std::clamp(kMostLiveBytes / bytes, kLiveFrames, kMostLiveFrames);
 }
 
 CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {

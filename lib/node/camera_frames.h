@@ -17,13 +17,14 @@ namespace lf {
 
 // The latest frames of one camera. Thread-safe.
 //
-// Live cameras: the newest kLiveFrames are kept, and as many before them as requests look back (up to kLongestReach);
-// nobody waits. Others: the camera's streaming thread waits in push()
+// Live cameras: the newest kLiveFrames are kept, and as many before them as requests look back (up to kLongestReach and
+// kMostLiveBytes); nobody waits. Others: the camera's streaming thread waits in push()
 // until requests have moved on, and requests wait in find() until the frame that belongs to their time is there.
 class CameraFrames {
  public:
-  static constexpr size_t kLiveFrames = 4, kMostLiveFrames = 128, kFileFrames = 2;
-  static constexpr uint64_t kLongestReach = 2'000'000'000;  // nanoseconds
+  static constexpr size_t kLiveFrames = 4, kMostLiveFrames = 1280, kFileFrames = 2;
+  static constexpr uint64_t kLongestReach = 10'500'000'000;    // nanoseconds: a capture-delay of 10 s
+  static constexpr size_t kMostLiveBytes = size_t{400} << 20;  // of one camera's frames, estimated
 
   enum class Mode {
     kStopped,  // nothing waits, nothing is taken (the state after construction)
@@ -81,6 +82,7 @@ class CameraFrames {
   void drop_all();                                           // locked
   void look_back(uint64_t time);                             // locked
   bool has_too_many() const;                                 // locked
+  size_t most_frames() const;                                // locked
   void wake_all();                                           // locked
 
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);

@@ -47,7 +47,8 @@ std::string Node::skew_warning(const Rig& rig, const std::optional<SkewWatch::Re
           : report->is_late
               ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
                 "that of all machines?"
-              : "new: is the clock that of all machines?");
+              : "new: is the clock that of all machines, and capture-delay no longer than frames are kept (10 s, or "
+                "400 MB of a camera)?");
 }
 
 void Node::cancel(Requester& requester, bool cancelled) {

@@ -130,6 +130,25 @@ TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
   EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
 }
 
+// The longest capture delay of lf-serve.
+TEST(CameraFrames, LiveFramesAreKeptForRequestsThatLookTenSecondsBack) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 1'000'000'000 / 60, kBack = 10'000'000'000;
+  for (uint64_t k = 0; k < 2000; k++) {
+    frames.push(frame(k * kPeriod));
+    if (k * kPeriod < kBack) continue;
+    const uint64_t wanted = k * kPeriod - kBack;
+    const std::optional<CameraFrame> found = frames.find(wanted, false);
+    ASSERT_TRUE(found);
+    if (k > 1300) {
+      ASSERT_LE(time_between(found->time, wanted), kPeriod) << k;
+    }
+    ASSERT_LE(frames.held(), CameraFrames::kMostLiveFrames);
+  }
+}
+
 // All viewers would wait for a camera whose frames seem to be seconds apart.
 TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
   CameraFrames frames;
