@@ -222,13 +222,13 @@ static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructur
 static GstStructure* make_stats(LfNodeSink* self) {
   GstStructure* stats = nullptr;
   if (self->node) g_object_get(self->node, "stats", &stats, nullptr);
-  if (!stats) stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
-  g_autoptr(GstStructure) all = gst_structure_new_empty("requests");
+  if (!stats) stats = gst_structure_new_empty("lightfield-fragment-stats");
+  g_autoptr(GstStructure) all = gst_structure_new_empty("lightfield-requests");
   for (int i = 0;; i++) {
     const std::string name = "requests" + std::to_string(i);
     g_autoptr(GstElement) queue = gst_bin_get_by_name(GST_BIN(self), name.c_str());
     if (!queue) break;
-    g_autoptr(GstStructure) one = gst_structure_new_empty("application/x-lightfield-requests-stats");
+    g_autoptr(GstStructure) one = gst_structure_new_empty("lightfield-requests-stats");
     for (const char* child : {"_gate", "_depay"}) add_stats_of(self, name + child, one);
     gst_structure_set(all, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
   }
@@ -286,7 +286,8 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =
       lf::install_copies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"}, {}, kNodeDefaults);
-  lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
+  lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats", "min-ptime", "max-ptime", "ptime-multiple"},
+                     {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_node_sink_change_state>;

@@ -77,9 +77,8 @@ struct _LfRtpPay {
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS "; " LF_ANSWER_CAPS));
-static GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
-                            GST_STATIC_CAPS(LF_RTP_CAPS ", payload = (int) " GST_RTP_PAYLOAD_DYNAMIC_STRING));
+static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_RTP_CAPS ", payload = (int) [ 0, 127 ]"));
 
 G_DEFINE_TYPE(LfRtpPay, lf_rtp_pay, GST_TYPE_RTP_BASE_PAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfpay, "rtplfpay", GST_RANK_SECONDARY, LF_TYPE_RTP_PAY)
@@ -263,6 +262,33 @@ static GstStructure* stats_of(LfRtpPay* self) {
   return stats;
 }
 
+using PayProperties = lf::Properties<settings_of, stats_of>;
+
+// Limits of GstRTPBasePayload for streams that may be cut at any time. Each unit is sent as it comes: the limits would
+// do nothing, and can't be set.
+static constexpr guint kFirstTimeLimit = 100;
+
+static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  if (id < kFirstTimeLimit) return PayProperties::get(object, id, value, pspec);
+  g_param_value_set_default(pspec, value);
+}
+
+static void lf_rtp_pay_install_time_limits(GObjectClass* klass) {
+  struct TimeLimit {
+    const char *name, *nick;
+    gint64 value;
+  };
+  constexpr TimeLimit kLimits[] = {{"min-ptime", "Min packet time", 0},
+                                   {"max-ptime", "Max packet time", -1},
+                                   {"ptime-multiple", "Packet time multiple", 0}};
+  guint id = kFirstTimeLimit;
+  for (const TimeLimit& limit : kLimits)
+    g_object_class_install_property(
+        klass, id++,
+        g_param_spec_int64(limit.name, limit.nick, "Not supported: units are not cut by time, but by the mtu", -1,
+                           G_MAXINT64, limit.value, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+}
+
 static void lf_rtp_pay_finalize(GObject* object) {
   LfRtpPay* self = LF_RTP_PAY(object);
   delete self->packetizer;
@@ -274,11 +300,13 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_pay_debug, "rtplfpay", 0, "light field RTP payloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->finalize = lf_rtp_pay_finalize;
-  lf::Properties<settings_of, stats_of>::install(
+  PayProperties::install(
       object_class,
       "Those of every RTP payloader and, since the start (all uint64): units (taken), packets, parts "
       "(packets with whole units), chunks (packets with a piece of a unit), tiles (pieces of raw "
       "fragments), bytes (of RTP packets), dropped (units that were not sound)");
+  object_class->get_property = lf::callback<lf_rtp_pay_get_property>;
+  lf_rtp_pay_install_time_limits(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_pay_change_state>;

@@ -58,6 +58,31 @@ TEST(RtpLfPay, Caps) {
   EXPECT_THAT(variable.caps(), testing::Not(HasSubstr("framerate")));
 }
 
+TEST(RtpLfPay, EveryPayloadTypeThatIsOfferedIsUsed) {
+  for (const int type : {0, 50, 95, 96, 127}) {
+    RtpElement pay(("rtplfpay pt=" + std::to_string(type)).c_str(), kAnswerCaps);
+    pay.push(rtp::answer(1, 10, 10, 0));
+    EXPECT_THAT(pay.caps(), HasSubstr("payload=(int)" + std::to_string(type)));
+    const std::vector<RtpPacket> packets = pay.packets();
+    ASSERT_FALSE(packets.empty());
+    EXPECT_EQ(packets[0].payload_type, type);
+  }
+}
+
+// Limits of streams that may be cut at any time.
+TEST(RtpLfPay, LimitsOfTimeCanNotBeSet) {
+  RtpElement pay("rtplfpay", kAnswerCaps);
+  for (const auto& [name, value] :
+       {std::pair<const char*, gint64>{"min-ptime", 0}, {"max-ptime", -1}, {"ptime-multiple", 0}}) {
+    GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(pay.element()), name);
+    ASSERT_TRUE(spec) << name;
+    EXPECT_FALSE(spec->flags & G_PARAM_WRITABLE) << name;
+    gint64 now = 77;
+    g_object_get(pay.element(), name, &now, nullptr);
+    EXPECT_EQ(now, value) << name;
+  }
+}
+
 TEST(RtpLfPay, StatsHaveThoseOfEveryPayloader) {
   RtpElement pay("rtplfpay ssrc=77", kAnswerCaps);
   pay.push(rtp::answer(1, 10, 10, 0));
