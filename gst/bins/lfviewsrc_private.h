@@ -75,6 +75,8 @@ bool lf_view_src_is_live(LfViewSrc* self);
 std::string lf_view_src_record(LfViewSrc* self);
 // Gives lfcameranode, if there is one inside, those of its properties that the bin decides.
 void lf_view_src_set_node(LfViewSrc* self);
+// Has a viewer send the commands that the cameras of "node" need (access).
+void lf_view_src_follow_access(LfViewSrc* self, const lf::ViewerChain& viewer);
 // Gives a new viewer the properties that all viewers of the bin have in common.
 void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to);
 

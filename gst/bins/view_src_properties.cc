@@ -5,6 +5,7 @@
 
 #include "bins/lfviewsrc_private.h"
 #include "bins/property_copy.h"
+#include "common/access.h"
 #include "compositor/lfcompositor.h"
 #include "fragment/lffragment.h"
 #include "viewrequest/lfviewrequest.h"
@@ -41,6 +42,15 @@ void lf_view_src_set_node(LfViewSrc* self) {
                text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), "trusted",
                settings.trusted, nullptr);
   gst_object_unref(node);
+}
+
+void lf_view_src_follow_access(LfViewSrc* self, const lf::ViewerChain& viewer) {
+  GstElement* node = find_node(self);
+  if (!node) return;
+  gint access = 0;
+  g_object_get(node, "access", &access, nullptr);
+  gst_object_unref(node);
+  if (access != static_cast<gint>(lf::Access::kSelf)) g_object_set(viewer.view(), "access", access, nullptr);
 }
 
 static void set_by_uri(LfViewSrc* self, bool by_uri) {
@@ -106,6 +116,7 @@ void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to) {
     g_object_set_property(G_OBJECT(of_view ? to.view() : to.compositor()), spec->name, &value);
     g_value_unset(&value);
   }
+  lf_view_src_follow_access(self, to);
 }
 
 static GstURIType lf_view_src_uri_type(GType) { return GST_URI_SRC; }

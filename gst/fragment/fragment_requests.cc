@@ -206,12 +206,28 @@ static void lf_fragment_answer_loop(gpointer data) {
   lf::guarded_buffer(src, [=] { return Requester::of(src).live_answers.work(src), GST_FLOW_OK; });
 }
 
+// Behind each request its command comes: two requests without one have a viewer that sends none.
+static void lf_fragment_note_unfit(LfFragment* self, Requester& requester, lf::Access access) {
+  constexpr unsigned kEnough = 2;
+  if (requester.any_fits || ++requester.unfit != kEnough) return;
+  const char* nick = lf::access_nick(access);
+  GST_ELEMENT_WARNING(
+      self, STREAM, WRONG_TYPE,
+      ("access=%s: no %s commands come with the requests, so that these cameras answer none of them: set "
+       "access=%s at the viewer's lfviewrequest, too, or access=self here.",
+       nick, nick, nick),
+      (nullptr));
+}
+
 // What is not for cameras of this kind, or asks for too much, is not even decoded.
-static bool lf_fragment_is_to_be_answered(LfFragment* self, const Requester& requester,
-                                          std::span<const uint8_t> request) {
+static bool lf_fragment_is_to_be_answered(LfFragment* self, Requester& requester, std::span<const uint8_t> request) {
   const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(request);
   const lf::Access access = lf_fragment_settings(self).access;
-  if (peek && lf::wire::access_of_type(peek->type).value_or(access) != access) return false;
+  if (peek && lf::wire::access_of_type(peek->type).value_or(access) != access) {
+    lf_fragment_note_unfit(self, requester, access);
+    return false;
+  }
+  if (peek) requester.any_fits = true;
   return self->state->guard.admits(GST_ELEMENT(self), request, self->state->node.inputs().array()->extent,
                                    requester.place.is_live(), requester.number);
 }

@@ -82,7 +82,9 @@ struct Requester {
   const uint32_t number;
   RequestPlace place;
   CompositorSide compositor;
-  QosWatch qos;          // any thread
+  QosWatch qos;        // any thread
+  unsigned unfit = 0;  // requests for cameras of another kind (access), until the first that fits; streaming thread
+  bool any_fits = false;
   DelayNotice delay;     // streaming thread
   Node::Requester kept;  // what is kept for requests that are not live, and what all requests have in common
   WaitingJobs waiting;   // of live_answers
