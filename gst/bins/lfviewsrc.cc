@@ -15,6 +15,11 @@
  * that stands in the middle of the array; `location`, `loop` and `num-buffers` are of `src` alone. Viewers come and go
  * while everything runs, and none waits for another. Pictures of a pad that is not linked are dropped.
  *
+ * `width`, `height` and `framerate` that are not set follow downstream caps, also when these change while playing; what
+ * is set counts, and views of `location` have sizes of their own. Where downstream accepts no such pictures an error
+ * says why. Formats are those of the cameras: `videoconvert` makes others. Each picture has a meta that says which view
+ * it shows (#element-lfcompositor).
+ *
  * Live, whoever takes pictures more slowly than they come gets the newest: the oldest are dropped behind the
  * compositor, and the search for the focal surface goes on at its own pace. No queue is needed between the pads and
  * their sinks.
@@ -172,6 +177,7 @@ static bool prepare(LfViewSrc* self) {
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
     if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
+    for (auto& [name, viewer] : self->inside->viewers) lf_view_src_follow_access(self, viewer->chain);
     return true;
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));

@@ -13,4 +13,10 @@ struct UnrefBuffer {
 // Owns one reference of a buffer.
 using BufferPtr = std::unique_ptr<GstBuffer, UnrefBuffer>;
 
+// Caps that several owners may share; null: none. share_caps() takes over one reference.
+using SharedCaps = std::shared_ptr<GstCaps>;
+inline SharedCaps share_caps(GstCaps* caps) {
+  return caps ? SharedCaps(caps, [](GstCaps* owned) { gst_caps_unref(owned); }) : nullptr;
+}
+
 }  // namespace lf

@@ -164,6 +164,9 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
         GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is linked with nothing: pictures are thrown away."),
                             (nullptr));
       return GST_AGGREGATOR_FLOW_NEED_DATA;
+    case GST_FLOW_NOT_NEGOTIATED:  // not posted by any element yet; all other errors are
+      GST_ELEMENT_FLOW_ERROR(self, flow);
+      break;
     default: break;
   }
   if (!state.output.has_begun()) return flow;  // the base class begins a stream to end it

@@ -21,10 +21,14 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
   const guint view_id = lf_compositor_view_id(self);
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
   tell(self, {.view_id = view_id, .out_of_service = out});
-  GstStructure* structure =
-      gst_structure_new("lightfield-out-of-service", LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr);
+  GstStructure* structure = gst_structure_new("lightfield-out-of-service", "view-id", G_TYPE_UINT, view_id, nullptr);
   lf::set_cameras(structure, "cameras", cameras);
   post(self, structure);
+}
+
+bool lf_compositor_tell_caps(LfCompositor* self) {
+  if (lf_compositor_settings(self).partial) return false;
+  return tell(self, {.view_id = lf_compositor_view_id(self), .caps = lf_compositor_accepted_caps(self)});
 }
 
 void lf_compositor_find_focus(LfCompositor* self) {
@@ -82,8 +86,7 @@ void lf_compositor_take_probe(LfCompositor* self) {
   state.stats.set_monitor(monitor);
   if (came != lf::CameraTurns::Came::kOtherSuspects) return;
   GST_INFO_OBJECT(self, "%zu cameras are suspect", monitor.suspects().size());
-  GstStructure* structure =
-      gst_structure_new("lightfield-suspects", LF_VIEW_ID_FIELD, G_TYPE_UINT, request.view_id, nullptr);
+  GstStructure* structure = gst_structure_new("lightfield-suspects", "view-id", G_TYPE_UINT, request.view_id, nullptr);
   lf::set_suspects(structure, "suspects", monitor.suspects());
   post(self, structure);
 }

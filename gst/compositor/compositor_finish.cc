@@ -111,7 +111,9 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
     return GST_FLOW_OK;
   }
   const bool leads = state.current->place.leads();
-  if (leads) state.focus.keep_pace(state.assembly.complete(), state.settings.trial_interval);
+  // Rehearsals are for trials alone: an interval would show the first picture before the surface is found.
+  const guint trial_interval = state.current->rehearsal ? 1 : state.settings.trial_interval;
+  if (leads) state.focus.keep_pace(state.assembly.complete(), trial_interval);
   // Before the picture is made: the next request may wait for it.
   if (!partial && leads && state.current->view.focus.map) lf_compositor_find_focus(self);
   if (!partial && state.current->rehearsal) {
@@ -131,14 +133,13 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
   const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
   state.output.follow_segment(GST_AGGREGATOR_PAD(self->request)->segment);
-  lf_compositor_record(self, answered, pts);
+  lf_compositor_record(self, nodes, answered, pts);
   if (partial)
     flow = push_moments(self, pts);
   else if (leads)
     lf_compositor_monitor(self);
   if (out) replace_incomplete(self, &out);
-  const uint64_t captured =
-      state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
+  const uint64_t captured = lf_compositor_capture_time(self);
   close_request(self, nodes, due);
   if (!out) return GST_FLOW_OK;
   if (flow != GST_FLOW_OK) {
@@ -147,7 +148,10 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
   }
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
-  if (!partial) lf_compositor_note_capture_time(out, captured);
+  if (!partial) {
+    lf_compositor_note_capture_time(out, captured);
+    state.view_meta.attach(out);
+  }
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
   return state.output.push(out, pts, lf_compositor_is_live(self) && !partial);
 }

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/hold_event.h"
 #include "common/in_process.h"
+#include "common/picture_caps.h"
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
+
+#define LF_PICTURE_CAPS LF_VIDEO_CAPS("{ " LF_RGB_FORMATS ", I420, NV12 }")
 
 namespace {
 
@@ -11,8 +14,7 @@ GstStaticPadTemplate sink_template =
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
-                            GST_STATIC_CAPS(LF_VIDEO_CAPS("{ " LF_RGB_FORMATS ", I420, NV12 }") "; " LF_ANSWER_CAPS));
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_PICTURE_CAPS "; " LF_ANSWER_CAPS));
 
 GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR)); }
 
@@ -69,6 +71,12 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
   }
 }
 
+lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self) {
+  GstPad* src = GST_AGGREGATOR_SRC_PAD(self);
+  g_autoptr(GstCaps) video = gst_caps_from_string(LF_PICTURE_CAPS);
+  return lf::share_caps(gst_pad_peer_query_caps(src, video));
+}
+
 // All whose requests come here are sought, one after the other, and go on together. Takes the event.
 static gboolean seek(LfCompositor* self, GstEvent* event) {
   GstSeekFlags flags{};
@@ -87,7 +95,7 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   const GstStructure* structure = gst_event_get_structure(event);
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
-                       gst_structure_has_name(structure, "lf-view-request");
+                       gst_structure_has_name(structure, "lightfield-view-request");
   // The base class flushes what is downstream and asks every pad: each has to lead to the requests.
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
     gst_event_unref(event);
@@ -154,6 +162,12 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
     const lf::CompositorSettings settings = lf_compositor_settings(self);
     if (view_id != settings.view_id || settings.view_focus().mode == lf::FocusMode::kPlane) return FALSE;
     lf::set_focus_waits(query, self->state->output.is_pushing());
+    return TRUE;
+  }
+  if (guint view_id; lf::is_picture_caps_query(query, &view_id)) {
+    const lf::CompositorSettings settings = lf_compositor_settings(self);
+    if (view_id != settings.view_id || settings.partial) return FALSE;
+    lf::answer_picture_caps_query(query, lf_compositor_accepted_caps(self).get());
     return TRUE;
   }
   return parent_class()->sink_query(agg, pad, query);

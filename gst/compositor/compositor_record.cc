@@ -40,6 +40,19 @@ void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& 
 static void note_unseen(LfCompositor* self, double coverage) {
   auto& state = *self->state;
   if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
+  if (!state.current->out_of_service.empty()) {
+    lf::ViewRequest with_all = *state.current;
+    with_all.out_of_service.clear();
+    if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()) > 0) {
+      GST_ELEMENT_WARNING(
+          self, STREAM, FAILED,
+          ("No camera sees anything of view %u, because %zu of %zu cameras are out of service, among them "
+           "all that see the view: is the viewer's property out-of-service right?",
+           state.current->view_id, state.current->out_of_service.size(), state.rig->cameras.size()),
+          (nullptr));
+      return;
+    }
+  }
   if (state.current->place.count() > 1) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
                         ("No camera sees anything of some of the %d views of view %u: their eyes are outside of the "
@@ -55,7 +68,39 @@ static void note_unseen(LfCompositor* self, double coverage) {
                       (nullptr));
 }
 
-void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts) {
+// Of cameras that the compositor knows nothing of nothing can be missing.
+static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) {
+  if (!state.rig) return state.assembly.blind().cameras();
+  lf::CameraSet missing;
+  for (lf::CameraIndex camera = 0; camera < state.rig->cameras.size(); camera++)
+    if (!state.assembly.seeing().contains(camera)) missing.push_back(camera);
+  return missing;
+}
+
+static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double coverage) {
+  auto& state = *self->state;
+  const lf::Assembly& assembly = state.assembly;
+  lf::ViewFacts facts{.request = *state.current,
+                      .capture_time = std::nullopt,
+                      .coverage = coverage,
+                      .fragments = assembly.fragments(),
+                      .missing = assembly.missing(),
+                      .damaged = assembly.damaged(),
+                      .missing_cameras = cameras_without_picture(state),
+                      .missing_nodes = {}};
+  const uint64_t captured = lf_compositor_capture_time(self);
+  if (captured != lf::kNoTime) facts.capture_time = captured;
+  for (lf::NodeInput* node : nodes)
+    if (!node->has_answered()) facts.missing_nodes.push_back(node->name());
+  state.view_meta.add(std::move(facts));
+}
+
+uint64_t lf_compositor_capture_time(LfCompositor* self) {
+  const auto& state = *self->state;
+  return state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
+}
+
+void lf_compositor_record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
@@ -72,5 +117,6 @@ void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},
       post);
   note_unseen(self, coverage);
+  if (!state.settings.partial) note_view(self, nodes, coverage);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }

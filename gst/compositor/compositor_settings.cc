@@ -36,8 +36,8 @@ GType lf_compositor_show_get_type(void) {
 GType lf_compositor_gains_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
-        {LF_COMPOSITOR_GAINS_FALSE, "Cameras' images are shown as bright as they come", "false"},
-        {LF_COMPOSITOR_GAINS_TRUE, "Cameras match their brightness, behind what the rig says of their colours", "true"},
+        {LF_COMPOSITOR_GAINS_OFF, "Cameras' images are shown as bright as they come", "off"},
+        {LF_COMPOSITOR_GAINS_ON, "Cameras match their brightness, behind what the rig says of their colours", "on"},
         {LF_COMPOSITOR_GAINS_AUTO, "They do until the rig says how their colours are to be corrected", "auto"},
         {0, nullptr, nullptr}};
     return g_enum_register_static("LfCompositorGains", values);
@@ -69,7 +69,7 @@ std::string CompositorSettings::without_effect() const {
   say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig no camera is watched.");
   say(view_focus().mode == FocusMode::kPlane && (focus_near > 0 || focus_far > 0),
       "focus-near and focus-far: on a plane no depth is looked for.");
-  say(gains == LF_COMPOSITOR_GAINS_TRUE && view_focus().mode == FocusMode::kPlane,
+  say(gains == LF_COMPOSITOR_GAINS_ON && view_focus().mode == FocusMode::kPlane,
       "gains: cameras match their brightness where a surface is looked for, not on a plane.");
   say(show != ShownWeights::kNone && (partial || rig.empty()),
       "show: only pictures have colours of weights, and only with a rig.");

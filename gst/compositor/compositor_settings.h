@@ -39,7 +39,7 @@ struct CompositorSettings {
 
   // Whether cameras match their brightness. `has_colour`: the rig in use says how their colours are to be corrected.
   bool match_gains(bool has_colour) const {
-    return gains == LF_COMPOSITOR_GAINS_TRUE || (gains == LF_COMPOSITOR_GAINS_AUTO && !has_colour);
+    return gains == LF_COMPOSITOR_GAINS_ON || (gains == LF_COMPOSITOR_GAINS_AUTO && !has_colour);
   }
 
   static PropertyTable<CompositorSettings>& properties();

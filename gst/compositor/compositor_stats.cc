@@ -34,9 +34,9 @@ void set_suspects(GstStructure* structure, const char* field, const std::vector<
   g_value_init(&array, GST_TYPE_ARRAY);
   g_value_init(&value, GST_TYPE_STRUCTURE);
   for (const CameraMonitor::Suspect& suspect : suspects) {
-    g_value_take_boxed(&value,
-                       gst_structure_new("suspect", "camera", G_TYPE_UINT, suspect.camera, "fault", G_TYPE_STRING,
-                                         std::string(to_string(suspect.fault)).c_str(), nullptr));
+    g_value_take_boxed(
+        &value, gst_structure_new("lightfield-suspect", "camera", G_TYPE_UINT, suspect.camera, "fault", G_TYPE_STRING,
+                                  std::string(to_string(suspect.fault)).c_str(), nullptr));
     gst_value_array_append_value(&array, &value);
   }
   g_value_unset(&value);
@@ -141,7 +141,7 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
 
 GstStructure* CompositorStats::structure() const {
   std::lock_guard lock(mutex_);
-  GstStructure* stats = gst_structure_new_empty("application/x-lightfield-compositor-stats");
+  GstStructure* stats = gst_structure_new_empty("lightfield-compositor-stats");
   const auto set = [stats](const char* name, uint64_t value) {
     gst_structure_set(stats, name, G_TYPE_UINT64, value, nullptr);
   };

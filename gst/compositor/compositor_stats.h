@@ -82,7 +82,7 @@ class CompositorStats {
   Percentiles add_ns_, picture_ns_;                    // what compositing is: adding, and the picture from the sum
 };
 
-// An array of structures "suspect": camera (uint: index in the rig), fault (string).
+// An array of structures "lightfield-suspect": camera (uint: index in the rig), fault (string).
 void set_suspects(GstStructure* structure, const char* field, const std::vector<CameraMonitor::Suspect>& suspects);
 
 }  // namespace lf

@@ -38,9 +38,36 @@
  * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
  * time where requests are live, else stream time.
  *
+ * Each picture says which view it shows: it has a #GstCustomMeta "lightfield-view", which elements such as `queue`,
+ * `videoconvert` and encoders pass on. Fields:
+ *
+ * - view-id, sequence (uint): of the request that the picture answers.
+ * - capture-time (uint64, nanoseconds): as the meta above has it.
+ * - position (array of 3 doubles: x, y, z in metres) and orientation (array of 4 doubles: w, x, y, z): the pose of the
+ *   view in the world.
+ * - lens (structure): model (string: COLMAP's name), params (array of double, COLMAP's order), width, height (int,
+ *   pixels).
+ * - focus (structure): mode (string: plane or surface), plane (array of 4 doubles: a, b, c, d with
+ *   a x + b y + c z + d = 0), distance (double: of that plane along the optical axis, metres); of a surface nearest and
+ *   farthest (double, metres from the array).
+ * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
+ * - coverage (double: share of the view that cameras can see; with `rig`).
+ * - complete (boolean), fragments, missing, damaged (uint): as in the element message.
+ * - missing-cameras (array of uint: indices in the rig) and missing-nodes (array of string): cameras that gave nothing
+ *   to the picture, and nodes that had not answered.
+ * - views (array of structures), of a set alone: for each view column, row (int: where it is in the picture), sequence,
+ *   position, orientation, lens, coverage and completeness. The fields above are then of the view next to the middle.
+ *
+ * A picture that is shown again (`incomplete=repeat`) keeps the meta of the view that it was made for.
+ *
+ * Where sizes are left open, and the frame rate, the view's lfviewrequest chooses them so that they suit downstream
+ * caps, also when these change while playing. Pictures have the format of the cameras, RGB or YCbCr 4:2:0: a
+ * `videoconvert` makes other formats.
+ *
  * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
  *
- * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.
+ * Navigation events (mouse, keys) and custom "lightfield-view-request" events go upstream to the view's own
+ * `lfviewrequest`.
  *
  * ## Example launch line
  * |[
@@ -58,8 +85,8 @@
  * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing,
  * damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns, latency-ns (request to picture), add-ns
  * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
- * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id
- * (uint), suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
+ * view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: view-id (uint),
+ * suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
  */
 
 #include <utility>
@@ -119,6 +146,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
   state.output.start(settings.partial, self->request);
+  state.view_meta.clear();
   state.past.clear();
   state.qos.clear();
   forget_history(self);
@@ -157,7 +185,7 @@ static void lf_compositor_finalize(GObject* object) {
 static lf::PictureOutput& output_of(GstAggregator* agg) { return LF_COMPOSITOR(agg)->state->output; }
 
 static gboolean lf_compositor_negotiate(GstAggregator* agg) {
-  output_of(agg).negotiate();
+  output_of(agg).negotiate(lf_compositor_tell_caps(LF_COMPOSITOR(agg)));
   return TRUE;
 }
 
@@ -193,6 +221,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   aggregator_class->get_next_time = lf::callback<lf_compositor_next_time>;
   lf_compositor_install_properties(G_OBJECT_CLASS(klass));
   lf_compositor_install_pads(klass);
+  lf::register_view_meta();
   gst_element_class_set_static_metadata(
       GST_ELEMENT_CLASS(klass), "Light field compositor", "Filter/Editor/Video/Compositor",
       "Adds the fragments that answer a view request up to its picture", "gst-lightfield developers");

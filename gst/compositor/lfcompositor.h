@@ -30,8 +30,8 @@ GType lf_compositor_show_get_type(void);
 
 // Property "gains": whether cameras match their brightness. A truth value sets it, too.
 typedef enum {
-  LF_COMPOSITOR_GAINS_FALSE = 0,
-  LF_COMPOSITOR_GAINS_TRUE = 1,
+  LF_COMPOSITOR_GAINS_OFF = 0,
+  LF_COMPOSITOR_GAINS_ON = 1,
   LF_COMPOSITOR_GAINS_AUTO,
 } LfCompositorGains;
 #define LF_TYPE_COMPOSITOR_GAINS (lf_compositor_gains_get_type())

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "common/buffer_ptr.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
@@ -21,6 +22,7 @@
 #include "compositor/lfcompositor.h"
 #include "compositor/node_input.h"
 #include "compositor/picture_output.h"
+#include "compositor/view_meta.h"
 #include "quality/camera_turns.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -71,6 +73,7 @@ struct _LfCompositor {
     lf::CameraTurns turns;
     lf::ViewCoverage coverage;
     lf::PictureOutput output;
+    lf::ViewMeta view_meta;
     bool warned_rig = false;
     bool warned_unseen = false;         // since the start
     std::optional<uint32_t> first_set;  // number of the request that the first set began with
@@ -120,13 +123,17 @@ GstClockTime lf_compositor_deadline(LfCompositor* self);
 void lf_compositor_refresh_latency(LfCompositor* self);
 
 // compositor_record.cc
+// The capture time of the current request's picture, or kNoTime.
+uint64_t lf_compositor_capture_time(LfCompositor* self);
 void lf_compositor_note_capture_time(GstBuffer* picture, uint64_t captured);
 // The current request is left out, as its picture would come too late: counts it and says so.
 void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& late);
-// Counts the picture, and posts its message. `answered`: monotonic time, microseconds.
-void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts);
+// Counts the picture, posts its message, and notes what its meta will say. `answered`: monotonic time, microseconds.
+void lf_compositor_record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answered, GstClockTime pts);
 
 // compositor_feedback.cc
+// Tells upstream which video is accepted downstream. Whether the next requests are for such pictures.
+bool lf_compositor_tell_caps(LfCompositor* self);
 // Tells upstream and the application which cameras are out of service.
 void lf_compositor_announce_out_of_service(LfCompositor* self);
 // Tells upstream where the next request is to be focused, from what came of the trials of the current one.
@@ -137,5 +144,7 @@ void lf_compositor_monitor(LfCompositor* self);
 void lf_compositor_take_probe(LfCompositor* self);
 
 // compositor_pads.cc
+// The video that is accepted downstream.
+lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self);
 void lf_compositor_install_pads(LfCompositorClass* klass);
 void lf_compositor_add_request_pad(LfCompositor* self);

@@ -47,6 +47,8 @@ class NodeInput {
   // Whether the current request's picture waits for this node. `max_missed`: live, not for one that has missed more
   // pictures in a row; 0: for all.
   bool is_awaited(bool live, unsigned max_missed) const;
+  // Whether the node's answer to the current request is whole.
+  bool has_answered() const { return head_ == Head::kDone; }
   // Whether something is on the pad that has not been looked at.
   bool has_news() const;
   // Whether nothing is on the pad and its stream has ended.

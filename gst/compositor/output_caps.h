@@ -3,6 +3,8 @@
 
 #include <gst/gst.h>
 
+#include <string>
+
 #include "image/image.h"
 #include "view/view_set.h"
 
@@ -16,6 +18,13 @@ namespace lf {
 // takes no other. Owned by the caller.
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             SetLayout layout);
+
+// Why choose_output_caps() finds no caps, and what to do: a sentence for a person.
+struct CapsMismatch {
+  bool is_of_size_or_rate = false;  // pictures of another size or rate would be accepted
+  std::string text;
+};
+CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
 // Whether video of these caps, of all of them, is in a graphics card's memory.
 bool is_in_card(const GstCaps* caps);

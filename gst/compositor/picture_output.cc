@@ -25,7 +25,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
   request_ = request;
   segment_ = {};
   info_ = {};
-  negotiated_ = agreed_ = in_card_ = wants_card_ = false;
+  negotiated_ = agreed_ = follows_ = in_card_ = false;
   family_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
@@ -44,16 +44,21 @@ void PictureOutput::stop() {
 
 // What the base class asks of its own accord, when downstream has changed, is answered when the next picture is made:
 // that downstream takes none ends this view, not the stream of requests, which others share.
-void PictureOutput::negotiate() {
+void PictureOutput::negotiate(bool follows) {
+  follows_ = follows;
   // Before the first request there is nothing to agree on, which the base class would warn of (1.22).
   agreed_ = width_ > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(element_);
 }
 
 GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps) {
-  *caps = partial_ ? unit_caps(LF_ANSWER_MEDIA_TYPE)
-                   : choose_output_caps(downstream, request_, family_, width_, height_, layout_);
-  wants_card_ = !partial_ && is_in_card(downstream);
-  return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
+  if (!partial_) {
+    *caps = choose_output_caps(downstream, request_, family_, width_, height_, layout_);
+    return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
+  }
+  *caps = unit_caps(LF_ANSWER_MEDIA_TYPE);
+  if (gst_caps_can_intersect(*caps, downstream)) return GST_FLOW_OK;
+  gst_clear_caps(caps);
+  return GST_FLOW_NOT_NEGOTIATED;
 }
 
 bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
@@ -100,7 +105,8 @@ void PictureOutput::set_context(GlContextPtr context) {
   gst_element_foreach_sink_pad(GST_ELEMENT(element_), tell, request_);
 }
 
-// Has the base class agree with downstream on caps and memory for pictures like this.
+// Has the base class agree with downstream on caps and memory for pictures like this. GST_FLOW_CUSTOM_SUCCESS: this
+// picture does not fit, but the pictures of the latest requests will. GST_FLOW_ERROR: the reason has been posted.
 GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height, SetLayout layout) {
   family_ = family;
   layout_ = layout;
@@ -109,28 +115,20 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
   gst_aggregator_negotiate(element_);
   if (agreed_) return GST_FLOW_OK;
   if (GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_))) return GST_FLOW_FLUSHING;
-  if (partial_) {
-    GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
-    return GST_FLOW_NOT_NEGOTIATED;
-  }
-  const char* name = family == PixelFamily::kI420 ? "I420" : family == PixelFamily::kRgb ? "RGB" : "RGB or I420";
-  if (wants_card_) {
-    GST_ELEMENT_ERROR(
-        element_, STREAM, FORMAT,
-        ("Downstream takes no %s video of %dx%d pixels in a graphics card's memory, or there is no OpenGL "
-         "to have it in: glupload ! glcolorconvert before who takes it, and before its caps, do. Without a "
-         "display GStreamer needs GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
-         name, width, height),
-        (nullptr));
-    return GST_FLOW_NOT_NEGOTIATED;
-  }
-  GST_ELEMENT_ERROR(
-      element_, STREAM, FORMAT,
-      ("Downstream takes no %s video of %dx%d pixels: a videoconvert in between changes the format; the viewer's "
-       "properties width and height say the size.",
-       name, width, height),
-      (nullptr));
-  return GST_FLOW_NOT_NEGOTIATED;
+  if (!partial_) return refuse_picture();
+  GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
+                    ("Answers (partial=true) are no video: link the source pad with the next lfcompositor of the tree, "
+                     "or with elements that accept " LF_ANSWER_MEDIA_TYPE ", or set partial to false."),
+                    (nullptr));
+  return GST_FLOW_ERROR;
+}
+
+GstFlowReturn PictureOutput::refuse_picture() {
+  const SharedCaps downstream = share_caps(gst_pad_peer_query_caps(GST_AGGREGATOR_SRC_PAD(element_), nullptr));
+  const CapsMismatch mismatch = explain_mismatch(downstream.get(), request_, family_, width_, height_);
+  if (mismatch.is_of_size_or_rate && follows_) return GST_FLOW_CUSTOM_SUCCESS;
+  GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("%s", mismatch.text.c_str()), (nullptr));
+  return GST_FLOW_ERROR;
 }
 
 GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, const ViewRequest& request) {
@@ -252,7 +250,12 @@ GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& re
                                        GstFlowReturn* flow, bool* dropped) {
   const bool had_begun = sheet_.buffer;
   *flow = agree_on_picture(assembly.family(), request);
-  if (*flow != GST_FLOW_OK) return nullptr;
+  if (*flow == GST_FLOW_CUSTOM_SUCCESS) {
+    drop_sheet();
+    *dropped = true;
+    *flow = GST_FLOW_OK;
+  }
+  if (*flow != GST_FLOW_OK || *dropped) return nullptr;
   const bool goes_on = is_drawing(request) && sheet_.drawn.size() == static_cast<size_t>(request.place.count());
   *dropped = had_begun && !goes_on;
   // It would show the picture before, and the work would make a machine that is too slow slower still.

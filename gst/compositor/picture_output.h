@@ -38,7 +38,8 @@ class PictureOutput {
   void flush() { segment_ = {}, drop_sheet(); }
 
   // What the functions of GstAggregatorClass of these names do.
-  void negotiate();
+  // `follows`: the view's next requests are for pictures that are accepted downstream.
+  void negotiate(bool follows);
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
@@ -53,8 +54,9 @@ class PictureOutput {
   }
 
   // The picture of what was added for a request, with those of the other views of its set. Null if there is none: *flow
-  // says why, and is GST_FLOW_OK where other views are still to come. *dropped becomes true where another set has begun
-  // that has not all of its views: of that there is no picture.
+  // says why, and is GST_FLOW_OK where other views are still to come. *dropped becomes true where there will be no
+  // picture: another set has begun before all views of this one came, or the picture was requested before the
+  // accepted size or rate changed.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
   // Whether the latest picture was made where its sums had been left, on a graphics card.
@@ -81,6 +83,7 @@ class PictureOutput {
 
  private:
   GstFlowReturn agree_on(PixelFamily family, int width, int height, SetLayout layout);
+  GstFlowReturn refuse_picture();
   GstFlowReturn agree_on_picture(PixelFamily family, const ViewRequest& request);
   GstFlowReturn agree_on_answers(const View& view);
   struct Planes;
@@ -107,9 +110,9 @@ class PictureOutput {
   int width_ = 0, height_ = 0;
   SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;
-  GlContextPtr context_;     // under the element's object lock
-  bool in_card_ = false;     // what was negotiated is in a graphics card's memory, see is_in_card()
-  bool wants_card_ = false;  // downstream takes no other
+  bool follows_ = false;  // the view's next requests are for pictures that are accepted downstream
+  GlContextPtr context_;  // under the element's object lock
+  bool in_card_ = false;  // what was negotiated is in a graphics card's memory, see is_in_card()
   OwnCard own_card_;
   PicturePool pool_;
   // The picture that views of a set are being drawn into.

@@ -21,9 +21,13 @@
  *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: zoom on what is under it;
  *   ctrl-wheel: focus; arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus
  *   nearer, farther; r: back to the start; all of it as far as the array sees, see `keep-visible`); by a custom
- * upstream event with a structure "lf-view-request" with any of the properties as fields (and focus-continuous, 0 or
- * 1); by the action signal `set-view` with such a structure. The very next request has the change, and the properties
- * notify.
+ * upstream event with a structure "lightfield-view-request" with any of the properties as fields (and focus-continuous,
+ * 0 or 1); by the action signal `set-view` with such a structure. The very next request has the change, and the
+ * properties notify.
+ *
+ * `width`, `height` and `framerate` that are not set are chosen to suit the caps behind the view's lfcompositor, where
+ * that is in this process: before the first request, and again when these caps change. Where caps leave them open they
+ * are those of the rig's cameras and 15/1.
  *
  * How many cameras make a pixel: three, blended by the triangles of the array; with `aperture` all within a synthetic
  * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
@@ -47,7 +51,7 @@
  * over to the others. lfcompositor makes one picture of them, with GStreamer's multiview-mode for pairs. Each view must
  * have an even width and height. Mouse and keys move all of them together.
  *
- * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
+ * Upstream events that carry a field "lightfield-view-id" (uint) are for the view of that id alone.
  *
  * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Where an lfcompositor
  * finds the focus, up to eight rehearsals leave before the first one, and before the first one behind a seek: requests
@@ -98,25 +102,6 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_N
 
 void lf_view_request_set_in_process(LfViewRequest* self, gboolean in_process) { self->state->in_process = in_process; }
 
-static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
-  LfViewRequest* self = LF_VIEW_REQUEST(base);
-  GST_OBJECT_LOCK(self);
-  GstCaps* caps =
-      gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate", GST_TYPE_FRACTION,
-                          self->state->settings.fps_n, self->state->settings.fps_d, nullptr);
-  GST_OBJECT_UNLOCK(self);
-  if (!filter) return caps;
-  GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(caps);
-  return filtered;
-}
-
-// The caps of what is relayed are known when it comes.
-static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
-  return LF_VIEW_REQUEST(base)->state->relay.is_on() ||
-         GST_BASE_SRC_CLASS(lf_view_request_parent_class)->negotiate(base);
-}
-
 static gboolean lf_view_request_stop(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   auto& state = *self->state;
@@ -145,16 +130,10 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   lock.unlock();
 
   std::unique_ptr<lf::RequestStream> stream;
-  std::shared_ptr<const lf::VisibleShare> share;
-  std::optional<lf::Viewpoint> home;
   try {
     lf::validate(settings.place(0), 0, 0);
     stream = std::make_unique<lf::RequestStream>(settings);
-    share = lf_view_request_visible_share(settings, stream->rig());
-    if (share && !stream->from_file()) {
-      const double width = settings.width > 0 ? settings.width : stream->default_width();
-      home = share->home(width / (settings.height > 0 ? settings.height : stream->default_height()), 0, settings);
-    }
+    lf_view_request_visible_share(settings, stream->rig());  // says why the array has no mesh, if it has none
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
@@ -164,15 +143,10 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   base->segment.duration = stream->schedule.end().value_or(GST_CLOCK_TIME_NONE);
   self->state->requests_left = settings.num_buffers;
   GST_OBJECT_UNLOCK(self);
-  GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
-                  stream->from_file() ? settings.location.c_str() : "from properties");
-  lf_view_request_change_view(self, [&](lf::ViewControl& control) {
-    // GstBaseSrc does not stop what it could not seek to its beginning.
-    self->state->stream = std::move(stream);
-    control.begin(home ? *home : self->state->stream->default_viewpoint());
-    control.keep_visible(share);
-    return true;
-  });
+  GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
+                  stream->from_file() ? settings.location.c_str() : "properties");
+  self->state->agreed = {};
+  lf_view_request_begin_view(self, std::move(stream));
   const auto navigated = [](GstElement* element, GstEvent* event) {
     if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
   };
@@ -210,7 +184,8 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  const GstClockTime period = lf::Schedule(self->state->settings.fps_n, self->state->settings.fps_d).period();
+  const lf::PictureForm& form = self->state->form;
+  const GstClockTime period = form.fps_n > 0 ? lf::Schedule(form.fps_n, form.fps_d).period() : 0;
   GST_OBJECT_UNLOCK(self);
   if (self->state->relay.is_on()) {
     gboolean live = FALSE;
@@ -247,8 +222,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
-  base_class->get_caps = lf::callback<lf_view_request_get_caps>;
-  base_class->negotiate = lf::callback<lf_view_request_negotiate>;
+  lf_view_request_install_form(base_class);
   base_class->start = lf::callback<lf_view_request_start>;
   base_class->stop = lf::callback<lf_view_request_stop>;
   base_class->is_seekable = lf::callback<lf_view_request_is_seekable>;

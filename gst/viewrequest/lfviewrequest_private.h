@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "common/buffer_ptr.h"
 #include "common/capture_delay.h"
 #include "common/common.h"
 #include "common/seek_once.h"
@@ -14,6 +15,7 @@
 #include "viewrequest/focus_wait.h"
 #include "viewrequest/lfviewrequest.h"
 #include "viewrequest/navigation_tap.h"
+#include "viewrequest/picture_form.h"
 #include "viewrequest/request_outbox.h"
 #include "viewrequest/request_relay.h"
 #include "viewrequest/request_stream.h"
@@ -27,8 +29,8 @@ GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 
 // What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_properties.cc,
 // view_request_events.cc (what comes from downstream), view_request_steering.cc (what moves the view while it runs),
-// view_request_turn.cc (when a request leaves, and what it says), view_request_send.cc (what leaves beside a request)
-// and view_request_relay.cc (foreign requests).
+// view_request_form.cc (the size and rate of pictures), view_request_turn.cc (when a request leaves, and what it says),
+// view_request_send.cc (what leaves beside a request) and view_request_relay.cc (foreign requests).
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -50,12 +52,16 @@ struct _LfViewRequest {
     lf::ViewRequestSettings settings;
     lf::ViewControl control;
     std::unique_ptr<lf::RequestStream> stream;  // null when stopped
+    lf::SharedCaps downstream;                  // the video that is accepted behind the compositor; null: not known
+    lf::PictureForm form;                       // of the next pictures; views of a file have sizes of their own
+    bool follows_caps = false;                  // the form fits `downstream`
     gint requests_left = -1;                    // how many of `num_buffers` are still to be made; -1: no end
 
     // Streaming thread.
     lf::FocusWait focus_wait;
     lf::RequestOutbox outbox;
     bool warned_commands = false;
+    lf::PictureForm agreed;  // the rate of the current caps; 0: none yet
 
     lf::NavigationTap navigation_tap;  // watches the elements of navigation-from, from start to stop
   } * state;
@@ -79,9 +85,9 @@ lf::View lf_view_request_view(LfViewRequest* self);
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 // The focus is found there.
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance);
-// Mouse, keys, or an event "lf-view-request".
+// Mouse, keys, or an event "lightfield-view-request".
 bool lf_view_request_is_steering(GstEvent* event);
-// Moves the view as a navigation event or an lf-view-request event says; false if nothing comes of the event.
+// Moves the view as a navigation event or an lightfield-view-request event says; false if nothing comes of the event.
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
 
 // view_request_turn.cc
@@ -90,6 +96,18 @@ GstClockTime lf_view_request_capture_delay(LfViewRequest* self);
 gboolean lf_view_request_unlock(GstBaseSrc* base);
 gboolean lf_view_request_unlock_stop(GstBaseSrc* base);
 GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
+
+// view_request_form.cc
+// The functions of GstBaseSrcClass that agree on caps.
+void lf_view_request_install_form(GstBaseSrcClass* klass);
+// Chooses size and rate again. Call with the object lock held, after a change of the properties, the rig or the caps.
+void lf_view_request_choose_form(LfViewRequest* self);
+// From the next request on pictures fit these caps, as far as properties leave that open. FALSE if that can't be.
+gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps);
+// Puts the view where it begins. `stream`: a new one that begins; null: the one there is. Not under the object lock.
+void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::RequestStream> stream = nullptr);
+// Agrees on the rate, if there is another one. Streaming thread.
+GstFlowReturn lf_view_request_follow_rate(LfViewRequest* self);
 
 // view_request_events.cc
 void lf_view_request_install_events(GstBaseSrcClass* klass);

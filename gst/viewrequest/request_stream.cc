@@ -18,7 +18,7 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
 }
 
 RequestSchedule schedule_of(const ViewRequestSettings& settings) {
-  const Schedule frames(settings.fps_n, settings.fps_d);
+  const Schedule frames(settings.fps_n > 0 ? settings.fps_n : kUsualFps, settings.fps_d);  // until caps say more
   if (settings.location.empty()) return RequestSchedule(frames);
   return {frames, load_views(settings.location), settings.loop};
 }

@@ -86,10 +86,17 @@ static bool has_unknown_field(const GstStructure* structure) {
   return false;
 }
 
+std::optional<double> ViewControl::focus_continuous(const GstStructure* structure) {
+  const GValue* value = gst_structure_get_value(structure, kFocusContinuous);
+  if (!value) return std::nullopt;
+  return G_VALUE_HOLDS_BOOLEAN(value) ? static_cast<double>(g_value_get_boolean(value)) : number(value);
+}
+
 bool ViewControl::set_view(const GstStructure* structure) {
   if (has_unknown_field(structure)) return false;
   std::array<std::optional<double>, kNumViewFields> fields;
-  bool any = false;
+  bool any = gst_structure_has_field(structure, kFocusContinuous);
+  if (any && !focus_continuous(structure)) return false;
   for (int i = 0; i < kNumViewFields; i++) {
     const GValue* value = gst_structure_get_value(structure, kViewFields[i].name);
     if (!value) continue;

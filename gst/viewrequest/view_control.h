@@ -34,9 +34,9 @@ extern const std::array<ViewField, kNumViewFields> kViewFields;
 using ViewValues = std::array<double, kNumViewFields>;
 
 // Upstream events name the view they are for in this field (uint); without it they are for every view.
-inline constexpr char kViewIdField[] = "lf-view-id";
+inline constexpr char kViewIdField[] = "lightfield-view-id";
 // Custom upstream event that sets the view: any of the fields of kViewFields, as numbers.
-inline constexpr char kViewEvent[] = "lf-view-request";
+inline constexpr char kViewEvent[] = "lightfield-view-request";
 
 bool is_for_view(GstEvent* event, guint view_id);
 
@@ -50,9 +50,11 @@ class ViewControl {
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // finite
-  // Sets all numbers that the structure has, or none of them: false if it has no number of a view, one that is not
-  // finite, or a field that is unknown.
+  // Sets all numbers of a view that the structure has, or none of them: false if the structure has neither these nor
+  // focus-continuous, or a value that is not a finite number, or an unknown field.
   bool set_view(const GstStructure* structure);
+  // The field focus-continuous of such a structure; nothing where it is missing or not a finite number.
+  static std::optional<double> focus_continuous(const GstStructure* structure);
   // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
   void begin(const Viewpoint& defaults);
   // Mouse and keys go as far as something is visible of this array; null: anywhere.

@@ -64,7 +64,7 @@ static gboolean take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeed
   auto& state = *self->state;
   const bool for_all = feedback.out_of_service.has_value();
   if (for_all) announce_out_of_service(self, feedback.view_id, std::move(*feedback.out_of_service));
-  if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
+  if (!feedback.focus && !feedback.caps && feedback.extra_requests.empty()) return for_all;
   if (state.relay.is_on()) {
     const bool passed = push_upstream(self, event);
     const bool kept = !passed && feedback.focus && keep_focus(self, feedback.view_id, std::move(*feedback.focus));
@@ -72,6 +72,7 @@ static gboolean take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeed
   }
   if (feedback.view_id != lf_view_request_view_id(self)) return for_all;
   bool taken = for_all || !feedback.extra_requests.empty();
+  if (feedback.caps) taken |= lf_view_request_follow_caps(self, std::move(feedback.caps)) != FALSE;
   if (!feedback.extra_requests.empty()) state.extra.ask(std::move(feedback.extra_requests));
   if (feedback.focus) taken |= take_focus(self, std::move(*feedback.focus));
   return taken;

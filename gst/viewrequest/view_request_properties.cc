@@ -50,6 +50,7 @@ static void set_setting(LfViewRequest* self, guint id, const GValue* value, cons
     if (self->state->stream && (is_rig || lf::is_named(pspec, "keep-visible")))
       self->state->control.keep_visible(lf_view_request_visible_share(changed, self->state->stream->rig()));
     self->state->settings = changed;
+    lf_view_request_choose_form(self);
     self->state->focus.follow(changed.focus_continuous);
   } catch (const lf::Error& error) {
     problem = error.what();

@@ -60,18 +60,19 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           "suit it. Set while running, it is read again and its hash is that of the next request"),
       property<&S::view_id>(kWhileReady, "view-id", "View id", "Id of the view, that of its lfcompositor", 0,
                             G_MAXUINT),
-      property<&S::width>(
-          kWhilePlaying, "width", "Width",
-          "Width of the view in pixels, without location (0: that of the rig's cameras, without rig 640)", 0,
-          kMaxImageSize),
-      property<&S::height>(
-          kWhilePlaying, "height", "Height",
-          "Height of the view in pixels, without location (0: that of the rig's cameras, without rig 480)", 0,
-          kMaxImageSize),
+      property<&S::width>(kWhilePlaying, "width", "Width",
+                          "Width of the view in pixels, without location (0: as the caps downstream of the view's "
+                          "lfcompositor say, else that of the rig's cameras, without rig 640)",
+                          0, kMaxImageSize),
+      property<&S::height>(kWhilePlaying, "height", "Height",
+                           "Height of the view in pixels, without location (0: as the caps downstream of the view's "
+                           "lfcompositor say, else that of the rig's cameras, without rig 480)",
+                           0, kMaxImageSize),
       fraction_property<&S::fps_n, &S::fps_d>(kWhileReady, "framerate", "Frame rate",
-                                              "Requests per second, also that of the capture schedule; views of a file "
-                                              "that have times of their own keep these",
-                                              1, G_MAXINT),
+                                              "Requests per second, also the rate of the capture schedule; views of a "
+                                              "file that have times keep these (0/1: "
+                                              "as the caps downstream of the view's lfcompositor say, else 15/1)",
+                                              0, 1),
       capture_delay_property(),
       property<&S::navigation>(kWhilePlaying, "navigation", "Navigation",
                                "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel "

@@ -12,6 +12,7 @@
 namespace lf {
 
 inline constexpr char kFocusContinuous[] = "focus-continuous";
+inline constexpr int kUsualFps = 15;  // frames per second where neither the property nor caps name a rate
 
 // Property "views": lf::SetLayout.
 #define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
@@ -22,8 +23,8 @@ struct ViewRequestSettings : ViewSet {
 
   std::string location, rig, out_of_service, navigation_from;
   guint view_id = 0;
-  gint width = 0, height = 0;  // 0: as the rig's cameras
-  gint fps_n = 15, fps_d = 1;
+  gint width = 0, height = 0;                        // 0: as downstream caps say, else as the rig's cameras
+  gint fps_n = 0, fps_d = 1;                         // 0: as downstream caps say, else kUsualFps
   GstClockTime capture_delay = GST_CLOCK_TIME_NONE;  // NONE: as nodes need it
   bool navigation = true, keep_visible = true, loop = false, eager = false;
   guint quality = 90, nearest_cameras = 0;

@@ -5,9 +5,8 @@
 #include "viewrequest/lfviewrequest_private.h"
 
 lf::View lf_view_request_view(LfViewRequest* self) {
-  const int width = self->state->settings.width, height = self->state->settings.height;
-  return lf::make_view(self->state->control.viewpoint(), width ? width : self->state->stream->default_width(),
-                       height ? height : self->state->stream->default_height());
+  const lf::PictureForm& form = self->state->form;
+  return lf::make_view(self->state->control.viewpoint(), form.width, form.height);
 }
 
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
@@ -20,12 +19,6 @@ gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gb
   for (int i = 0; i < lf::kNumViewFields; i++)
     if (before[i] != after[i]) g_object_notify(G_OBJECT(self), lf::kViewFields[i].name);
   return done;
-}
-
-static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
-  return structure && lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
-           return !(self->state->stream && self->state->stream->from_file()) && control.set_view(structure);
-         });
 }
 
 guint lf_view_request_view_id(LfViewRequest* self) {
@@ -64,25 +57,34 @@ static bool is_view(GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
 }
 
-// What a view event says beside the numbers of the view. False if that is nothing.
+// Sets focus-continuous, if the structure has that field. False if not.
 static gboolean follow(LfViewRequest* self, const GstStructure* structure) {
-  const GValue* value = gst_structure_get_value(structure, lf::kFocusContinuous);
-  GValue number = G_VALUE_INIT;
-  g_value_init(&number, G_TYPE_DOUBLE);
-  const bool given = value && g_value_transform(value, &number);
-  if (given) g_object_set(self, lf::kFocusContinuous, g_value_get_double(&number) != 0, nullptr);
-  g_value_unset(&number);
-  return given;
+  const std::optional<double> follows = lf::ViewControl::focus_continuous(structure);
+  if (follows) g_object_set(self, lf::kFocusContinuous, *follows != 0, nullptr);
+  return follows.has_value();
+}
+
+static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
+  if (!structure) return FALSE;
+  bool from_file = false;
+  const gboolean valid = lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
+    from_file = self->state->stream && self->state->stream->from_file();
+    return from_file ? lf::ViewControl().set_view(structure) : control.set_view(structure);
+  });
+  if (!valid) return FALSE;
+  return follow(self, structure) || !from_file;
 }
 
 bool lf_view_request_is_steering(GstEvent* event) { return is_navigation(event) || is_view(event); }
 
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
+  if (is_view(event))
+    return lf::is_for_view(event, lf_view_request_view_id(self)) &&
+           lf_view_request_set_view(self, gst_event_get_structure(event));
   std::optional<lf::Vec2> click;
   const gboolean done = lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     if (!self->state->stream || self->state->stream->from_file()) return FALSE;
     if (!lf::is_for_view(event, self->state->settings.view_id)) return FALSE;
-    if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
     const lf::View view = lf_view_request_view(self);
     const lf::PlaceInSet place = self->state->settings.place(0);
     const bool changed =
@@ -91,8 +93,7 @@ gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
     return gboolean(changed);
   });
   if (click) lf_view_request_focus_at(self, click->x, click->y);
-  const bool own = is_view(event) && lf::is_for_view(event, lf_view_request_view_id(self));
-  return (own && follow(self, gst_event_get_structure(event))) || done;
+  return done;
 }
 
 void lf_view_request_install_signals(GObjectClass* klass) {
@@ -100,12 +101,12 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * LfViewRequest::set-view:
    * @request: the element
    * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, as
-   * numbers
+   * numbers, and focus-continuous (0 or 1)
    *
    * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
    *
    * Returns: %FALSE, and nothing is changed, if there is none of these fields, or one is not a finite number, or there
-   * are others, or the views are a file's.
+   * are others. Views of a file do not move.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_request_set_view>), nullptr, nullptr, nullptr,

@@ -84,7 +84,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   lf::RequestSlot slot{};
   bool rehearsal = false;
   if (live) {
-    const GstFlowReturn flow = wait_live(self, &turn, &slot);
+    GstFlowReturn flow = lf_view_request_follow_rate(self);
+    if (flow == GST_FLOW_OK) flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
     GstFlowReturn flow = self->state->turn.wait_for_seek();
@@ -92,6 +93,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
       flow = self->state->focus_wait.wait(lf_view_request_view_id(self));
     if (flow != GST_FLOW_OK) return flow;
     rehearsal = self->state->focus_wait.rehearses();
+    if (!rehearsal) flow = lf_view_request_follow_rate(self);
+    if (flow != GST_FLOW_OK) return flow;
     turn = self->state->stream->schedule.next();
     if (!turn) return GST_FLOW_EOS;
     slot = *turn;

@@ -51,6 +51,16 @@ RequestSlot RequestSchedule::ahead_of_turn(const RequestSlot& slot, uint64_t now
   return early;
 }
 
+bool RequestSchedule::set_rate(const Schedule& schedule) {
+  if (playback_ && !playback_->has_times() && index_ > 0) return false;
+  if (playback_)
+    playback_->set_schedule(schedule);
+  else
+    index_ = schedule.first_from(schedule_.instant(index_));
+  schedule_ = schedule;
+  return true;
+}
+
 void RequestSchedule::advance(const RequestSlot& slot) {
   last_pts_ = slot.pts;
   index_++;

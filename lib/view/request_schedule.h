@@ -39,6 +39,9 @@ class RequestSchedule {
   // is old enough. As that capture has been asked for before, the request is stamped with the time that would be just
   // old enough.
   RequestSlot ahead_of_turn(const RequestSlot& slot, uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
+  // From the next request on, this many frames per second. False, and nothing changes, once a list of views without
+  // times has begun: its views are stamped by their number.
+  bool set_rate(const Schedule& schedule);
   // The slot is used: on to the next one.
   void advance(const RequestSlot& slot);
   // turn() is the number of the next slot; pass() goes on to the one after it without a request, if that slot is still

@@ -29,7 +29,8 @@ std::string views_to_json(const std::vector<NamedView>& views);
 //
 // A path whose views have times is shown at these times. Where all views have one time (or there is only one view) the
 // file is a list, shown one view per period; every view still asks for the time in the file. Looped, a path begins
-// again one last interval after its end (a list one period after), and times go on growing. Immutable; thread-safe.
+// again one last interval after its end (a list one period after), and times go on growing. Thread-safe, except
+// set_schedule().
 class ViewPlayback {
  public:
   struct Item {
@@ -43,6 +44,8 @@ class ViewPlayback {
   // The n-th view to show; nothing after the end.
   std::optional<Item> item(uint64_t n) const;
   bool has_times() const { return has_times_; }
+  // Changes the period of a list, and so the times of all its views.
+  void set_schedule(const Schedule& schedule) { schedule_ = schedule; }
   uint64_t duration() const;                       // nanoseconds that one pass through the file takes
   uint64_t first_at(uint64_t running_time) const;  // the smallest n of the first pass with item(n).time >= running_time
 

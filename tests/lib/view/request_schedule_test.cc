@@ -35,6 +35,30 @@ TEST(RequestSchedule, OneRequestAFrameForEver) {
   EXPECT_EQ(schedule.next()->pts, kSecond + kFrame);
 }
 
+TEST(RequestSchedule, AnotherRateGoesOnFromTheNextFrame) {
+  RequestSchedule schedule(kTenth);
+  for (int i = 0; i < 3; i++) schedule.advance(*schedule.next());
+  EXPECT_TRUE(schedule.set_rate(Schedule(20, 1)));
+  EXPECT_EQ(schedule.next()->pts, 3 * kFrame);
+  EXPECT_EQ(schedule.next()->duration, kFrame / 2);
+  schedule.advance(*schedule.next());
+  EXPECT_TRUE(schedule.set_rate(Schedule(5, 1)));
+  EXPECT_EQ(schedule.next()->pts, 4 * kFrame) << "the next instant of that rate";
+}
+
+TEST(RequestSchedule, AListOfViewsHasOneRate) {
+  RequestSchedule schedule(kTenth, views({0, 0, 0}), false);
+  EXPECT_TRUE(schedule.set_rate(Schedule(20, 1)));
+  EXPECT_EQ(schedule.end(), 3 * kFrame / 2);
+  schedule.advance(*schedule.next());
+  EXPECT_FALSE(schedule.set_rate(kTenth)) << "its views are stamped by number";
+  EXPECT_EQ(schedule.next()->pts, kFrame / 2);
+  RequestSchedule path(kTenth, views({0, 1, 3}), false);
+  path.advance(*path.next());
+  EXPECT_TRUE(path.set_rate(Schedule(20, 1)));
+  EXPECT_EQ(path.next()->pts, kSecond) << "the file's time";
+}
+
 TEST(RequestSchedule, AFileEnds) {
   RequestSchedule schedule(kTenth, views({0, 0.5}), false);
   EXPECT_TRUE(schedule.from_file());
