@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks the commands of all documents: the blocks of shell, and commands between backquotes in the text.
+"""Checks the commands of all documents: the blocks of shell and Python, and commands between backquotes in the text.
 
 Launch lines and our tools run as they are pasted, in a folder with a film of 64 cameras and a path. What can't be run
 here is verified: words in CAPITALS stand for another host or for something of the reader's, /dev is hardware, scripts and
@@ -47,6 +47,18 @@ def documents():
 
 def shell_blocks(text):
     return [block for block in re.findall(r"^```sh\n(.*?)^```", text, re.S | re.M) if not block.startswith("...")]
+
+
+def python_blocks(text):
+    return re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)
+
+
+def run_python(block):
+    """Runs a program of a document in the folder with the film. It has to print something."""
+    result = subprocess.run([sys.executable, "-"], input=block, capture_output=True, text=True, timeout=PATIENCE_S)
+    if result.returncode != 0 or not result.stdout:
+        raise Wrong(result.stderr or "prints nothing")
+    return f"prints {result.stdout.count(chr(10))} lines"
 
 
 def inline_commands(text):
@@ -290,6 +302,13 @@ def main():
             except Wrong:
                 pass
         for name, text in documents().items():
+            for block in python_blocks(text):
+                try:
+                    checked[block] = run_python(block)
+                    print(f"{name}: a program in Python: {checked[block]}", flush=True)
+                except (Wrong, subprocess.TimeoutExpired) as error:
+                    failures += 1
+                    print(f"FAILED {name}: {block}\n    {error}", flush=True)
             blocks = shell_blocks(text)
             for block in blocks:
                 parsed = subprocess.run(["bash", "-n"], input=block, text=True, capture_output=True)

@@ -23,7 +23,8 @@ Made by `ninja -C build elements-md` from the plugin and from the comments in [g
 """
 
 # Properties that every element has from its base classes.
-INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement", "GstVideoFilter", "GstBaseTransform"}
+INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement", "GstVideoFilter", "GstBaseTransform",
+             "GstPad", "GstAggregatorPad", "GstGhostPad", "GstProxyPad"}
 
 WHEN = ((1 << 12, "any time"), (1 << 11, "paused or before"), (1 << 10, "ready or before"))
 
@@ -102,6 +103,62 @@ def when_of(prop):
     return next((name for bit, name in WHEN if flags & bit), "ready or before")
 
 
+def table_of(properties, element):
+    """The rows of a table of properties, but for those that every element or pad has."""
+    rows = []
+    for prop in sorted(properties, key=lambda p: p.name):
+        if prop.owner_type.name in INHERITED:
+            continue
+        default = default_of(prop, value_at_first(element, prop) if element else prop.default_value)
+        rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default} | {when_of(prop)} | "
+                    f"{prop.blurb} |")
+    return rows
+
+
+def pad_properties(element):
+    """Tables of the properties that pads have of their own."""
+    out = []
+    for templ in sorted(element.get_pad_template_list(), key=lambda t: t.name_template):
+        gtype = templ.get_property("gtype")
+        if not gtype.is_a(Gst.Pad.__gtype__) or gtype.name in INHERITED:
+            continue
+        rows = table_of(GObject.list_properties(gtype), None)
+        if rows:
+            out.append(f"\n| property of pad `{templ.name_template}` | type | range | default | settable | what it is |\n"
+                       "| --- | --- | --- | --- | --- | --- |")
+            out += rows
+    return out
+
+
+def comment_of_signal(gtype, name, sources):
+    """The text of a signal's documentation comment: parameters as a list, then what it does and returns."""
+    for path in sorted(sources.rglob("*.cc")):
+        match = re.search(rf"/\*\*\n\s*\* {gtype.name}::{name}:\n(.*?)\*/", path.read_text(), re.S)
+        if match:
+            break
+    else:
+        sys.exit(f"elements.py: signal {name} of {gtype.name} has no documentation comment")
+    lines = [re.sub(r"^\s*\* ?", "", line).strip() for line in match[1].splitlines()]
+    text = " ".join("<p>" if not line else line for line in lines)
+    text = re.sub(r"@(\w+)", r"`\1`", text).replace("%FALSE", "FALSE").replace("%TRUE", "TRUE")
+    head, *rest = [part.strip() for part in text.split("<p>") if part.strip()]
+    parameters = re.sub(r"^`\w+`: the element ?", "", head)
+    return " ".join(rest), re.sub(r" (?=`\w+`: )", "<br>", parameters)
+
+
+def action_signals(element, sources):
+    """A table of the element's signals that applications emit."""
+    rows = []
+    for signal in sorted(GObject.signal_list_names(element)):
+        query = GObject.signal_query(signal, element.__gtype__)
+        if query.itype != element.__gtype__ or not query.signal_flags & GObject.SignalFlags.ACTION:
+            continue
+        types = ", ".join(gtype.name for gtype in query.param_types)
+        what, parameters = comment_of_signal(element.__gtype__, signal, sources)
+        rows.append(f"| `{signal}` ({types}) -> {query.return_type.name} | {parameters} | {what} |")
+    return ["\n| action signal | parameters | what it does |\n| --- | --- | --- |", *rows] if rows else []
+
+
 def section(factory, sources):
     name = factory.get_name()
     out = [f"\n## {name}\n", factory.get_metadata("description") + ".\n", comment_of(name, sources) + "\n"]
@@ -110,16 +167,12 @@ def section(factory, sources):
         caps = pad.get_caps().to_string().replace("; ", "<br>").replace("|", "\\|")
         out.append(f"| `{pad.name_template}` | {pad.direction.value_nick} | {pad.presence.value_nick} | {caps} |")
     element = factory.create()
-    rows = []
-    for prop in sorted(element.list_properties(), key=lambda p: p.name):
-        if prop.owner_type.name in INHERITED:
-            continue
-        default = default_of(prop, value_at_first(element, prop))
-        rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default} | {when_of(prop)} | "
-                    f"{prop.blurb} |")
+    rows = table_of(element.list_properties(), element)
     if rows:
         out += ["\n| property | type | range | default | settable | what it is |\n| --- | --- | --- | --- | --- | --- |"]
         out += rows
+    out += pad_properties(element)
+    out += action_signals(element, sources)
     return "\n".join(out) + "\n"
 
 

@@ -95,7 +95,7 @@ double told(const WhepClient& client, const std::string& name) {
 
 // Pictures are of a focal surface, unless a plane is asked for by name.
 TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
-  Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "true", "--resampling", "catmull-rom"});
+  Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "catmull-rom"});
   const auto client = watch(served);
   client->send("{}");  // opens the channel
   EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));
@@ -105,6 +105,7 @@ TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
   other->send("{}");
   EXPECT_TRUE(becomes([&] { return told(*other, "pictures") >= 30; }));
   EXPECT_EQ(told(*other, "rounds"), 0);
+  EXPECT_TRUE(becomes([&] { return told(*other, "sequence") >= 30; })) << "what the latest picture shows";
 }
 
 TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
@@ -151,7 +152,8 @@ TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
   for (int i = 0; i < 5; i++) {
     WhepClient::Options options;
     options.first_message =
-        "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lf-view-request\",\"structure\":"
+        "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lightfield-view-request\","
+        "\"structure\":"
         "{\"yaw\":1.5}}}";
     const auto client = watch(served, options);
     EXPECT_TRUE(becomes([&] { return told(*client, "yaw") == 1.5; })) << told(*client, "yaw");
@@ -219,8 +221,9 @@ TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
 TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) {
   Served served;
   const auto client = watch(served);
-  const std::string move = R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
-                           R"("structure":{"x":0.01}}})";
+  const std::string move =
+      R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request",)"
+      R"("structure":{"x":0.01}}})";
   const std::string table[] = {" ",
                                "x",
                                "{}",
@@ -231,8 +234,8 @@ TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) 
                                with(move, "0.01", "1e999"),
                                with(move, "0.01", "\"0\""),
                                with(move, "0.01", "null"),
-                               with(move, "lf-view-request", "GstForceKeyUnit"),
-                               with(move, "\"x\"", "\"lf-view-id\""),
+                               with(move, "lightfield-view-request", "GstForceKeyUnit"),
+                               with(move, "\"x\"", "\"lightfield-view-id\""),
                                with(move, "\"x\"", "\"\""),
                                with(move, "{\"x\":0.01}", "[1]"),
                                with(move, "customUpstreamEvent", "navigationEvent"),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "eye.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -20,6 +21,43 @@ std::optional<ViewRequest> request_in(GstBuffer* buffer) {
   auto request = wire::decode_request({map.data, map.size});
   gst_buffer_unmap(buffer, &map);
   return request;
+}
+
+using nlohmann::json;
+
+// missing-cameras to missingCameras.
+std::string camel_case(const std::string& name) {
+  std::string text;
+  for (size_t i = 0; i < name.size(); i++)
+    text += name[i] == '-' && i + 1 < name.size() ? g_ascii_toupper(name[++i]) : name[i];
+  return text;
+}
+
+json json_of(const GstStructure* structure);
+
+json json_of(const GValue* value) {
+  if (GST_VALUE_HOLDS_STRUCTURE(value)) return json_of(gst_value_get_structure(value));
+  if (G_VALUE_HOLDS_STRING(value)) return g_value_get_string(value);
+  if (G_VALUE_HOLDS_BOOLEAN(value)) return g_value_get_boolean(value) != FALSE;
+  if (G_VALUE_HOLDS_UINT(value)) return g_value_get_uint(value);
+  if (G_VALUE_HOLDS_INT(value)) return g_value_get_int(value);
+  if (G_VALUE_HOLDS_UINT64(value)) return g_value_get_uint64(value);
+  if (G_VALUE_HOLDS_DOUBLE(value))  // JSON has no infinity
+    return std::isfinite(g_value_get_double(value)) ? json(g_value_get_double(value)) : json();
+  json array = json::array();
+  if (GST_VALUE_HOLDS_ARRAY(value))
+    for (guint i = 0; i < gst_value_array_get_size(value); i++)
+      array.push_back(json_of(gst_value_array_get_value(value, i)));
+  return array;
+}
+
+json json_of(const GstStructure* structure) {
+  json object = json::object();
+  for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
+    const gchar* name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    object[camel_case(name)] = json_of(gst_structure_get_value(structure, name));
+  }
+  return object;
 }
 
 }  // namespace
@@ -72,13 +110,15 @@ Eye::Eye(GstElement* pipeline, LightField& field, const EyeSettings& settings, O
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);
 
+  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  gst_pad_add_probe(pictures, GST_PAD_PROBE_TYPE_BUFFER, note_picture, this, nullptr);
+  gst_object_unref(pictures);
   GstElement* requests = find("requests");
   GstAppSinkCallbacks sink_callbacks = {};
   sink_callbacks.new_sample = take_request;
   gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
   gst_object_unref(requests);
-  for (size_t i = 0; i < field.nodes(); i++)
-    answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
+  for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
   field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
 }
 
@@ -88,6 +128,7 @@ Eye::~Eye() {
   gst_object_unref(view_);
   gst_object_unref(compositor_);
   gst_clear_buffer(&asked_);
+  gst_clear_structure(&shown_);
 }
 
 void Eye::close() { field_.leave(id_); }
@@ -111,6 +152,24 @@ nlohmann::json Eye::numbers() const {
     view[specs[i]->name] = value;
   }
   return view;
+}
+
+GstPadProbeReturn Eye::note_picture(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
+  if (!meta) return GST_PAD_PROBE_OK;
+  Eye* self = static_cast<Eye*>(data);
+  GstStructure* shown = gst_structure_copy(gst_custom_meta_get_structure(meta));
+  {
+    const std::lock_guard lock(self->mutex_);
+    std::swap(shown, self->shown_);
+  }
+  gst_clear_structure(&shown);
+  return GST_PAD_PROBE_OK;
+}
+
+json Eye::shown() const {
+  const std::lock_guard lock(mutex_);
+  return shown_ ? json_of(shown_) : json();
 }
 
 std::optional<View> Eye::asked() const {

@@ -59,9 +59,13 @@ class Eye {
   GstStructure* stats() const;  // `stats` of the lfcompositor; owned by the caller
   // The numbers of the view, as the properties of lfviewrequest.
   nlohmann::json numbers() const;
+  // What the latest picture shows: the fields of its meta lightfield-view (lfcompositor); null before the first
+  // picture.
+  nlohmann::json shown() const;
   std::optional<View> asked() const;  // the view that was asked for last, of two that of the left eye
 
  private:
+  static GstPadProbeReturn note_picture(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
   bool begins(GstBuffer* request);
   void take_answer(size_t node, GstBuffer* answer);
@@ -73,7 +77,8 @@ class Eye {
   GstPad* view_pad_ = nullptr;  // takes upstream events
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
-  GstBuffer* asked_ = nullptr;  // the first of the latest picture's requests; decoded when somebody wants to know
+  GstStructure* shown_ = nullptr;  // of the latest picture
+  GstBuffer* asked_ = nullptr;     // the first of the latest picture's requests; decoded when somebody wants to know
 };
 
 // Whether it becomes no picture: one that measures cameras, or none at all.

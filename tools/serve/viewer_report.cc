@@ -94,6 +94,7 @@ void Viewer::report(const LinkReport& link) {
   if (const CameraStates cameras = field_.cameras(); cameras.count > 0)
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
+  if (json shown = eye_->shown(); shown.is_object()) info["picture"] = std::move(shown);
   info["monitored"] = settings_.monitored;
   if (const auto view = eye_->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
