@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/secret_file.h"
 #include "quality/camera_monitor.h"
 
 namespace {
@@ -28,7 +29,7 @@ std::string fetch(std::string address, const std::string& token_file) {
   g_autoptr(SoupMessage) message = soup_message_new("GET", address.c_str());
   if (!message) throw lf::Error(address + ": is no address");
   if (!token_file.empty()) {
-    std::string token = lf::read_text_file(token_file);
+    std::string token = lf::read_secret_file(token_file);
     while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back()))) token.pop_back();
     soup_message_headers_replace(soup_message_get_request_headers(message), "Authorization",
                                  ("Bearer " + token).c_str());

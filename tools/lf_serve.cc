@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 #include "base/host_list.h"
-#include "base/json_value.h"
+#include "base/secret_file.h"
 #include "command_line.h"
 #include "serve/environment.h"
 #include "serve/film.h"
@@ -76,7 +76,7 @@ void check_options(Options& options) {
   const FocusOn& focus = options.limits.focus_on;
   if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be nearer than --focus-far");
   if (!options.token_file.empty()) {
-    std::string text = lf::read_text_file(options.token_file);
+    std::string text = lf::read_secret_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
     if (text.empty()) throw lf::Error(options.token_file + ": has no token");
     options.server.token = text;
@@ -86,7 +86,7 @@ void check_options(Options& options) {
   options.server.hosts.insert(options.hosts.begin(), options.hosts.end());
   options.server.proxies.insert(options.proxies.begin(), options.proxies.end());
   options.server.whep.ice = IceServers(
-      options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_text_file(options.ice_credentials));
+      options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_secret_file(options.ice_credentials));
   options.server.whep.relays = options.server.whep.ice.relays();
   // Video comes from the address that is listened at alone, or from all of the machine's.
   const std::string& address = options.media.empty() ? options.server.address : options.media;

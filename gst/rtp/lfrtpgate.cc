@@ -192,10 +192,6 @@ static bool prepare(LfRtpGate* self) {
   try {
     if (!path.empty()) {
       *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      if ((*self->key)->is_public())
-        GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                            ("key-file: %s: everybody on this machine can read it: chmod o= FILE", path.c_str()),
-                            (nullptr));
       SealOpener(*self->key, "");  // says here that there is no srtpdec
     }
     what = "peers";

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rtp/rtp_key.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
-#include <fstream>
 
 #include <gst/gst.h>
 
 #include "base/error.h"
+#include "base/secret_file.h"
 #include "wire/bytes.h"
 
 namespace lf::rtp {
@@ -19,35 +16,25 @@ namespace {
 constexpr char kLabel[] = "gst-lightfield SRTP 1";
 constexpr char kSpace[] = " \t\r\n";
 
-// A plain memset of what nobody reads any more may be left out by a compiler.
+// A compiler may leave out a plain memset of memory that nothing reads afterwards.
 void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
 
 }  // namespace
 
 RtpKey::RtpKey(const std::string& path) {
-  struct stat status {};
-  // Before it is opened, which for a FIFO takes until somebody writes.
-  const bool is_there = stat(path.c_str(), &status) == 0, is_file = is_there && S_ISREG(status.st_mode);
-  std::ifstream file;
-  if (is_file) file.open(path, std::ios::binary);
-  if (!file.is_open())
-    throw Error(path + ": the key can't be read: " + (is_there && !is_file ? "it is no file" : std::strerror(errno)));
-  char bytes[kMaxBytes + 1];
-  file.read(bytes, sizeof bytes);
-  const std::string_view text(bytes, static_cast<size_t>(file.gcount()));
+  std::string text = read_secret_file(path);
   const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
   const size_t end = text.find_last_not_of(kSpace);
+  const bool fits = text.size() <= kMaxBytes;
   secret_ = text.substr(begin, end == text.npos ? 0 : end + 1 - begin);
-  forget(bytes, sizeof bytes);
-  is_public_ = status.st_mode & S_IROTH;
-  const bool fits = secret_.size() >= kMinBytes && text.size() <= kMaxBytes;
-  if (fits) return;
-  forget(secret_.data(), secret_.size());
+  wipe(text);
+  if (fits && secret_.size() >= kMinBytes) return;
+  wipe(secret_);
   throw Error(path + ": a key has " + std::to_string(kMinBytes) + " to " + std::to_string(kMaxBytes) +
               " random characters: openssl rand -hex 32 >FILE");
 }
 
-RtpKey::~RtpKey() { forget(secret_.data(), secret_.size()); }
+RtpKey::~RtpKey() { wipe(secret_); }
 
 SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const {
   SessionKey session;

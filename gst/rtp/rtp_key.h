@@ -32,20 +32,18 @@ struct SessionKey {
 class RtpKey {
  public:
   static constexpr size_t kMinBytes = 32, kMaxBytes = 4096;
-  // The file's bytes but for white space at either end. Throws Error that names the file.
+  // Takes the file's bytes without white space at either end. Throws Error naming the file, also if other users can
+  // read the file.
   explicit RtpKey(const std::string& path);
   ~RtpKey();
   RtpKey(const RtpKey&) = delete;
   RtpKey& operator=(const RtpKey&) = delete;
 
-  // Everybody on this machine may read the file.
-  bool is_public() const { return is_public_; }
   // `purpose`: what streams this is for, so that none passes for one of another kind.
   SessionKey session(std::string_view purpose, const KeyName& name) const;
 
  private:
   std::string secret_;
-  bool is_public_ = false;
 };
 
 // Minutes since 1970 by this machine's clock.

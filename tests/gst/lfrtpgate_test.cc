@@ -216,8 +216,8 @@ TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
   struct Case {
     std::string element, words;
   };
-  for (const Case& c : {Case{"lfrtpseal key-file=/nobody", "key-file: /nobody: the key can't be read"},
-                        Case{"lfrtpgate key-file=/nobody", "key-file: /nobody: the key can't be read"},
+  for (const Case& c : {Case{"lfrtpseal key-file=/nobody", "key-file: /nobody: can't be read"},
+                        Case{"lfrtpgate key-file=/nobody", "key-file: /nobody: can't be read"},
                         Case{"lfrtpseal key-file=" + few.path(), "openssl rand -hex 32"},
                         Case{"lfrtpgate peers=nobody.invalid", "peers: nobody.invalid: "}}) {
     const ElementPtr pipeline = launch("appsrc ! application/x-rtp ! " + c.element + " ! fakesink");

@@ -138,7 +138,7 @@ TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
   for (const Case& c :
        {Case{"listen=here", "listen: here: must be PORT"}, Case{"listen=1,2", "listen: must be one port"},
         Case{"listen=7 is-live=false", "is-live must be true"},
-        Case{"listen=7 key-file=/nobody", "key-file: /nobody: the key can't be read"},
+        Case{"listen=7 key-file=/nobody", "key-file: /nobody: can't be read"},
         Case{"key-file=/nobody", "key-file: nothing goes over the network without nodes or listen"},
         Case{"peers=localhost", "peers: nobody sends requests without listen"},
         Case{"listen=7 peers=nobody.invalid", "peers: nobody.invalid: "}}) {

@@ -55,8 +55,8 @@ TEST(RtpKey, EachStreamHasItsOwn) {
 }
 
 TEST(RtpKey, FilesThatWillNotDoAreNamed) {
-  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key: the key can't be read: No such file");
-  EXPECT_ERROR(RtpKey("/tmp"), "/tmp: the key can't be read: it is no file");
+  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key: can't be read: No such file");
+  EXPECT_ERROR(RtpKey("/tmp"), "/tmp: can't be read: it is not a regular file");
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
   for (const TempFile* bad : {&empty, &few, &many})
     EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key has 32 to");
@@ -66,16 +66,18 @@ TEST(RtpKey, FilesThatWillNotDoAreNamed) {
 TEST(RtpKey, AFifoIsNotWaitedFor) {
   const std::string path = std::string(g_get_tmp_dir()) + "/lf_fifo_" + std::to_string(getpid());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
-  EXPECT_ERROR(RtpKey(path), path + ": the key can't be read");
+  EXPECT_ERROR(RtpKey(path), path + ": can't be read");
   unlink(path.c_str());
 }
 
-TEST(RtpKey, KnowsWhetherEverybodyMayReadIt) {
+TEST(RtpKey, RefusesAFileThatOtherUsersCanRead) {
   const TempFile file(text(kSecret));
-  chmod(file.path().c_str(), 0640);
-  EXPECT_FALSE(RtpKey(file.path()).is_public());
-  chmod(file.path().c_str(), 0644);
-  EXPECT_TRUE(RtpKey(file.path()).is_public());
+  for (const mode_t mode : {0640, 0644, 0604}) {
+    ASSERT_EQ(chmod(file.path().c_str(), mode), 0);
+    EXPECT_ERROR(RtpKey(file.path()), "run chmod 600 " + file.path());
+  }
+  ASSERT_EQ(chmod(file.path().c_str(), 0400), 0);
+  EXPECT_NO_THROW(RtpKey(file.path()));
 }
 
 }  // namespace

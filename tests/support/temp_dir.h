@@ -31,6 +31,13 @@ class TempDir {
     std::ofstream(path_ / name, std::ios::binary) << text;
     return *this / name;
   }
+  // Writes a file that no other user can read, as tokens and keys must be.
+  std::string write_secret(const std::string& name, const std::string& text) const {
+    write(name, "");
+    std::filesystem::permissions(path_ / name,
+                                 std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+    return write(name, text);
+  }
 
  private:
   std::filesystem::path path_;

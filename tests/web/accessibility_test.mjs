@@ -7,7 +7,7 @@ import { artefacts, expect, launchBrowser, makeRig, newPage, runTests, serve, sh
 const axe = await readFile(join(artefacts, 'node_modules/axe-core/axe.min.js'), 'utf8');
 const folder = await makeRig('4x4');
 const token = join(folder, 'token');
-await writeFile(token, 'sesame');
+await writeFile(token, 'sesame', { mode: 0o600 });
 const browser = await launchBrowser();
 const kTags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
 

@@ -581,7 +581,7 @@ async function comesAndGoes() {
 
 async function refusals() {
   const token = join(folder, 'token');
-  await writeFile(token, 'sesame');
+  await writeFile(token, 'sesame', { mode: 0o600 });
   const served = await serve(...rig, '--token-file', token, '--viewers', '1');
   const status = page => page.evaluate(() => inside().status.textContent);
   const wrong = await openPage(browser, new URL('#token=wrong', served.url).href, size);

@@ -90,7 +90,7 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
 TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
   const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
   EXPECT_EQ(served.url(), "");
-  EXPECT_THAT(served.said(), HasSubstr("/nowhere/key: the key can't be read"));
+  EXPECT_THAT(served.said(), HasSubstr("/nowhere/key: can't be read"));
 }
 
 }  // namespace

@@ -165,7 +165,7 @@ TEST_F(LfServe, RefusesBadOffersWithTheirStatus) {
 
 TEST_F(LfServe, AsksForTheToken) {
   const TempDir dir;
-  dir.write("token", "open sesame\n");
+  dir.write_secret("token", "open sesame\n");
   Served served({"--token-file", dir / "token"});
   const Headers right = {{"Authorization", "Bearer open sesame"}};
   for (const Headers& wrong : {Headers{}, Headers{{"Authorization", "Bearer open"}}}) {
@@ -273,7 +273,7 @@ TEST_F(LfServe, TellsBrowsersWhatTheyMayNotDo) {
 
 TEST_F(LfServe, TokensAreNotGuessed) {
   const TempDir dir;
-  dir.write("token", "open sesame\n");
+  dir.write_secret("token", "open sesame\n");
   Served served({"--token-file", dir / "token"});
   int wrong = 0, refused = 0;
   for (int i = 0; i < 40; i++) {
@@ -289,8 +289,8 @@ TEST_F(LfServe, TokensAreNotGuessed) {
 
 TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
   const TempDir dir;
-  dir.write("token", "open sesame\n");
-  dir.write("turn", "user password\n");
+  dir.write_secret("token", "open sesame\n");
+  dir.write_secret("turn", "user password\n");
   Served served({"--token-file", dir / "token", "--ice-server", "stun:127.0.0.1:9", "--ice-server", "turn:127.0.0.1:9",
                  "--ice-credentials", dir / "turn"});
   const Headers right = {{"Authorization", "Bearer open sesame"}}, wrong = {{"Authorization", "Bearer open"}};

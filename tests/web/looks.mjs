@@ -112,7 +112,7 @@ function look([width, height]) {
 // What stands in the way of a picture.
 async function errors() {
   const token = join(film, 'token');
-  await writeFile(token, 'sesame');
+  await writeFile(token, 'sesame', { mode: 0o600 });
   const served = await serve(...rig, '--token-file', token, '--viewers', '1', '--monitor', '1');
   const size = { width: 800, height: 480 };
   const page = await openPage(browser, served.url, size);

@@ -30,7 +30,7 @@ async function startNginx() {
 async function underItsPath() {
   const nginx = await startNginx(), size = { width: 320, height: 240 };
   const token = join(folder, 'token');
-  await writeFile(token, 'sesame');
+  await writeFile(token, 'sesame', { mode: 0o600 });
   const served = await serve('--rig', join(folder, 'rig.json'), '--port', port, ...options.split(' '), '--token-file', token,
     '--address-views', '1');
   const page = await openPage(browser, `http://${name}${prefix}`, size);

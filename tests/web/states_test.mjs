@@ -155,7 +155,7 @@ async function noCamera() {
 // Another link in an open tab; the token stays in the address, and in the tab where it was typed.
 async function linksAndTokens() {
   const token = join(folder, 'token');
-  await writeFile(token, 'sesame');
+  await writeFile(token, 'sesame', { mode: 0o600 });
   const served = await serve(...rig, '--token-file', token);
   const page = await openPage(browser, new URL('#token=sesame&yaw=1', served.url).href, size);
   await shown(page, 5);

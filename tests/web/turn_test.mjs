@@ -37,7 +37,7 @@ const pair = page => page.evaluate(async () => {
 async function watched(ways, credentials, ...options) {
   const file = join(folder, 'credentials'), serverOptions = ['--rig', join(folder, 'rig.json'), '--media', 'any', '--ice-server',
     `turn:${kTurn}`, '--ice-server', `stun:${kTurn}`, '--ice-credentials', file];
-  await writeFile(file, credentials);
+  await writeFile(file, credentials, { mode: 0o600 });
   const turn = start('turnserver', ...common, ...options);
   const served = await serve(...serverOptions);
   for (const [between, before] of ways) {
