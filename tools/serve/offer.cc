@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "offer.h"
 
+#include <array>
+#include <bitset>
 #include <charconv>
 #include <string_view>
 
@@ -8,6 +10,8 @@
 
 namespace lf::serve {
 namespace {
+
+constexpr char kTooManyAttributes[] = "the offer has too many formats or attributes";
 
 // The value of "NAME" in "NAME=value;OTHER=value" (RFC 6184: names in either case).
 std::string parameter(std::string_view parameters, std::string_view name) {
@@ -30,14 +34,36 @@ bool is_constrained_baseline(const std::string& profile) {
   return value >> 16 == 0x42 && (value >> 8 & 0x40);
 }
 
-// The text after "PAYLOAD " of the attribute `name`; "" if there is none.
-std::string_view of_payload(const GstSDPMedia* media, const char* name, std::string_view payload) {
-  for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, name, i); i++) {
-    const std::string_view text = value;
-    if (text.size() > payload.size() && text.starts_with(payload) && text[payload.size()] == ' ')
-      return text.substr(payload.size() + 1);
+// What an offer says of a payload type. Refers to the offer's text.
+struct Format {
+  std::string_view map, parameters;  // rtpmap and fmtp; "" if there is none
+};
+constexpr size_t kPayloadTypes = 128;
+
+// Takes "PAYLOAD " off the front of an attribute's value. Nothing for a value that begins with no payload type.
+std::optional<size_t> take_payload(std::string_view& value) {
+  size_t number = 0;
+  const char* end = std::from_chars(value.data(), value.data() + value.size(), number).ptr;
+  const auto length = static_cast<size_t>(end - value.data());
+  if (length == 0 || number >= kPayloadTypes || (length < value.size() && value[length] != ' ')) return std::nullopt;
+  value.remove_prefix(std::min(value.size(), length + 1));
+  return number;
+}
+
+// The first rtpmap and fmtp of each payload type, in one pass over the attributes.
+std::array<Format, kPayloadTypes> read_formats(const GstSDPMedia* media) {
+  std::array<Format, kPayloadTypes> formats{};
+  for (guint i = 0; i < gst_sdp_media_attributes_len(media); i++) {
+    const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
+    const std::string_view key = attribute->key;
+    if (!attribute->value || (key != "rtpmap" && key != "fmtp")) continue;
+    std::string_view value = attribute->value;
+    const auto payload = take_payload(value);
+    if (!payload) continue;
+    std::string_view& field = key == "rtpmap" ? formats[*payload].map : formats[*payload].parameters;
+    if (field.empty()) field = value;
   }
-  return "";
+  return formats;
 }
 
 bool encodes(std::string_view rtpmap, std::string_view encoding) {
@@ -46,15 +72,18 @@ bool encodes(std::string_view rtpmap, std::string_view encoding) {
          rtpmap.substr(encoding.size()) == "";
 }
 
-bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
+// Takes the first format of the codec in the offer's order. GStreamer's payloaders know the dynamic payload types from
+// 96 on.
+bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes>& formats, VideoCodec codec,
+                Offer& offer) {
+  constexpr size_t kLeastPayloadType = 96;
+  std::bitset<kPayloadTypes> seen;  // a format that comes again costs nothing
   for (guint i = 0; i < gst_sdp_media_formats_len(media); i++) {
-    const std::string_view payload = gst_sdp_media_get_format(media, i);
-    guint number = 0;
-    if (std::from_chars(payload.data(), payload.data() + payload.size(), number).ptr !=
-            payload.data() + payload.size() ||
-        number > 127)
-      continue;
-    const std::string_view map = of_payload(media, "rtpmap", payload), parameters = of_payload(media, "fmtp", payload);
+    std::string_view text = gst_sdp_media_get_format(media, i);
+    const auto number = take_payload(text);
+    if (!number || !text.empty() || *number < kLeastPayloadType || seen[*number]) continue;
+    seen.set(*number);
+    const auto& [map, parameters] = formats[*number];
     std::string profile;
     if (codec == VideoCodec::kH264) {
       profile = parameter(parameters, "profile-level-id");
@@ -65,7 +94,7 @@ bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
       continue;
     }
     offer.codec = codec;
-    offer.payload_type = number;
+    offer.payload_type = static_cast<guint>(*number);
     offer.profile = profile;
     return true;
   }
@@ -74,8 +103,10 @@ bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
 
 // The offer's number of a header extension, as far as one byte has it: "3 URI", "3/recvonly URI" (RFC 8285).
 guint find_extension(const GstSDPMedia* media, std::string_view uri) {
-  for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, "extmap", i); i++) {
-    const std::string_view text = value;
+  for (guint i = 0; i < gst_sdp_media_attributes_len(media); i++) {
+    const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
+    if (!attribute->value || std::string_view(attribute->key) != "extmap") continue;
+    const std::string_view text = attribute->value;
     guint number = 0;
     const char* end = std::from_chars(text.data(), text.data() + text.size(), number).ptr;
     const size_t space = text.find(' ');
@@ -130,6 +161,12 @@ void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& kno
   }
 }
 
+// webrtcbin looks through all attributes for each format, and through all before an attribute to find it.
+bool is_too_large(const GstSDPMedia* media) {
+  return gst_sdp_media_formats_len(media) > Offer::kMaxFormats ||
+         gst_sdp_media_attributes_len(media) > Offer::kMaxAttributes;
+}
+
 std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const std::string& name) {
   for (const char* attribute : {"ice-ufrag", "ice-pwd", "fingerprint", "setup"})
     if (!has(sdp, media, attribute)) return name + " has no a=" + attribute;
@@ -158,6 +195,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
   if (result != GST_SDP_OK || !sdp) return fail("the offer is not SDP");
   const guint media = gst_sdp_message_medias_len(sdp);
   if (media == 0 || media > Offer::kMaxMedia) return fail("the offer has no media, or too many");
+  if (gst_sdp_message_attributes_len(sdp) > Offer::kMaxAttributes) return fail(kTooManyAttributes);
   const GstSDPMedia* video = nullptr;
   bool application = false;
   for (guint i = 0; i < media; i++) {
@@ -165,6 +203,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     const std::string kind = gst_sdp_media_get_media(m) ? gst_sdp_media_get_media(m) : "";
     if (kind != "video" && kind != "application" && kind != "audio")
       return fail("the offer has media of an unknown kind");
+    if (is_too_large(m)) return fail(kTooManyAttributes);
     const std::string problem = problem_of(sdp, m, "m=" + kind);
     if (!problem.empty()) return fail(problem);
     if (kind == "video" && video) return fail("the offer has more than one video");
@@ -176,8 +215,12 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
   if (!video) return fail("the offer has no video");
   if (gst_sdp_media_get_attribute_val(video, "sendonly") || gst_sdp_media_get_attribute_val(video, "inactive"))
     return fail("the offer does not receive video");
-  if (!(h264 && find_codec(video, VideoCodec::kH264, offer)) && !(vp8 && find_codec(video, VideoCodec::kVp8, offer)))
-    return fail("the offer has no codec that is spoken here (H.264 constrained baseline in mode 1, VP8)");
+  const auto formats = read_formats(video);
+  if (!(h264 && find_codec(video, formats, VideoCodec::kH264, offer)) &&
+      !(vp8 && find_codec(video, formats, VideoCodec::kVp8, offer)))
+    return fail(
+        "the offer has no codec that this server can send: H.264 (constrained baseline, mode 1) or VP8 with a "
+        "payload type from 96 to 127");
   offer.playout_delay = find_extension(video, kPlayoutDelayUri);
   if (offer.codec == VideoCodec::kH264) set_parameters(video, offer.payload_type, offer.profile);
   return offer;

@@ -22,7 +22,9 @@ using SdpPtr = std::unique_ptr<GstSDPMessage, FreeSdp>;
 struct Offer {
   static constexpr size_t kMaxBytes = 65536;
   static constexpr guint kMaxMedia = 16;
-  static constexpr size_t kMaxCandidates = 4;  // candidates of one medium that are kept
+  static constexpr guint kMaxFormats = 128;     // formats of a medium: payload types have seven bits
+  static constexpr guint kMaxAttributes = 512;  // attributes of a medium or the session; browsers send up to 250
+  static constexpr size_t kMaxCandidates = 4;   // candidates of one medium that are kept
 
   SdpPtr sdp;
   VideoCodec codec;
@@ -31,9 +33,9 @@ struct Offer {
   guint playout_delay;  // the offer's own number for the RTP header extension; 0: it is not offered
 };
 
-// `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
-// to whom they like, but for those of the addresses `known`: the viewer's own, and relays that it may use. Nothing for
-// an offer that can't be answered, and the reason.
+// Parses an offer in a time proportional to its length. `h264`, `vp8`: the codecs that can be encoded here; H.264 goes
+// first. Keeps only candidates with an address in `known` (the viewer's own and relays), so that no offer makes the
+// server send packets to somebody else. Returns nothing, and the reason, for an offer that can't be answered.
 std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::set<std::string>& known,
                                  std::string* reason);
 
