@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "command_line.h"
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <list>
 #include <optional>
@@ -13,6 +15,29 @@
 #include "rig/location_text.h"
 
 namespace cli {
+
+namespace {
+
+// "nan" is neither smaller nor larger than any number, so that it passes every range, as "inf" passes those without an
+// end.
+std::string refuse_not_finite(std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  return end != text.c_str() && !std::isfinite(value) ? text + " is not a finite number" : "";
+}
+
+template <class Value>
+constexpr bool is_real = false;
+template <>
+constexpr bool is_real<double> = true;
+template <>
+constexpr bool is_real<float> = true;
+template <>
+constexpr bool is_real<std::optional<double>> = true;
+template <>
+constexpr bool is_real<std::vector<double>> = true;
+
+}  // namespace
 
 Check::Check(const CLI::Validator& validator) : validator_(std::make_shared<CLI::Validator>(validator)) {}
 
@@ -73,7 +98,9 @@ App::~App() = default;
 
 template <class Value>
 Option* App::add_option(const std::string& name, Value& variable, const std::string& help) {
-  return &parts_->options.emplace_back(parts_->app->add_option(name, variable, help));
+  CLI::Option* const option = parts_->app->add_option(name, variable, help);
+  if constexpr (is_real<Value>) option->check(CLI::Validator(refuse_not_finite, ""));
+  return &parts_->options.emplace_back(option);
 }
 
 Option* App::add_flag(const std::string& name, bool& variable, const std::string& help) {
