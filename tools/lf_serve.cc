@@ -15,6 +15,7 @@
 #include "base/host_list.h"
 #include "base/secret_file.h"
 #include "command_line.h"
+#include "serve/client_address.h"
 #include "serve/environment.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
@@ -26,6 +27,8 @@ namespace {
 
 using namespace lf::serve;
 
+// Milliseconds. Cameras keep frames for two seconds, and a request takes some of that time to reach them.
+constexpr int kMostCaptureDelay = 1500;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
@@ -63,6 +66,30 @@ gboolean quit(gpointer loop) {
   return G_SOURCE_CONTINUE;
 }
 
+// The address of this machine that video comes from; "" for all of them.
+std::string media_address(const std::string& text) {
+  if (text == "any" || text == "0.0.0.0" || text == "::") return "";
+  if (text == "localhost") return "127.0.0.1";
+  const std::string address = plain_address(text);
+  if (address.empty() || !is_local_address(address))
+    throw lf::Error("--media " + text + ": must be an IP address of this machine, or any");
+  return address;
+}
+
+std::string token_in(const std::string& path) {
+  std::string token = lf::read_secret_file(path);
+  while (!token.empty() && g_ascii_isspace(token.back())) token.pop_back();
+  if (token.empty()) throw lf::Error(path + ": has no token");
+  // Clients send it in a header.
+  if (!std::ranges::all_of(token, [](char c) { return c >= ' ' && c <= '~'; }))
+    throw lf::Error(path + ": a token is one line of printable ASCII: openssl rand -hex 16 >FILE");
+  constexpr size_t kShort = 16;
+  if (token.size() < kShort)
+    std::fprintf(stderr, "warning: %s: a token of %zu characters can be guessed: openssl rand -hex 16 >FILE\n",
+                 path.c_str(), token.size());
+  return token;
+}
+
 void check_options(Options& options) {
   if (!options.nodes.empty() && options.rig.empty())
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
@@ -75,23 +102,15 @@ void check_options(Options& options) {
     throw lf::Error("--key-file: needs --nodes, the hosts that have the same");
   const FocusOn& focus = options.limits.focus_on;
   if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be nearer than --focus-far");
-  if (!options.token_file.empty()) {
-    std::string text = lf::read_secret_file(options.token_file);
-    while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
-    if (text.empty()) throw lf::Error(options.token_file + ": has no token");
-    options.server.token = text;
-  }
+  if (!options.token_file.empty()) options.server.token = token_in(options.token_file);
   for (const std::string& path : options.paths) options.server.whep.paths.insert(parse_path(path));
   options.server.origins.insert(options.origins.begin(), options.origins.end());
   options.server.hosts.insert(options.hosts.begin(), options.hosts.end());
-  options.server.proxies.insert(options.proxies.begin(), options.proxies.end());
+  for (const std::string& proxy : options.proxies) options.server.proxies.merge(proxy_addresses(proxy));
   options.server.whep.ice = IceServers(
       options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_secret_file(options.ice_credentials));
   options.server.whep.relays = options.server.whep.ice.relays();
-  // Video comes from the address that is listened at alone, or from all of the machine's.
-  const std::string& address = options.media.empty() ? options.server.address : options.media;
-  const bool any = address == "any" || address == "0.0.0.0" || address == "::";
-  options.server.whep.media_address = any ? "" : address == "localhost" ? "127.0.0.1" : address;
+  options.server.whep.media_address = media_address(options.media.empty() ? options.server.address : options.media);
 }
 
 // The page from the beginning; the light field when it has been filmed, where it must be, and its cameras run.
@@ -263,7 +282,7 @@ int main(int argc, char** argv) {
          "--capture-delay", o.capture_delay_ms,
          "how old a capture must be before it is asked for: what the cameras take, milliseconds (default: 100, or "
          "300 where some are behind RTSP)")
-      ->check(cli::Range(0, 10000));
+      ->check(cli::Range(0, kMostCaptureDelay));
   app.add_option("--focus", o.limits.focus,
                  "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
       ->check(cli::PositiveNumber);

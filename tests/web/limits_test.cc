@@ -89,15 +89,17 @@ TEST(RateLimit, BucketsFillWithTime) {
 TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   AddressLimit limit(1, 1);
   const int64_t now = kSecond;
-  EXPECT_TRUE(limit.has_one("a", now));
   EXPECT_TRUE(limit.take("a", now));
-  EXPECT_FALSE(limit.has_one("a", now));
   EXPECT_FALSE(limit.take("a", now));
   EXPECT_TRUE(limit.take("b", now));
   for (size_t i = 0; i < 2 * AddressLimit::kMaxAddresses; i++) limit.take(std::to_string(i), now);
   EXPECT_LE(limit.size(), AddressLimit::kMaxAddresses);
-  EXPECT_FALSE(limit.take("one more", now)) << "shared by all beyond the limit";
+  EXPECT_TRUE(limit.take("one more", now)) << "a flood from many addresses does not limit a new one";
+  EXPECT_FALSE(limit.take("one more", now));
+  EXPECT_FALSE(limit.take(std::to_string(2 * AddressLimit::kMaxAddresses - 1), now)) << "the latest are remembered";
+  EXPECT_LE(limit.size(), AddressLimit::kMaxAddresses);
   EXPECT_TRUE(limit.take("one more", now + 10 * kSecond));
+  limit.take("another", now + 20 * kSecond);
   EXPECT_LE(limit.size(), 10u);
 }
 

@@ -54,10 +54,8 @@ std::string IdentifyServer::url() const { return "http://127.0.0.1:" + std::to_s
 
 // Before the body is read: pages of other sites may send any.
 void IdentifyServer::begin(SoupServerMessage* message) {
-  set_header(message, "Connection", "close");  // as lf-serve does, and Connections expects
-  set_header(message, "Cache-Control", "no-store");
-  set_header(message, "X-Content-Type-Options", "nosniff");
-  const lf::serve::Refusal* const refusal = lf::serve::refuse_body(message, kLongestBody);
+  lf::serve::set_common_headers(message, "no-store");
+  const lf::serve::Refusal* const refusal = lf::serve::refuse_early(message, kLongestBody);
   if (!refusal) return;
   connections_->asked(message);
   respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
@@ -67,8 +65,11 @@ void IdentifyServer::begin(SoupServerMessage* message) {
 void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
   connections_->asked(message);
   const char* host = header(message, "Host");
-  if (!access_.allows_host(host) || !access_.allows_origin(header(message, "Origin"), host))
-    return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for other pages\n");
+  const char* origin = header(message, "Origin");
+  const bool of_cameras = path.starts_with("/mosaic.") || path == "/swap";  // the page itself may be linked to
+  if (!access_.allows_host(host) || !access_.allows_origin(origin, host) ||
+      (of_cameras && !access_.allows_site(header(message, "Sec-Fetch-Site"), origin, host)))
+    return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for pages of other sites\n");
   const std::string method = soup_server_message_get_method(message);
   if (path == "/swap" && method == "POST" && source_.swap) return swap(message);
   if (method != "GET" && method != "HEAD")

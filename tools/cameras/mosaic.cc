@@ -16,7 +16,10 @@ namespace {
 
 constexpr double kEvery = 0.01,
                  kLeastEvery = 0.15;  // seconds between a camera's small pictures: for each camera, at least
-constexpr double kLooksOn = 3;        // seconds for which they are made after somebody has looked
+// Seconds for which small pictures are made after a request for them. A page asks every 0.2 s; one request alone must
+// not decode all cameras many times.
+constexpr double kLooksOn = 1;
+constexpr double kEncodeEvery = 0.1;  // seconds between two JPEG files
 constexpr double kSilent = 2;         // seconds without a frame
 constexpr double kRateMemory = 1;     // seconds
 constexpr int kPartColumns = 8, kPartRows = 6;
@@ -106,6 +109,7 @@ void Mosaic::swap(uint32_t a, uint32_t b) {
   std::swap(first->came, second->came);
   std::swap(first->rate, second->rate);
   waves_ = WaveFinder(tiles_.size());
+  encoded_ = -1e9;
 }
 
 std::vector<uint8_t> Mosaic::jpeg(double now) {
@@ -113,6 +117,7 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
   {
     const std::lock_guard lock(mutex_);
     watched_ = now;
+    if (now - encoded_ < kEncodeEvery) return jpeg_;
     for (const Tile& tile : tiles_) {
       if (tile.small.data().empty()) continue;
       for (int y = 0; y < height_; y++)
@@ -120,7 +125,11 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
                     3 * static_cast<size_t>(width_));
     }
   }
-  return encode_jpeg(all, kMosaicQuality);
+  std::vector<uint8_t> jpeg = encode_jpeg(all, kMosaicQuality);
+  const std::lock_guard lock(mutex_);
+  jpeg_ = jpeg;
+  encoded_ = now;
+  return jpeg;
 }
 
 nlohmann::json Mosaic::state(double now, const std::function<std::string(uint32_t id)>& problem) const {

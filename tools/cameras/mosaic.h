@@ -27,13 +27,14 @@ class Mosaic {
   // The devices of two cameras have been swapped.
   void swap(uint32_t a, uint32_t b);
 
-  // A JPEG file of all tiles, in rows. Throws Error.
+  // A JPEG file of all tiles, in rows: the last one again for a tenth of a second, however many clients ask. Throws
+  // Error.
   std::vector<uint8_t> jpeg(double now);
   // {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0, "row": 0,
-  // "rate": 29.9, "problem": "", "lit": false}, ...]}: `problem` says why a camera gives no frames. A page of a recording
-  // has more (RecordingPage): "told", a line for the person before the cameras; "places": [4, 3], those of each picture
-  // that a light should come to; and of each camera "came", for each place whether it did, row by row, and "wanted",
-  // where it is to go.
+  // "rate": 29.9, "problem": "", "lit": false}, ...]}: `problem` says why a camera gives no frames. A page of a
+  // recording has more (RecordingPage): "told", a line for the person before the cameras; "places": [4, 3], those of
+  // each picture that a light should come to; and of each camera "came", for each place whether it did, row by row, and
+  // "wanted", where it is to go.
   nlohmann::json state(double now, const std::function<std::string(uint32_t id)>& problem) const;
 
  private:
@@ -49,7 +50,8 @@ class Mosaic {
   mutable std::mutex mutex_;
   std::vector<Tile> tiles_;
   WaveFinder waves_;
-  double watched_ = -1e9;
+  double watched_ = -1e9, encoded_ = -1e9;
+  std::vector<uint8_t> jpeg_;  // made at `encoded_`
 };
 
 }  // namespace lf::cameras

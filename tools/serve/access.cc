@@ -3,7 +3,11 @@
 
 #include <gio/gio.h>
 
+#include <algorithm>
 #include <array>
+#include <cstring>
+
+#include "base/error.h"
 
 namespace lf::serve {
 namespace {
@@ -46,9 +50,34 @@ bool is_loopback(const std::string& address) {
   return parsed && g_inet_address_get_is_loopback(parsed);
 }
 
-Access::Access(std::string token, std::set<std::string> origins, std::set<std::string> hosts)
-    : token_(std::move(token)), origins_(std::move(origins)) {
-  for (const std::string& host : hosts) names_.insert(lower(host));
+std::string normal_origin(const std::string& text) {
+  if (text == "null" || text == "*") return text;
+  std::string origin = lower(text);
+  if (origin.ends_with('/')) origin.pop_back();
+  const size_t scheme = origin.find("://");
+  const std::string place = scheme == origin.npos ? "" : origin.substr(scheme + 3);
+  const auto plain = [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:[]", c)); };
+  if (place.empty() || name_of(place).empty() || !std::ranges::all_of(place, plain) ||
+      !std::ranges::all_of(origin.substr(0, scheme), [](char c) { return g_ascii_isalnum(c) || c == '-' || c == '+'; }))
+    throw Error("--origin " + text +
+                ": must be an origin such as https://example.org or https://example.org:8443, null, or *");
+  if (origin.starts_with("http://") && origin.ends_with(":80")) origin.resize(origin.size() - 3);
+  if (origin.starts_with("https://") && origin.ends_with(":443")) origin.resize(origin.size() - 4);
+  return origin;
+}
+
+std::string normal_host(const std::string& text) {
+  const std::string name = lower(name_of(text));
+  const auto plain = [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:", c)); };
+  if (name.empty() || !std::ranges::all_of(name, plain))
+    throw Error("--host " + text + ": must be a host name such as example.org");
+  return name;
+}
+
+Access::Access(std::string token, const std::set<std::string>& origins, const std::set<std::string>& hosts)
+    : token_(std::move(token)) {
+  for (const std::string& origin : origins) origins_.insert(normal_origin(origin));
+  for (const std::string& host : hosts) names_.insert(normal_host(host));
   hosts_ = names_;
   const std::string machine = lower(g_get_host_name());
   hosts_.insert({"localhost", machine, machine + ".local"});
@@ -68,6 +97,12 @@ bool Access::allows_host(const char* host) const {
   const std::string name = lower(name_of(host));
   g_autoptr(GInetAddress) address = g_inet_address_new_from_string(name.c_str());
   return address || hosts_.contains(name);
+}
+
+bool Access::allows_site(const char* site, const char* origin, const char* host) const {
+  const std::string_view given = site ? site : "none";
+  if (given == "none" || given == "same-origin" || origins_.contains("*")) return true;
+  return origin && allows_origin(origin, host);
 }
 
 bool Access::allows_origin(const char* origin, const char* host) const {

@@ -7,32 +7,42 @@
 
 namespace lf::serve {
 
-// Whether both are the same, told in a time that depends neither on where they differ nor on the length of `secret`.
+// Compares in a time that depends neither on the first difference nor on the length of `secret`.
 bool is_same_secret(std::string_view given, std::string_view secret);
 
-// Whether it is an address of this machine alone: "localhost", 127.0.0.0/8, ::1.
+// Whether the address belongs to this machine alone: "localhost", 127.0.0.0/8, ::1.
 bool is_loopback(const std::string& address);
+
+// An origin as browsers send it: "https://Example.org:443/" becomes "https://example.org". "null" and "*" stay. Throws
+// Error if `text` is not an origin.
+std::string normal_origin(const std::string& text);
+// A host name without case and port: "Example.org:8080" becomes "example.org". Throws Error if `text` is not a name.
+std::string normal_host(const std::string& text);
 
 // Decides who may ask, by the headers of a request. Immutable; thread-safe.
 class Access {
  public:
-  // `token`: "" asks for none. `origins`: as browsers send them ("https://example.org"), beside the server's own; "*"
-  // is any. `hosts`: names that the server goes by, beside the machine's own and "localhost".
-  Access(std::string token, std::set<std::string> origins, std::set<std::string> hosts);
+  // `token`: "" if clients need none. `origins`: allowed in addition to the server's own; "*" allows any. `hosts`:
+  // names of the server in addition to the machine's own and "localhost". Throws Error naming a wrong origin or host.
+  Access(std::string token, const std::set<std::string>& origins, const std::set<std::string>& hosts);
 
   // `authorization`: the header, or null.
   bool has_token(const char* authorization) const;
-  // `host`: what the client takes the server for, an address or one of the names. A page that has its own name point
-  // here (DNS rebinding) has another name, which its browser tells.
+  // `host`: the header, or null. Addresses and the server's names are allowed. A page whose own name points here (DNS
+  // rebinding) has another name in this header.
   bool allows_host(const char* host) const;
-  // `origin`: of the page that asks, or null if it is not a page. The server's own pages are those of `host`, and of
-  // its names where a proxy says another one.
+  // `origin`: the header, or null. The server's own pages have the origin of `host`, or of a name of the server if a
+  // proxy replaces `host`.
   bool allows_origin(const char* origin, const char* host) const;
+  // `site`: the header Sec-Fetch-Site, or null. Browsers send no Origin for <img>, <script> or a link in a page of
+  // another site, but tell that the request is one ("cross-site", "same-site").
+  bool allows_site(const char* site, const char* origin, const char* host) const;
   bool asks_for_token() const { return !token_.empty(); }
+  const std::set<std::string>& origins() const { return origins_; }
 
  private:
   std::string token_;
-  std::set<std::string> origins_, names_, hosts_;  // names_: as they were given; hosts_: with those of the machine
+  std::set<std::string> origins_, names_, hosts_;  // names_: as given; hosts_: and those of the machine
 };
 
 }  // namespace lf::serve

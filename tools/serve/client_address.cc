@@ -7,6 +7,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "base/error.h"
+
 namespace lf::serve {
 namespace {
 
@@ -23,19 +25,41 @@ std::string text_of(GInetAddress* address) {
 
 }  // namespace
 
-std::string subscriber(const std::string& address) {
+std::string plain_address(const std::string& address) {
   g_autoptr(GInetAddress) parsed = g_inet_address_new_from_string(address.c_str());
   if (!parsed) return "";
-  if (g_inet_address_get_family(parsed) == G_SOCKET_FAMILY_IPV4) return text_of(parsed);
-  constexpr gsize kWhole = 16, kNetwork = 8;
   constexpr guint8 kMapped[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+  const guint8* bytes = g_inet_address_to_bytes(parsed);
+  if (g_inet_address_get_family(parsed) == G_SOCKET_FAMILY_IPV4 || std::memcmp(bytes, kMapped, sizeof kMapped) != 0)
+    return text_of(parsed);
+  g_autoptr(GInetAddress) mapped = g_inet_address_new_from_bytes(bytes + sizeof kMapped, G_SOCKET_FAMILY_IPV4);
+  return text_of(mapped);
+}
+
+std::set<std::string> proxy_addresses(const std::string& proxy) {
+  if (g_ascii_strcasecmp(proxy.c_str(), "localhost") == 0) return {"127.0.0.1", "::1"};
+  const std::string address = plain_address(proxy);
+  if (address.empty()) throw Error("--proxy " + proxy + ": must be an IP address or localhost");
+  return {address};
+}
+
+// Only own addresses can be bound to.
+bool is_local_address(const std::string& address) {
+  g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), 0);
+  if (!bound) return false;
+  g_autoptr(GSocket) socket =
+      g_socket_new(g_socket_address_get_family(bound), G_SOCKET_TYPE_DATAGRAM, G_SOCKET_PROTOCOL_UDP, nullptr);
+  return socket && g_socket_bind(socket, bound, FALSE, nullptr);
+}
+
+std::string subscriber(const std::string& address) {
+  const std::string plain = plain_address(address);
+  g_autoptr(GInetAddress) parsed = g_inet_address_new_from_string(plain.c_str());
+  if (!parsed || g_inet_address_get_family(parsed) == G_SOCKET_FAMILY_IPV4 || g_inet_address_get_is_loopback(parsed))
+    return plain;
+  constexpr gsize kWhole = 16, kNetwork = 8;
   guint8 bytes[kWhole];
   std::memcpy(bytes, g_inet_address_to_bytes(parsed), kWhole);
-  if (std::memcmp(bytes, kMapped, sizeof kMapped) == 0) {
-    g_autoptr(GInetAddress) mapped = g_inet_address_new_from_bytes(bytes + sizeof kMapped, G_SOCKET_FAMILY_IPV4);
-    return text_of(mapped);
-  }
-  if (g_inet_address_get_is_loopback(parsed)) return text_of(parsed);
   std::fill(bytes + kNetwork, bytes + kWhole, guint8{0});
   g_autoptr(GInetAddress) network = g_inet_address_new_from_bytes(bytes, G_SOCKET_FAMILY_IPV6);
   return text_of(network) + "/64";
@@ -46,8 +70,8 @@ std::string client_address(const std::string& peer, const char* forwarded, const
   const std::string_view list = forwarded;
   const size_t comma = list.rfind(',');
   const std::string last = trimmed(comma == list.npos ? list : list.substr(comma + 1));
-  g_autoptr(GInetAddress) parsed = g_inet_address_new_from_string(last.c_str());
-  return parsed ? last : peer;
+  const std::string plain = plain_address(last);
+  return plain.empty() ? peer : plain;
 }
 
 std::string path_prefix(const char* forwarded) {

@@ -6,6 +6,15 @@
 
 namespace lf::serve {
 
+// An address as text in one form: an IPv6 address that stands for an IPv4 one becomes that. "" for what is no address.
+std::string plain_address(const std::string& address);
+
+// The addresses of `proxy`, an IP address or "localhost". Throws Error for another name.
+std::set<std::string> proxy_addresses(const std::string& proxy);
+
+// Whether this machine has the IP address.
+bool is_local_address(const std::string& address);
+
 // The subscriber whom limits are for: an IPv4 address (IPv6 ones that stand for one, too), or the /64 of an IPv6
 // address, which is what one customer has, as "2001:db8:1:2::/64". "" for what is no address.
 std::string subscriber(const std::string& address);

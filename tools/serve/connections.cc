@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "connections.h"
 
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
 #include <algorithm>
+#include <map>
 
 #include "base/error.h"
 #include "client_address.h"
@@ -11,7 +16,7 @@ namespace {
 
 constexpr guint kTickMs = 1000;
 
-// "ADDRESS PORT": of one connection, as long as it is open.
+// "ADDRESS PORT", unique among the open connections.
 std::string name_of(GSocketAddress* address) {
   if (!address || !G_IS_INET_SOCKET_ADDRESS(address)) return "";
   GInetSocketAddress* inet = G_INET_SOCKET_ADDRESS(address);
@@ -19,10 +24,41 @@ std::string name_of(GSocketAddress* address) {
   return std::string(text) + " " + std::to_string(g_inet_socket_address_get_port(inet));
 }
 
+bool has_received(GSocketConnection* connection) {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  const int file = g_socket_get_fd(g_socket_connection_get_socket(connection));
+  return getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 && info.tcpi_bytes_received > 0;
+}
+
 }  // namespace
 
+// A TLS connection from its first byte to the end of its handshake. Owns what it names.
+struct Connections::Handshake {
+  Connections* owner;  // null once that is gone
+  GSocketConnection* connection;
+  GIOStream* tls = nullptr;
+  GSource* first_byte = nullptr;
+  GCancellable* cancellable = g_cancellable_new();
+
+  Handshake(Connections* owner, GSocketConnection* connection)
+      : owner(owner), connection(G_SOCKET_CONNECTION(g_object_ref(connection))) {}
+  ~Handshake() {
+    if (first_byte) {
+      g_source_destroy(first_byte);
+      g_source_unref(first_byte);
+    }
+    g_clear_object(&tls);
+    g_object_unref(connection);
+    g_object_unref(cancellable);
+  }
+  Handshake(const Handshake&) = delete;
+};
+
 Connections::Connections(SoupServer* server, const std::string& address, int port, GTlsCertificate* certificate)
-    : server_(server), certificate_(certificate), service_(g_socket_service_new()) {
+    : server_(SOUP_SERVER(g_object_ref(server))),
+      certificate_(certificate ? G_TLS_CERTIFICATE(g_object_ref(certificate)) : nullptr),
+      service_(g_socket_service_new()) {
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), static_cast<guint>(port));
   GSocketAddress* effective = nullptr;
   GError* error = nullptr;
@@ -31,6 +67,8 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
     const std::string text = address + ": " + (error ? error->message : "must be an IP address");
     g_clear_error(&error);
     g_object_unref(service_);
+    g_clear_object(&certificate_);
+    g_object_unref(server_);
     throw Error(text);
   }
   port_ = g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(effective));
@@ -57,63 +95,183 @@ Connections::~Connections() {
   g_socket_listener_close(G_SOCKET_LISTENER(service_));
   g_signal_handlers_disconnect_by_data(service_, this);
   g_object_unref(service_);
-  for (const auto& [connection, state] : open_) g_object_weak_unref(G_OBJECT(connection), forget, this);
+  for (Handshake* handshake : handshakes_) {
+    handshake->owner = nullptr;
+    g_cancellable_cancel(handshake->cancellable);
+    if (!handshake->tls) delete handshake;  // else its callback does
+  }
+  for (Connection& state : open_) g_weak_ref_clear(&state.connection);
+  g_clear_object(&certificate_);
+  g_object_unref(server_);
+}
+
+void Connections::set_certificate(GTlsCertificate* certificate) { g_set_object(&certificate_, certificate); }
+
+size_t Connections::size() {
+  forget_closed();
+  return open_.size();
+}
+
+void Connections::forget_closed() {
+  for (auto i = open_.begin(); i != open_.end();) {
+    g_autoptr(GObject) still = static_cast<GObject*>(g_weak_ref_get(&i->connection));
+    if (still) {
+      ++i;
+    } else {
+      g_weak_ref_clear(&i->connection);
+      i = open_.erase(i);
+    }
+  }
+}
+
+size_t Connections::choose_victim(const std::vector<Standing>& all, int64_t now) {
+  std::map<std::string, size_t> counts;
+  for (const Standing& one : all) counts[one.subscriber]++;
+  const auto most = std::ranges::max_element(counts, {}, [](const auto& entry) { return entry.second; });
+  const bool greedy = most->second > kFair;
+  // The group that loses one: 0 idle, 1 without a whole request, 2 any.
+  const auto group_of = [now](const Standing& one) {
+    if (one.progress == Progress::kRequest) return 2;
+    return one.progress == Progress::kNothing && now - one.since > kIdle ? 0 : 1;
+  };
+  size_t victim = all.size();
+  for (size_t i = 0; i < all.size(); i++) {
+    if (greedy && all[i].subscriber != most->first) continue;
+    const auto rank = [&](const Standing& one) { return std::pair(group_of(one), one.since); };
+    if (victim == all.size() || rank(all[i]) < rank(all[victim])) victim = i;
+  }
+  return victim;
+}
+
+// Closes connections in the phases `least` to `most` until there are fewer than `limit`.
+void Connections::make_room(Phase least, Phase most, size_t limit) {
+  forget_closed();
+  const int64_t now = g_get_monotonic_time();
+  for (;;) {
+    std::vector<Standing> standings;
+    std::vector<Connection*> of;
+    for (Connection& state : open_) {
+      if (state.ended || state.phase < least || state.phase > most) continue;
+      g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&state.connection));
+      if (!connection) continue;
+      const Progress progress = state.phase == Phase::kResponse                                ? Progress::kRequest
+                                : state.phase == Phase::kHandshake || has_received(connection) ? Progress::kSome
+                                                                                               : Progress::kNothing;
+      standings.push_back({state.subscriber, state.since, progress});
+      of.push_back(&state);
+    }
+    if (standings.size() < limit) return;
+    end(*of[choose_victim(standings, now)]);
+  }
 }
 
 void Connections::accept(GSocketConnection* connection) {
+  g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
+  if (!remote) return;  // closed already
+  const std::string name = name_of(remote);
+  make_room(Phase::kHello, Phase::kResponse, kMost);
+  Connection& state = open_.emplace_back();
+  g_weak_ref_init(&state.connection, connection);
+  state.subscriber = subscriber(name.substr(0, name.find(' ')));
+  state.remote = name;
+  state.since = g_get_monotonic_time();
+  state.phase = certificate_ ? Phase::kHello : Phase::kRequest;
+  if (certificate_)
+    await_hello(connection);
+  else
+    hand_over(connection, G_IO_STREAM(connection));
+}
+
+// GLib does each handshake in a thread of a small pool. A silent client must not hold one.
+void Connections::await_hello(GSocketConnection* connection) {
+  auto* handshake = new Handshake(this, connection);
+  handshakes_.push_back(handshake);
+  handshake->first_byte = g_socket_create_source(g_socket_connection_get_socket(connection), G_IO_IN, nullptr);
+  const GSocketSourceFunc ready = [](GSocket*, GIOCondition, gpointer data) -> gboolean {
+    auto* self = static_cast<Handshake*>(data);
+    self->owner->start_handshake(self);
+    return G_SOURCE_REMOVE;
+  };
+  g_source_set_callback(handshake->first_byte, G_SOURCE_FUNC(ready), handshake, nullptr);
+  g_source_attach(handshake->first_byte, nullptr);
+}
+
+void Connections::start_handshake(Handshake* handshake) {
+  Connection* state = find(handshake->connection);
+  const bool closed = g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0;
+  if (!state || state->ended || closed) return finish_handshake(handshake, false);
+  make_room(Phase::kHandshake, Phase::kHandshake, kMostHandshakes);
+  state->phase = Phase::kHandshake;  // the time goes on
+  handshake->tls = g_tls_server_connection_new(G_IO_STREAM(handshake->connection), certificate_, nullptr);
+  if (!handshake->tls) return finish_handshake(handshake, false);
+  g_tls_connection_set_require_close_notify(G_TLS_CONNECTION(handshake->tls), FALSE);
+  g_tls_connection_handshake_async(
+      G_TLS_CONNECTION(handshake->tls), G_PRIORITY_DEFAULT, handshake->cancellable,
+      [](GObject* tls, GAsyncResult* result, gpointer data) {
+        auto* self = static_cast<Handshake*>(data);
+        const bool done = g_tls_connection_handshake_finish(G_TLS_CONNECTION(tls), result, nullptr);
+        if (self->owner)
+          self->owner->finish_handshake(self, done);
+        else
+          delete self;
+      },
+      handshake);
+}
+
+void Connections::finish_handshake(Handshake* handshake, bool done) {
+  handshakes_.remove(handshake);
+  Connection* state = find(handshake->connection);
+  if (done && state && !state->ended) {
+    state->phase = Phase::kRequest;
+    state->since = g_get_monotonic_time();
+    hand_over(handshake->connection, handshake->tls);
+  }
+  delete handshake;
+}
+
+void Connections::hand_over(GSocketConnection* connection, GIOStream* stream) {
   g_autoptr(GSocketAddress) local = g_socket_connection_get_local_address(connection, nullptr);
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
-  if (!local || !remote) return;  // gone already
-  const std::string name = name_of(remote);
-  if (open_.size() >= kMost) {
-    std::map<std::string, size_t> of;
-    for (const auto& [other, state] : open_) of[state.subscriber] += !state.ended;
-    const auto most = std::ranges::max_element(of, {}, [](const auto& entry) { return entry.second; });
-    GSocketConnection* oldest = nullptr;
-    for (const auto& [other, state] : open_)
-      if (!state.ended && state.subscriber == most->first && (!oldest || state.since < open_[oldest].since))
-        oldest = other;
-    if (oldest) end(oldest);
-  }
-  open_[connection] = {subscriber(name.substr(0, name.find(' '))), name, g_get_monotonic_time()};
-  g_object_weak_ref(G_OBJECT(connection), forget, this);
-
-  GIOStream* stream = G_IO_STREAM(g_object_ref(connection));
-  if (certificate_) {
-    GIOStream* inner = stream;
-    stream = g_tls_server_connection_new(inner, certificate_, nullptr);
-    g_object_unref(inner);
-    if (!stream) return;
-    g_tls_connection_set_require_close_notify(G_TLS_CONNECTION(stream), FALSE);
-  }
-  soup_server_accept_iostream(server_, stream, local, remote, nullptr);
-  g_object_unref(stream);
+  if (local && remote) soup_server_accept_iostream(server_, stream, local, remote, nullptr);
 }
 
-void Connections::forget(gpointer data, GObject* connection) {
-  static_cast<Connections*>(data)->open_.erase(reinterpret_cast<GSocketConnection*>(connection));
+Connections::Connection* Connections::find(GSocketConnection* connection) {
+  for (Connection& state : open_) {
+    g_autoptr(GObject) same = static_cast<GObject*>(g_weak_ref_get(&state.connection));
+    if (same == G_OBJECT(connection)) return &state;
+  }
+  return nullptr;
 }
 
-// libsoup sees the end of the stream and lets go of it.
-void Connections::end(GSocketConnection* connection) {
+// libsoup, or the handshake, sees the end of the stream and releases it.
+void Connections::end(Connection& state) {
+  state.ended = true;
+  g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&state.connection));
+  if (!connection) return;
   closed_++;
-  open_[connection].ended = true;
   g_socket_shutdown(g_socket_connection_get_socket(connection), TRUE, TRUE, nullptr);
+  for (Handshake* handshake : handshakes_)
+    if (handshake->connection == connection) g_cancellable_cancel(handshake->cancellable);
 }
 
 void Connections::asked(SoupServerMessage* message) {
   const std::string name = name_of(soup_server_message_get_remote_address(message));
-  for (auto& [connection, state] : open_)
+  for (Connection& state : open_)
     if (state.remote == name) {
-      state.asked = true;
+      state.phase = Phase::kResponse;
       state.since = g_get_monotonic_time();
     }
 }
 
 void Connections::tick() {
+  forget_closed();
   const int64_t now = g_get_monotonic_time();
-  for (auto& [connection, state] : open_)
-    if (!state.ended && now - state.since > (state.asked ? kResponse : kRequest) * G_USEC_PER_SEC) end(connection);
+  for (Connection& state : open_) {
+    const int64_t most = state.phase == Phase::kResponse  ? kResponse
+                         : state.phase == Phase::kRequest ? kRequest
+                                                          : kHandshake;
+    if (!state.ended && now - state.since > most * G_USEC_PER_SEC) end(state);
+  }
 }
 
 }  // namespace lf::serve

@@ -4,40 +4,67 @@
 #include <libsoup/soup.h>
 
 #include <cstdint>
-#include <map>
+#include <list>
 #include <string>
+#include <vector>
 
 namespace lf::serve {
 
-// The TCP connections of an HTTP server: accepts them, with TLS where there is a certificate, and ends those that cost
-// more than they are worth, whoever they are. One that has not sent a whole request after kRequest seconds is closed,
-// and so is one that has not taken its response kResponse seconds later. At most kMost are open: for one more the
-// subscriber that has most of them loses its oldest. On the main thread alone.
+// The TCP connections of an HTTP server, with TLS if there is a certificate. Slow connections are closed: a client has
+// kHandshake seconds for the TLS handshake, kRequest seconds for the whole request and kResponse seconds to take the
+// response. At most kMost connections are open, and at most kMostHandshakes handshakes run; choose_victim() says which
+// connection is closed for one more. Main thread only.
 class Connections {
  public:
-  static constexpr size_t kMost = 256;
-  static constexpr int64_t kRequest = 10, kResponse = 30;  // seconds
+  static constexpr size_t kMost = 256, kMostHandshakes = 64;
+  static constexpr int64_t kHandshake = 5, kRequest = 10, kResponse = 30;  // seconds
+  static constexpr size_t kFair = 16;  // connections that a subscriber may have without being the first to lose one
+  static constexpr int64_t kIdle = 1000000;  // microseconds after which a connection without a byte is idle
 
-  // Listens; `server` and `certificate` (or null) are borrowed. Throws Error that names `address`.
+  // Listens. Takes references to `server` and `certificate` (null: no TLS). Throws Error naming `address`.
   Connections(SoupServer* server, const std::string& address, int port, GTlsCertificate* certificate);
   ~Connections();
   Connections(const Connections&) = delete;
 
+  // The certificate of new connections. Not null; the server must have been made with one.
+  void set_certificate(GTlsCertificate* certificate);
   int port() const { return port_; }
-  size_t size() const { return open_.size(); }
-  uint64_t closed() const { return closed_; }  // connections closed because they took too long or were too many
-  // The whole request of this connection is there.
+  size_t size();
+  uint64_t closed() const { return closed_; }  // connections closed because they were too slow or too many
+  // Call when the whole request of this connection has arrived.
   void asked(SoupServerMessage* message);
 
- private:
-  struct Connection {
-    std::string subscriber, remote;
-    int64_t since;  // g_get_monotonic_time() of its beginning or of its request
-    bool asked = false, ended = false;
+  enum class Progress { kNothing, kSome, kRequest };  // what the client has sent
+  struct Standing {
+    std::string subscriber;
+    int64_t since;  // g_get_monotonic_time()
+    Progress progress;
   };
-  static void forget(gpointer data, GObject* connection);
+  // Which of these connections is closed to make room; there must be one. A subscriber with more than kFair loses one
+  // first. Then an idle connection goes, then one without a whole request, each time the oldest. So an honest client
+  // gets as long as the flood takes to open kMost connections, however many addresses the flood comes from.
+  static size_t choose_victim(const std::vector<Standing>& all, int64_t now);
+
+ private:
+  enum class Phase { kHello, kHandshake, kRequest, kResponse };
+  struct Connection {
+    GWeakRef connection;  // a GSocketConnection; libsoup owns it, and may release it in another thread
+    std::string subscriber, remote;
+    int64_t since;  // g_get_monotonic_time() when the phase began
+    Phase phase;
+    bool ended = false;
+  };
+  struct Handshake;
+
   void accept(GSocketConnection* connection);
-  void end(GSocketConnection* connection);
+  void await_hello(GSocketConnection* connection);
+  void start_handshake(Handshake* handshake);
+  void finish_handshake(Handshake* handshake, bool done);
+  void hand_over(GSocketConnection* connection, GIOStream* stream);
+  void make_room(Phase least, Phase most, size_t limit);
+  Connection* find(GSocketConnection* connection);
+  void end(Connection& state);
+  void forget_closed();
   void tick();
 
   SoupServer* server_;
@@ -45,7 +72,8 @@ class Connections {
   GSocketService* service_;
   int port_ = 0;
   guint timer_ = 0;
-  std::map<GSocketConnection*, Connection> open_;
+  std::list<Connection> open_;
+  std::list<Handshake*> handshakes_;  // until each has ended
   uint64_t closed_ = 0;
 };
 

@@ -9,8 +9,22 @@
 namespace lf::serve {
 namespace {
 
-constexpr const char* kReasons[] = {"address", "body", "filming",  "full",  "host",       "offer", "origin",
-                                    "path",    "rate", "starting", "token", "token-rate", "type"};
+constexpr const char* kReasons[] = {"address", "body", "filming",  "full",  "header",     "host", "offer", "origin",
+                                    "path",    "rate", "starting", "token", "token-rate", "type", "view"};
+
+// Whether a header that decides who may ask came twice. Programs differ in which of the two they believe.
+bool is_ambiguous(SoupMessageHeaders* headers) {
+  constexpr const char* kOnce[] = {"Authorization", "Content-Length", "Content-Type",  "Host",
+                                   "Origin",        "Sec-Fetch-Mode", "Sec-Fetch-Site"};
+  size_t counts[std::size(kOnce)] = {};
+  SoupMessageHeadersIter iter;
+  const char *name = nullptr, *value = nullptr;
+  soup_message_headers_iter_init(&iter, headers);
+  while (soup_message_headers_iter_next(&iter, &name, &value))
+    for (size_t i = 0; i < std::size(kOnce); i++)
+      if (g_ascii_strcasecmp(name, kOnce[i]) == 0 && ++counts[i] > 1) return true;
+  return false;
+}
 
 }  // namespace
 
@@ -27,8 +41,22 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
   soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, body.data(), body.size());
 }
 
-const Refusal* refuse_body(SoupServerMessage* message, size_t most) {
+void set_common_headers(SoupServerMessage* message, const char* caching) {
+  // libsoup before 3.3 never closes a connection that waits for another request when the client has closed it.
+  set_header(message, "Connection", "close");
+  set_header(message, "Cache-Control", caching);
+  set_header(message, "X-Content-Type-Options", "nosniff");
+  set_header(message, "Referrer-Policy", "no-referrer");
+  // No page of another site may embed a response. Allowed origins read it by CORS.
+  set_header(message, "Cross-Origin-Resource-Policy", "same-origin");
+}
+
+const Refusal* refuse_early(SoupServerMessage* message, size_t most) {
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
+  if (is_ambiguous(headers)) {
+    soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
+    return &refusal::kHeader;
+  }
   const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
   const bool has_length = encoding == SOUP_ENCODING_CONTENT_LENGTH;
   const bool too_long = has_length && soup_message_headers_get_content_length(headers) > static_cast<goffset>(most);

@@ -27,6 +27,7 @@ struct Refusal {
 };
 
 namespace refusal {
+inline constexpr Refusal kHeader{400, "header", "a header that may come once came twice"};
 inline constexpr Refusal kHost{403, "host", "this server does not go by that name (--host)"};
 inline constexpr Refusal kOrigin{403, "origin", "this origin may not watch (--origin)"};
 inline constexpr Refusal kToken{401, "token", "the bearer token is missing or wrong"};
@@ -39,12 +40,15 @@ inline constexpr Refusal kAddress{429, "address", "this address has all the view
 inline constexpr Refusal kFull{503, "full", "too many viewers", 1};
 inline constexpr Refusal kFilming{503, "filming", "the scene is filmed for the first time", 1};
 inline constexpr Refusal kStarting{503, "starting", "the cameras are being opened", 1};
+inline constexpr Refusal kView{500, "view", "the server can't open a view: its log says why", 10};
 inline constexpr Refusal kPath{404, "path", "there is no such path (--path)"};
 }  // namespace refusal
 
-// Before a request's body is read: why it is not to be, as it is longer than `most` bytes or does not say how long;
-// what comes of it is not kept. Null: it may be read.
-const Refusal* refuse_body(SoupServerMessage* message, size_t most);
+// Call before a request's body is read. Returns why the request is refused: a header that decides who may ask came
+// twice, or the body is longer than `most` bytes or has no length. Null if it is not; else the body is thrown away.
+const Refusal* refuse_early(SoupServerMessage* message, size_t most);
+// Sets the headers that all responses have. `caching`: the value of Cache-Control.
+void set_common_headers(SoupServerMessage* message, const char* caching);
 
 // Answers with refusals, and counts them by their reason. On the main thread alone.
 class Refusals {

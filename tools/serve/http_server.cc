@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "client_address.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -20,7 +21,7 @@ std::string address_of(SoupServerMessage* message) {
   GSocketAddress* address = soup_server_message_get_remote_address(message);
   if (!address || !G_IS_INET_SOCKET_ADDRESS(address)) return "";
   g_autofree gchar* text = g_inet_address_to_string(g_inet_socket_address_get_address(G_INET_SOCKET_ADDRESS(address)));
-  return text;
+  return plain_address(text);
 }
 
 long resident_bytes() {
@@ -30,17 +31,10 @@ long resident_bytes() {
   return resident * sysconf(_SC_PAGESIZE);
 }
 
-GTlsCertificate* load_certificate(const ServerOptions& options) {
+std::unique_ptr<Certificate> load_certificate(const ServerOptions& options) {
   if (options.certificate.empty() != options.key.empty())
     throw Error("--tls-certificate and --tls-key: one needs the other");
-  if (options.certificate.empty()) return nullptr;
-  GError* error = nullptr;
-  GTlsCertificate* certificate =
-      g_tls_certificate_new_from_files(options.certificate.c_str(), options.key.c_str(), &error);
-  if (certificate) return certificate;
-  const std::string text = options.certificate + ": " + error->message;
-  g_error_free(error);
-  throw Error(text);
+  return options.certificate.empty() ? nullptr : std::make_unique<Certificate>(options.certificate, options.key);
 }
 
 }  // namespace
@@ -50,9 +44,9 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       limits_(limits),
       access_(options.token, options.origins, options.hosts),
       whep_(options.whep, limits, refusals_),
-      wrong_tokens_(Limits::kWrongTokens, Limits::kWrongTokensAtOnce) {
-  g_autoptr(GTlsCertificate) certificate = load_certificate(options);
-  if (!is_loopback(options.address) && !certificate && !options.insecure)
+      wrong_tokens_(Limits::kWrongTokens, Limits::kWrongTokensAtOnce),
+      certificate_(load_certificate(options)) {
+  if (!is_loopback(options.address) && !certificate_ && !options.insecure)
     throw Error("--listen " + options.address + ": others can listen in; needs --tls-certificate and --tls-key, or " +
                 "--insecure if that does not matter");
   server_ = soup_server_new("server-header", "lf-serve", nullptr);
@@ -69,15 +63,38 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       },
       this, nullptr);
   try {
-    connections_ = std::make_unique<Connections>(
-        server_, options.address == "localhost" ? "127.0.0.1" : options.address, options.port, certificate);
+    connections_ =
+        std::make_unique<Connections>(server_, options.address == "localhost" ? "127.0.0.1" : options.address,
+                                      options.port, certificate_ ? certificate_->get() : nullptr);
   } catch (const Error& error) {
     g_object_unref(server_);
     throw Error(std::string("--listen ") + error.what());
   }
+  if (!certificate_) return;
+  constexpr guint kEvery = 1;  // seconds
+  certificate_timer_ = g_timeout_add_seconds(
+      kEvery,
+      [](gpointer data) -> gboolean {
+        static_cast<HttpServer*>(data)->renew_certificate();
+        return G_SOURCE_CONTINUE;
+      },
+      this);
+}
+
+// Programs that renew certificates replace the two files one after the other: a key that does not fit yet is not the
+// last word.
+void HttpServer::renew_certificate() {
+  try {
+    if (!certificate_->reload()) return;
+    connections_->set_certificate(certificate_->get());
+    say("new connections use the new certificate in " + options_.certificate);
+  } catch (const Error& error) {
+    say(std::string("the certificate stays as it was: ") + error.what());
+  }
 }
 
 HttpServer::~HttpServer() {
+  if (certificate_timer_) g_source_remove(certificate_timer_);
   connections_.reset();
   soup_server_disconnect(server_);
   g_object_unref(server_);
@@ -109,12 +126,8 @@ Whep::Client HttpServer::client_of(SoupServerMessage* message) const {
 
 // Before the body is read: nobody needs to read one that won't be taken.
 void HttpServer::begin(SoupServerMessage* message) {
-  // libsoup before 3.3 never closes a connection that waits for another request when the client has closed it.
-  set_header(message, "Connection", "close");
-  set_header(message, "Cache-Control", "no-cache");
-  set_header(message, "X-Content-Type-Options", "nosniff");
-  set_header(message, "Referrer-Policy", "no-referrer");
-  const Refusal* const refusal = refuse_body(message, Offer::kMaxBytes);
+  set_common_headers(message, "no-cache");
+  const Refusal* const refusal = refuse_early(message, Offer::kMaxBytes);
   if (!refusal) return;
   connections_->asked(message);
   refusals_.answer(message, client_of(message).address, *refusal);
@@ -175,10 +188,10 @@ void HttpServer::mosaic(SoupServerMessage* message, bool picture) {
   }
 }
 
-// Origin and token, and the headers that let a page of an allowed origin read the response.
+// Checks origin and token, and sets the headers that let a page of an allowed origin read the response.
 bool HttpServer::admit(SoupServerMessage* message, const Whep::Client& client) {
-  const char* origin = header(message, "Origin");
-  if (!access_.allows_origin(origin, header(message, "Host"))) {
+  const char *origin = header(message, "Origin"), *host = header(message, "Host");
+  if (!access_.allows_origin(origin, host) || !access_.allows_site(header(message, "Sec-Fetch-Site"), origin, host)) {
     refusals_.answer(message, client.address, refusal::kOrigin);
     return false;
   }
@@ -192,18 +205,17 @@ bool HttpServer::admit(SoupServerMessage* message, const Whep::Client& client) {
   return (asks && !header(message, "Authorization")) || knows_token(message, client);
 }
 
-// Who guesses is not told any more whether a guess is right, until a while later.
+// A right token is never limited: wrong ones, from whatever addresses, keep out nobody who has it.
 bool HttpServer::knows_token(SoupServerMessage* message, const Whep::Client& client) {
   if (!access_.asks_for_token()) return true;
   const char* given = header(message, "Authorization");
   const std::string who = subscriber(client.address);
   const int64_t now = g_get_monotonic_time();
-  if (given && !wrong_tokens_.has_one(who, now)) {
+  if (access_.has_token(given)) return true;
+  if (given && !wrong_tokens_.take(who, now)) {
     refusals_.answer(message, client.address, refusal::kTokenRate);
     return false;
   }
-  if (access_.has_token(given)) return true;
-  if (given) wrong_tokens_.take(who, now);
   set_header(message, "WWW-Authenticate", "Bearer");
   refusals_.answer(message, client.address, refusal::kToken);
   return false;
@@ -216,10 +228,11 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   gsize size = 0;
   const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
   std::string frames;
-  for (const std::string& origin : options_.origins)
+  for (const std::string& origin : access_.origins())
     if (origin != "null") frames += " " + origin;
   // Others' pages may use the element; what they may watch is decided when they ask for it.
   set_header(message, "Access-Control-Allow-Origin", "*");
+  set_header(message, "Cross-Origin-Resource-Policy", "cross-origin");
   set_header(message, "Content-Security-Policy",
              "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
              "frame-ancestors 'self'" +

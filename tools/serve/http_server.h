@@ -9,6 +9,7 @@
 #include <string>
 
 #include "access.h"
+#include "certificate.h"
 #include "connections.h"
 #include "http_reply.h"
 #include "rate_limit.h"
@@ -20,7 +21,7 @@ namespace lf::serve {
 struct ServerOptions {
   std::string address = "127.0.0.1";
   int port = 8080;               // 0: any
-  std::string certificate, key;  // PEM files; both or none
+  std::string certificate, key;  // PEM files, read again when they change; both or none
   std::string token;
   std::set<std::string> origins, hosts, proxies;
   Whep::Options whep;
@@ -55,6 +56,7 @@ class HttpServer {
   void wait(SoupServerMessage* message, const Whep::Client& client);
   Whep::Client client_of(SoupServerMessage* message) const;
   std::string metrics() const;
+  void renew_certificate();
 
   ServerOptions options_;
   Limits limits_;
@@ -62,6 +64,8 @@ class HttpServer {
   Refusals refusals_;
   Whep whep_;
   AddressLimit wrong_tokens_;
+  std::unique_ptr<Certificate> certificate_;  // null: no TLS
+  guint certificate_timer_ = 0;
   SoupServer* server_;
   std::unique_ptr<Connections> connections_;
   std::optional<double> filmed_;

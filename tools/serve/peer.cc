@@ -4,6 +4,7 @@
 #define GST_USE_UNSTABLE_API
 #include <gst/webrtc/webrtc.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "goodbye.h"
@@ -43,7 +44,10 @@ std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->
 }  // namespace
 
 Peer::Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks)
-    : webrtc_(webrtc), offer_(std::move(offer)), ssrc_(ssrc), callbacks_(std::move(callbacks)) {}
+    : webrtc_(GST_ELEMENT(gst_object_ref(webrtc))),
+      offer_(std::move(offer)),
+      ssrc_(ssrc),
+      callbacks_(std::move(callbacks)) {}
 
 std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
                                  Callbacks callbacks) {
@@ -53,9 +57,31 @@ std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, uint32_t ssrc,
 }
 
 Peer::~Peer() {
-  if (!channel_) return;
-  g_signal_handlers_disconnect_matched(channel_, G_SIGNAL_MATCH_DETAIL, 0, 0, nullptr, nullptr, nullptr);
-  g_object_unref(channel_);
+  if (channel_) g_signal_handlers_disconnect_matched(channel_, G_SIGNAL_MATCH_DETAIL, 0, 0, nullptr, nullptr, nullptr);
+  g_clear_object(&channel_);
+  gst_clear_object(&dtls_);
+  gst_object_unref(webrtc_);
+}
+
+void Peer::set_bit_rate(int bits_per_second) {
+  const double bytes = kRepeatShare * bits_per_second / 8;
+  const std::lock_guard lock(mutex_);
+  repeats_.set_rate(bytes, std::max(bytes, kRepeatBurst), g_get_monotonic_time());
+}
+
+bool Peer::take_key_frame() {
+  const std::lock_guard lock(mutex_);
+  return key_frames_.take(g_get_monotonic_time());
+}
+
+// The RTP session turns each sequence number in a NACK into one event for rtprtxsend.
+GstPadProbeReturn Peer::asked_to_repeat(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  const GstStructure* structure = gst_event_get_structure(GST_PAD_PROBE_INFO_EVENT(info));
+  if (!structure || !gst_structure_has_name(structure, "GstRTPRetransmissionRequest")) return GST_PAD_PROBE_OK;
+  const auto peer = peer_of(data);
+  if (!peer) return GST_PAD_PROBE_DROP;
+  const std::lock_guard lock(peer->mutex_);
+  return peer->repeats_.take(g_get_monotonic_time(), kRepeatBytes) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
 }
 
 void Peer::fail(const std::string& why) {
@@ -72,7 +98,12 @@ void Peer::watch_element(GstElement* element) {
   if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
   if (type == "dtlsenc") {
     const std::lock_guard lock(mutex_);
-    dtls_ = element;
+    gst_object_replace(reinterpret_cast<GstObject**>(&dtls_), GST_OBJECT(element));
+  }
+  if (type == "rtprtxsend") {
+    g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");
+    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, asked_to_repeat, new Weak(weak_from_this()),
+                      [](gpointer data) { delete static_cast<Weak*>(data); });
   }
   // A pad each SCTP stream, which costs elements and a thread, announced as a data channel or not.
   if (type == "sctpdec")
@@ -260,7 +291,7 @@ void Peer::say_goodbye() {
   GstElement* dtls = nullptr;
   {
     const std::lock_guard lock(mutex_);
-    dtls = connected_ ? dtls_ : nullptr;
+    if (connected_ && dtls_) dtls = GST_ELEMENT(gst_object_ref(dtls_));
   }
   if (!dtls) return;
   const auto goodbye = std::make_shared<Goodbye>();
@@ -277,6 +308,7 @@ void Peer::say_goodbye() {
         return TRUE;
       },
       nullptr);
+  gst_object_unref(dtls);
   if (probe == 0) return;
   goodbye->wait();
   gst_pad_remove_probe(src, probe);

@@ -12,6 +12,7 @@
 
 #include "offer.h"
 #include "packet_loss.h"
+#include "rate_limit.h"
 
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
@@ -51,7 +52,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
 
   static constexpr unsigned kGathering = 1000;  // milliseconds: a STUN server that is away takes five seconds
 
-  // `webrtc` is borrowed from its pipeline, which has not been started; its sink_0 is linked.
+  // `webrtc` is in a pipeline that has not been started; its sink_0 is linked. Takes a reference.
   static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
                                     Callbacks callbacks);
   // Call after the pipeline was stopped.
@@ -65,12 +66,22 @@ class Peer : public std::enable_shared_from_this<Peer> {
   bool connected() const { return connected_; }
   // Sends a text on the data channel "control", if there is one. Thread-safe.
   void send(const std::string& text);
+  // The video's bit rate from now on. A browser that asks for packets again gets no more of them than that: the
+  // requests are small, and may be endless. Thread-safe.
+  void set_bit_rate(int bits_per_second);
+  // Whether the browser may ask for a key frame now, which costs many bits. Thread-safe.
+  bool take_key_frame();
   // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
   void say_goodbye();
   // Asks webrtcbin for its statistics; on_report() follows.
   void ask_for_report();
 
  private:
+  // Bytes of repeated packets per second, as a part of the video's bit rate; bytes of them at once, at least.
+  static constexpr double kRepeatShare = 1, kRepeatBurst = 100000;
+  static constexpr double kRepeatBytes = 1250;                   // of a repeated packet, at most
+  static constexpr double kKeyFrames = 2, kKeyFramesAtOnce = 5;  // key frames that a browser may ask for, per second
+
   Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks);
   void watch(const Route& route);
   void announce();
@@ -79,8 +90,9 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void fail(const std::string& why);
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
+  static GstPadProbeReturn asked_to_repeat(GstPad* pad, GstPadProbeInfo* info, gpointer data);
 
-  GstElement* webrtc_;
+  GstElement* const webrtc_;
   Offer offer_;
   uint32_t ssrc_;
   Callbacks callbacks_;
@@ -89,8 +101,9 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
-  GstElement* dtls_ = nullptr;  // the encoder, borrowed from the webrtcbin
-  PacketLoss loss_;             // used by the main thread alone
+  GstElement* dtls_ = nullptr;  // the encoder
+  TokenBucket repeats_{kRepeatBurst, kRepeatBurst}, key_frames_{kKeyFrames, kKeyFramesAtOnce};
+  PacketLoss loss_;  // used by the main thread alone
 };
 
 }  // namespace lf::serve

@@ -2,6 +2,7 @@
 #include "rate_limit.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace lf::serve {
 
@@ -10,11 +11,18 @@ void TokenBucket::fill(int64_t now) {
   filled_ = now;
 }
 
-bool TokenBucket::take(int64_t now) {
+bool TokenBucket::take(int64_t now, double count) {
   fill(now);
-  if (tokens_ < 1) return false;
-  tokens_ -= 1;
+  if (tokens_ < count) return false;
+  tokens_ -= count;
   return true;
+}
+
+void TokenBucket::set_rate(double per_second, double burst, int64_t now) {
+  fill(now);
+  per_second_ = per_second;
+  burst_ = burst;
+  tokens_ = std::min(tokens_, burst);
 }
 
 bool TokenBucket::full(int64_t now) {
@@ -23,15 +31,19 @@ bool TokenBucket::full(int64_t now) {
 }
 
 TokenBucket& AddressLimit::bucket(const std::string& address, int64_t now) {
-  auto found = buckets_.find(address);
-  if (found == buckets_.end()) {
-    // A full bucket is as good as none.
-    if (buckets_.size() >= kMaxAddresses)
-      for (auto i = buckets_.begin(); i != buckets_.end();) i = i->second.full(now) ? buckets_.erase(i) : std::next(i);
-    if (buckets_.size() >= kMaxAddresses) return others_;
-    found = buckets_.emplace(address, TokenBucket(per_second_, burst_)).first;
+  auto found = entries_.find(address);
+  if (found != entries_.end()) {
+    order_.splice(order_.end(), order_, found->second.place);
+    return found->second.bucket;
   }
-  return found->second;
+  // A full bucket is as good as none.
+  while (!order_.empty() && (entries_.size() >= kMaxAddresses || entries_.at(order_.front()).bucket.full(now))) {
+    entries_.erase(order_.front());
+    order_.pop_front();
+  }
+  order_.push_back(address);
+  return entries_.emplace(address, Entry{TokenBucket(per_second_, burst_), std::prev(order_.end())})
+      .first->second.bucket;
 }
 
 }  // namespace lf::serve

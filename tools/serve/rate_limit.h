@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <list>
 #include <map>
 #include <string>
 
@@ -13,9 +14,10 @@ class TokenBucket {
  public:
   TokenBucket(double per_second, double burst) : per_second_(per_second), burst_(burst), tokens_(burst) {}
 
-  // Takes a token; false if there is none.
-  bool take(int64_t now);
-  bool has_one(int64_t now) { return fill(now), tokens_ >= 1; }
+  // Takes so many tokens; false, and takes nothing, if there are fewer.
+  bool take(int64_t now, double count = 1);
+  // The tokens that are there stay, up to the new burst.
+  void set_rate(double per_second, double burst, int64_t now);
   bool full(int64_t now);
 
  private:
@@ -25,25 +27,28 @@ class TokenBucket {
   int64_t filled_ = 0;
 };
 
-// A bucket for each of the latest addresses. At most kMaxAddresses: when more are busy, new ones share a bucket.
-// Without locks.
+// A bucket for each of the latest kMaxAddresses addresses. One more takes the place of the address that was not seen
+// for the longest time, so that a flood from many addresses never limits an address that took no part in it. Without
+// locks.
 class AddressLimit {
  public:
   static constexpr size_t kMaxAddresses = 4096;
 
-  AddressLimit(double per_second, double burst) : per_second_(per_second), burst_(burst), others_(per_second, burst) {}
+  AddressLimit(double per_second, double burst) : per_second_(per_second), burst_(burst) {}
 
   bool take(const std::string& address, int64_t now) { return bucket(address, now).take(now); }
-  // Whether take() would give a token to this address now.
-  bool has_one(const std::string& address, int64_t now) { return bucket(address, now).has_one(now); }
-  size_t size() const { return buckets_.size(); }
+  size_t size() const { return entries_.size(); }
 
  private:
+  struct Entry {
+    TokenBucket bucket;
+    std::list<std::string>::iterator place;
+  };
   TokenBucket& bucket(const std::string& address, int64_t now);
 
   double per_second_, burst_;
-  std::map<std::string, TokenBucket> buckets_;
-  TokenBucket others_;
+  std::map<std::string, Entry> entries_;
+  std::list<std::string> order_;  // addresses, the one seen last at the end
 };
 
 }  // namespace lf::serve

@@ -62,6 +62,13 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
         return GST_PAD_PROBE_OK;
       },
       &video_bytes_, nullptr);
+  gst_pad_add_probe(
+      out, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM,
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        const bool key = gst_video_event_is_force_key_unit(GST_PAD_PROBE_INFO_EVENT(info));
+        return !key || static_cast<Viewer*>(data)->peer_->take_key_frame() ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+      },
+      this, nullptr);
   gst_object_unref(out);
   gst_object_unref(payloader);
 
@@ -170,8 +177,7 @@ void Viewer::requested(GstClockTime time) {
   }
   if (!applied) return;
   const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
-  peer_->send(
-      info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eye_->numbers()}}));
+  peer_->send(info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eye_->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -231,6 +237,7 @@ void Viewer::shed(const Shedding& shedding) {
 
 void Viewer::use_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
+  peer_->set_bit_rate(quality_.bits_per_second());
   // A little less, because requests of an eager view do not leave on the dot.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
   pace_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));

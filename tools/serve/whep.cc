@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "client_address.h"
 #include "encoder.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -131,7 +132,8 @@ void Whep::open(SoupServerMessage* message, const Client& client, Offer offer, c
     Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
     *name = sessions.open(subscriber(client.address), std::move(offer), wish, std::move(route), answer);
   } catch (const Error& error) {
-    respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
+    say(std::string("a view can't be opened: ") + error.what());
+    refusals_.answer(message, client.address, refusal::kView);
     soup_server_message_unpause(message);
     g_object_unref(message);
   }
