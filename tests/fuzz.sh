@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Throws damaged input at all that reads bytes from outside (libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer;
 # needs clang). tests/run.sh runs the same targets on tests/fuzz/corpus alone.
-#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer control depacketizer frame framing import json moments offer
-#     packetizer parse request
+#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer control depacketizer frame framing http import json moments
+#     offer packetizer parse request
 #   tests/fuzz.sh --fast TARGET RUNS [...]  without sanitizers, which is 5 to 50 times as fast: what it keeps is what the next
 #                                           run with them begins with
 #   tests/fuzz.sh TARGET keep               puts a few small inputs that cover most into tests/fuzz/corpus/TARGET

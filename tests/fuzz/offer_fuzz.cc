@@ -1,17 +1,30 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Offers of browsers: what is taken can be written, and names what webrtcbin relies on.
+// Offers of browsers: what is taken can be written, and names what webrtcbin relies on. The work is proportional to the
+// length.
 #include <gst/gst.h>
+
+#include <ctime>
 #include <string>
 
 #include "fuzz/fuzz.h"
 #include "fuzz/gst_start.h"
 #include "serve/offer.h"
 
+// Processor time, which other programs do not lengthen.
+static double seconds_of_thread() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
+  const double began = seconds_of_thread();
   const auto offer =
       serve::parse_offer(std::string(reinterpret_cast<const char*>(data), size), true, true, {"127.0.0.1"}, &reason);
+  // Much more than it takes under a sanitizer, and much less than work that grows with the square of the length.
+  fuzz::require(seconds_of_thread() - began < 0.05 + 10e-6 * static_cast<double>(size));
   fuzz::require(offer || !reason.empty());
   if (!offer) return 0;
   fuzz::require(offer->payload_type <= 127);

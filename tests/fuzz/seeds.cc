@@ -169,6 +169,18 @@ std::map<std::string, std::vector<Bytes>> seeds() {
     all[target].emplace_back(text.begin(), text.end());
   };
   add_whole("offer", test::browser_offer());
+  std::string formats, maps;
+  for (int i = 0; i < 1300; i++) formats += " 1";
+  for (int i = 0; i < 400; i++) maps += "a=rtpmap:1\r\n";
+  add_whole("offer",
+            test::with(test::with(test::browser_offer(), " 96 97", formats + " 96 97"), "a=recvonly\r\n", maps));
+  add_whole("http",
+            "127.0.0.1:8080\nhttp://127.0.0.1:8080\nsame-origin\nBearer sesame\n10.0.0.1, 192.0.2.7\n/lightfield/"
+            "\n640\n480\n0.063");
+  add_whole("http",
+            "[::1]:8080\nhttps://Example.org:443/\ncross-site\nbearer sesam\n::ffff:192.0.2.7\n//evil.org\n1e9\n"
+            "nan\ninf");
+  add_whole("http", "cameras.example\nnull\nnone\nBasic sesame\nunknown");
   add_whole("offer", test::with(test::browser_offer(), "H264", "H265"));
   add_whole("control", R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":{"event":"MouseMove","x":1,)"
                        R"("y":2,"modifier_state":"shift-mask+button1-mask"}}})");
