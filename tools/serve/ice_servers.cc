@@ -95,11 +95,11 @@ std::set<std::string> IceServers::relays() const {
   for (const auto& [scheme, host, query] : servers_) {
     if (scheme == "stun") continue;
     g_autoptr(GError) error = nullptr;
+    g_autoptr(GResolver) resolver = g_resolver_get_default();
     g_autoptr(GSocketConnectable) place = g_network_address_parse(host.c_str(), 3478, &error);
-    GList* found =
-        place ? g_resolver_lookup_by_name(g_resolver_get_default(),
-                                          g_network_address_get_hostname(G_NETWORK_ADDRESS(place)), nullptr, &error)
-              : nullptr;
+    GList* found = place ? g_resolver_lookup_by_name(resolver, g_network_address_get_hostname(G_NETWORK_ADDRESS(place)),
+                                                     nullptr, &error)
+                         : nullptr;
     if (error) say("--ice-server " + scheme + ":" + host + query + ": " + error->message);
     for (GList* address = found; address; address = address->next) {
       g_autofree gchar* text = g_inet_address_to_string(G_INET_ADDRESS(address->data));
