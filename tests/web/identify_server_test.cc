@@ -34,8 +34,12 @@ class IdentifyServerTest : public testing::Test {
  protected:
   // What comes back once the body has been sent as often as that, "" if nothing does within seconds.
   std::string post(const std::string& path, const std::string& headers, const std::string& body, int times = 1) {
+    return request("POST", path, headers, body, times);
+  }
+  std::string request(const std::string& method, const std::string& path, const std::string& headers,
+                      const std::string& body = "", int times = 1) {
     const std::string host = server_.url().substr(7, server_.url().size() - 8);
-    const std::string head = "POST " + path + " HTTP/1.1\r\nHost: " + host + "\r\n" + headers + "\r\n";
+    const std::string head = method + " " + path + " HTTP/1.1\r\nHost: " + host + "\r\n" + headers + "\r\n";
     std::atomic<bool> done = false;
     std::string response;
     std::thread client([&] {
@@ -100,6 +104,21 @@ TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
   EXPECT_THAT(post("/swap", "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n", "1\r\nx\r\n0\r\n\r\n"),
               StartsWith("HTTP/1.1 411"));
   EXPECT_EQ(swapped_, "");
+}
+
+// Browsers send no Origin with <img>, but say that it is in a page of another site.
+TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
+  for (const char* path : {"/mosaic.jpg", "/mosaic.json"}) {
+    for (const char* site : {"cross-site", "same-site"})
+      EXPECT_THAT(request("GET", path, std::string("Sec-Fetch-Site: ") + site + "\r\n"), StartsWith("HTTP/1.1 403"))
+          << path;
+    const std::string own = request("GET", path, "Sec-Fetch-Site: same-origin\r\n");
+    EXPECT_THAT(own, StartsWith("HTTP/1.1 200")) << path;
+    EXPECT_THAT(own, HasSubstr("Cross-Origin-Resource-Policy: same-origin")) << path;
+  }
+  EXPECT_THAT(request("GET", "/", "Sec-Fetch-Site: cross-site\r\n"), testing::Not(StartsWith("HTTP/1.1 403")))
+      << "a link may lead here";
+  EXPECT_THAT(request("GET", "/mosaic.json", "Host: evil.example\r\n"), StartsWith("HTTP/1.1 400")) << "two hosts";
 }
 
 TEST_F(IdentifyServerTest, SwapsAndClosesTheConnection) {

@@ -5,6 +5,7 @@
 #include <libsoup/soup.h>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 
 #include "web/offers.h"
@@ -81,6 +82,35 @@ TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
   EXPECT_TRUE(becomes([&] { return client->lost() >= 20; })) << client->lost();
   EXPECT_TRUE(goes_on(*client));
   EXPECT_LE(client->gaps(), client->lost() / 4) << "of " << client->lost() << " lost packets";
+}
+
+// A browser that wants ever the same packets, or ever key frames, gets no more than a few times its video's bit rate.
+TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
+  constexpr int kBitRate = 500000;
+  Served served({"--bitrate", std::to_string(kBitRate), "--address-views", "4"});
+  const auto client = watch(served), other = watch(served);
+  EXPECT_TRUE(goes_on(*client, 60)) << "packets to ask for";
+  // Bits per second while `ask` is called again and again.
+  const auto rate = [&](const std::function<void()>& ask) {
+    constexpr int kCalls = 1000;
+    const uint64_t before = client->received();
+    const gint64 began = g_get_monotonic_time();
+    for (int i = 0; i < kCalls; i++) {
+      ask();
+      g_usleep(5000);
+    }
+    const double seconds = static_cast<double>(g_get_monotonic_time() - began) * 1e-6;
+    return 8 * static_cast<double>(client->received() - before) / seconds;
+  };
+  const double quiet = rate([] {}), again = rate([&] { client->ask_again(); }),
+               keys = rate([&] { client->ask_for_key_frame(); });
+  std::printf("%.0f kbit/s; with requests for packets %.0f, for key frames %.0f\n", quiet / 1e3, again / 1e3,
+              keys / 1e3);
+  EXPECT_GT(again, quiet) << "some packets are sent again";
+  EXPECT_LT(again, quiet + 2.5 * kBitRate);
+  EXPECT_LT(keys, quiet + 2.5 * kBitRate);
+  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(goes_on(*other));
 }
 
 // The latest number of this name in the statistics that a viewer is told; -1 before the first.

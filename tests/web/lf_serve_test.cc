@@ -5,8 +5,10 @@
 #include <libsoup/soup.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <vector>
 
 #include "web/offers.h"
@@ -74,6 +76,40 @@ class LfServe : public testing::Test {
   }
 
   SoupSession* session_;
+};
+
+// A TCP connection from an address of loopback's.
+class Client {
+ public:
+  Client(const Served& served, const std::string& address) {
+    g_autoptr(GUri) uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
+    const int port = uri ? g_uri_get_port(uri) : 0;
+    g_autoptr(GSocketClient) connector = g_socket_client_new();
+    g_autoptr(GSocketAddress) from = g_inet_socket_address_new_from_string(address.c_str(), 0);
+    g_socket_client_set_local_address(connector, from);
+    g_socket_client_set_timeout(connector, 60);
+    connection_ = g_socket_client_connect_to_host(connector, "127.0.0.1", static_cast<guint16>(port), nullptr, nullptr);
+  }
+  ~Client() { g_clear_object(&connection_); }
+  Client(const Client&) = delete;
+
+  void send(const std::string& bytes) {
+    ASSERT_TRUE(connection_);
+    g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection_)), bytes.data(), bytes.size(),
+                              nullptr, nullptr, nullptr);
+  }
+  // All that comes until the server closes the connection.
+  std::string read() {
+    std::string text;
+    char part[4096];
+    GInputStream* in = connection_ ? g_io_stream_get_input_stream(G_IO_STREAM(connection_)) : nullptr;
+    for (gssize size = 0; in && (size = g_input_stream_read(in, part, sizeof part, nullptr, nullptr)) > 0;)
+      text.append(part, static_cast<size_t>(size));
+    return text;
+  }
+
+ private:
+  GSocketConnection* connection_ = nullptr;
 };
 
 TEST_F(LfServe, ServesPageHealthAndMetrics) {
@@ -284,6 +320,8 @@ TEST_F(LfServe, TokensAreNotGuessed) {
   EXPECT_GE(wrong, 10);
   EXPECT_GE(refused, 20);
   EXPECT_EQ(ask(served, "GET", "array.json").status, 401u) << "who has none is asked for it";
+  EXPECT_EQ(ask(served, "GET", "array.json", {{"Authorization", "Bearer open sesame"}}).status, 200u)
+      << "who has the right one is let in";
   EXPECT_EQ(ask(served, "GET", "").status, 200u);
 }
 
@@ -377,6 +415,217 @@ TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {
   constexpr int kOthers = 15;
   for (int i = 0; i < 100 && open_files() > before + kOthers; i++) g_usleep(100000);
   EXPECT_LE(open_files(), before + kOthers);
+}
+
+// A certificate of its own authority for 127.0.0.1.
+class LfServeTls : public LfServe {
+ protected:
+  LfServeTls() { make_certificate(); }
+  ~LfServeTls() override { trust(""); }
+
+  // Replaces both files, or one.
+  void make_certificate(bool with_key = true) {
+    const std::string key = with_key ? dir_ / "key.pem" : dir_ / "other.pem",
+                      command =
+                          "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj "
+                          "/CN=lf-serve -addext "
+                          "subjectAltName=IP:127.0.0.1 -keyout '" +
+                          key + "' -out '" + dir_ / "certificate.pem" + "' 2>/dev/null";
+    ASSERT_EQ(std::system(command.c_str()), 0) << "is openssl installed?";
+    std::filesystem::permissions(key, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  }
+  // Requests of ask() trust the certificates in this file alone, from new connections on.
+  void trust(const std::string& file) {
+    g_autoptr(GTlsDatabase) database = file.empty() ? nullptr : g_tls_file_database_new(file.c_str(), nullptr);
+    soup_session_abort(session_);
+    soup_session_set_tls_database(session_, database);
+  }
+  std::vector<std::string> options() const {
+    return {"--tls-certificate", dir_ / "certificate.pem", "--tls-key", dir_ / "key.pem"};
+  }
+  bool says(const Served& served, const std::string& text) {
+    return becomes([&] { return served.said().find(text) != std::string::npos; });
+  }
+
+  const TempDir dir_;
+};
+
+TEST_F(LfServeTls, AnswersOverHttps) {
+  Served served(options());
+  ASSERT_TRUE(served.url().starts_with("https://")) << served.said();
+  trust(dir_ / "certificate.pem");
+  for (int i = 0; i < 3; i++) EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  EXPECT_THAT(ask(served, "GET", "").body, HasSubstr("<lightfield-viewer"));
+  EXPECT_EQ(offer(served).status, 201u);
+  EXPECT_EQ(served.stop(), 0) << served.said();
+}
+
+// As when it has been renewed.
+TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
+  Served served(options());
+  const std::string first = dir_ / "first.pem";
+  std::filesystem::copy_file(dir_ / "certificate.pem", first);
+  trust(first);
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  make_certificate(false);
+  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
+  EXPECT_THAT(served.said(), HasSubstr("is not the key of the certificate in"));
+  soup_session_abort(session_);
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the certificate that fits its key";
+  std::filesystem::rename(dir_ / "other.pem", dir_ / "key.pem");
+  EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
+  trust(dir_ / "certificate.pem");
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+}
+
+TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
+  const auto said = [](const std::vector<std::string>& options) {
+    Served served(options);
+    EXPECT_EQ(served.stop(), 1);
+    return served.said();
+  };
+  EXPECT_THAT(said({"--tls-key", dir_ / "key.pem"}), HasSubstr("one needs the other"));
+  EXPECT_THAT(said({"--tls-certificate", dir_ / "key.pem", "--tls-key", dir_ / "key.pem"}),
+              HasSubstr("no certificate"));
+  dir_.write_secret("empty.pem", "");
+  EXPECT_THAT(said({"--tls-certificate", dir_ / "certificate.pem", "--tls-key", dir_ / "empty.pem"}),
+              HasSubstr("no private key"));
+  std::filesystem::permissions(dir_ / "key.pem", std::filesystem::perms::others_read,
+                               std::filesystem::perm_options::add);
+  EXPECT_THAT(said(options()), HasSubstr("chmod 600 " + dir_ / "key.pem"));
+}
+
+// GLib does each handshake in one of a few threads.
+TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
+  Served served(options());
+  trust(dir_ / "certificate.pem");
+  std::vector<std::unique_ptr<Client>> stalled;
+  for (int i = 0; i < 300; i++) {
+    stalled.push_back(std::make_unique<Client>(served, "127.0.1." + std::to_string(1 + i % 250)));
+    if (i % 2) stalled.back()->send("\x16\x03\x01\x02");  // a ClientHello begins so
+  }
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  for (const auto& client : stalled) EXPECT_EQ(client->read(), "") << "each is closed in the end";
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  EXPECT_EQ(served.stop(), 0) << served.said();
+}
+
+// As many addresses as a customer with IPv6 has networks: here of loopback's.
+TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
+  Served served;
+  std::vector<std::unique_ptr<Client>> idle;
+  const auto flood = [&](int count) {
+    for (int i = 0; i < count; i++) {
+      const size_t n = idle.size();
+      idle.push_back(
+          std::make_unique<Client>(served, "127.1." + std::to_string(n / 250) + "." + std::to_string(1 + n % 250)));
+    }
+  };
+  flood(260);
+  g_usleep(1100000);  // Connections::kIdle
+  for (const char* honest : {"127.0.0.1", "127.99.9.9"}) {
+    Client slow(served, honest);
+    slow.send("GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n");
+    flood(100);
+    slow.send("\r\n");
+    EXPECT_THAT(slow.read(), testing::StartsWith("HTTP/1.1 200")) << honest;
+  }
+}
+
+// Browsers send no Origin with <img>.
+TEST_F(LfServe, PagesOfOtherSitesGetNoPictures) {
+  Served served({"--origin", "https://Example.org/"});
+  const Headers embedded = {
+      {"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}, {"Sec-Fetch-Dest", "image"}};
+  for (const char* path : {"mosaic.jpg", "mosaic.json", "array.json", "monitor.json", "metrics", "whep"}) {
+    const Response refused = ask(served, "GET", path, embedded);
+    EXPECT_EQ(refused.status, 403u) << path;
+    EXPECT_THAT(refused.body, HasSubstr("\"reason\":\"origin\"")) << path;
+    EXPECT_EQ(refused.headers.at("Cross-Origin-Resource-Policy"), "same-origin") << path;
+  }
+  EXPECT_EQ(ask(served, "GET", "mosaic.jpg", {{"Sec-Fetch-Site", "same-origin"}}).status, 200u);
+  EXPECT_EQ(ask(served, "GET", "mosaic.jpg", {{"Sec-Fetch-Site", "none"}}).status, 200u);
+  EXPECT_EQ(
+      ask(served, "GET", "mosaic.jpg", {{"Sec-Fetch-Site", "cross-site"}, {"Origin", "https://example.org"}}).status,
+      200u);
+  EXPECT_EQ(ask(served, "GET", "mosaic.jpg").headers.at("Cross-Origin-Resource-Policy"), "same-origin");
+  const Response script = ask(served, "GET", "lightfield-viewer.js", embedded);
+  EXPECT_EQ(script.status, 200u) << "other sites' pages may use the element";
+  EXPECT_EQ(script.headers.at("Cross-Origin-Resource-Policy"), "cross-origin");
+}
+
+// Programs differ in which of two headers they believe.
+TEST_F(LfServe, AHeaderThatDecidesComesOnce) {
+  Served served;
+  const auto answer = [&](const std::string& headers) {
+    Client client(served, "127.0.0.1");
+    client.send("GET /array.json HTTP/1.1\r\n" + headers + "\r\n");
+    return client.read();
+  };
+  EXPECT_THAT(answer("Host: 127.0.0.1\r\n"), testing::StartsWith("HTTP/1.1 200"));
+  for (const char* twice : {"Host: evil.example\r\nHost: 127.0.0.1\r\n", "Host: 127.0.0.1\r\nhost: evil.example\r\n",
+                            "Host: 127.0.0.1\r\nOrigin: http://127.0.0.1\r\nOrigin: http://evil.example\r\n",
+                            "Host: 127.0.0.1\r\nSec-Fetch-Site: cross-site\r\nSec-Fetch-Site: none\r\n"}) {
+    const std::string refused = answer(twice);
+    EXPECT_THAT(refused, testing::StartsWith("HTTP/1.1 400")) << twice;
+    EXPECT_EQ(refused.find("\"cameras\""), refused.npos) << twice;
+  }
+}
+
+TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
+  const TempDir dir;
+  dir.write("open", "open sesame and a lot more\n");  // by umask readable for all
+  std::filesystem::permissions(dir / "open", std::filesystem::perms(0644));
+  for (const std::vector<std::string>& options :
+       {std::vector<std::string>{"--token-file", dir / "open"},
+        {"--ice-server", "turn:127.0.0.1:9", "--ice-credentials", dir / "open"},
+        {"--nodes", "127.0.0.1:6000:6100", "--key-file", dir / "open"}}) {
+    Served served(options);
+    EXPECT_EQ(served.stop(), 1) << options[0];
+    EXPECT_THAT(served.said(), HasSubstr("chmod 600 " + dir / "open")) << options[0];
+  }
+}
+
+TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
+  const std::pair<std::vector<std::string>, const char*> table[] = {
+      {{"--capture-delay", "1950"}, "not in range [0 - 1500]"},
+      {{"--media", "192.0.2.1"}, "--media 192.0.2.1: must be an IP address of this machine"},
+      {{"--media", "example.org"}, "--media example.org: must be an IP address of this machine"},
+      {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
+      {{"--origin", "example.org"}, "--origin example.org: must be an origin such as"},
+      {{"--host", "https://example.org"}, "--host https://example.org: must be a host name"},
+      {{"--connects", "nan"}, "nan is not a finite number"}};
+  for (const auto& [options, why] : table) {
+    Served served(options);
+    EXPECT_EQ(served.stop(), 1) << options[0];
+    EXPECT_THAT(served.said(), HasSubstr(why)) << options[0];
+  }
+  Served served(
+      {"--proxy", "localhost", "--host", "Example.org:8443", "--media", "localhost", "--capture-delay", "1500"});
+  EXPECT_EQ(offer(served, browser_offer(), {{"Host", "example.org:8443"}, {"X-Forwarded-For", "192.0.2.1"}}).status,
+            201u);
+  EXPECT_EQ(offer(served, "v=0", {{"X-Forwarded-For", "192.0.2.1"}}).status, 400u);
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), HasSubstr("192.0.2.1: 400, ")) << "the proxy is believed";
+}
+
+// Of an offer that fails at any point there is one sentence, and none of GStreamer's.
+TEST_F(LfServe, AnswersStrangeOffersWithASentence) {
+  Served served({"--connects", "1000", "--address-views", "100", "--viewers", "100"});
+  const std::string good = browser_offer();
+  for (const std::string& bad :
+       {with(with(with(good, " 108", " 0"), ":108 ", ":0 "), "VP8/", "VP9/"), with(good, "Yzk8", std::string(300, 'a')),
+        with(good, "a=mid:0", "a=mid:"), with(good, "a=mid:1", "a=mid:0"), with(good, "a=setup:actpass", "a=setup:no"),
+        with(good, "sha-256 D6", "sha-256 XX"), with(good, "a=group:BUNDLE 0 1", "a=group:BUNDLE 7 8"),
+        with(good, "UDP/TLS/RTP/SAVPF", "RTP/AVP"), with(good, "lrnRvCr0XvB7VlGEhFXcIGWV", "x")}) {
+    const Response response = offer(served, bad);
+    EXPECT_TRUE(response.status == 201 || (response.status >= 400 && response.status < 500)) << response.status << bad;
+    if (response.status == 201) continue;  // webrtcbin takes more than it must
+    EXPECT_EQ(response.headers.at("Content-Type"), "application/problem+json") << response.body;
+    EXPECT_THAT(response.body, testing::Not(testing::AnyOf(HasSubstr("webrtcbin"), HasSubstr("gst")))) << bad;
+  }
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
 TEST_F(LfServe, LimitsConnectsOfAnAddress) {

@@ -6,7 +6,9 @@
 
 #include <chrono>
 
+#include "base/error.h"
 #include "serve/access.h"
+#include "serve/connections.h"
 #include "serve/pace.h"
 #include "serve/packet_loss.h"
 #include "serve/processor_load.h"
@@ -72,6 +74,83 @@ TEST(Access, Origins) {
   EXPECT_TRUE(any.allows_origin("https://anything", "cameras.example"));
 }
 
+TEST(Access, OriginsAndHostsOfTheOperatorAreBroughtToOneForm) {
+  for (const char* same :
+       {"https://example.org", "https://Example.ORG", "https://example.org/", "HTTPS://example.org:443"})
+    EXPECT_EQ(normal_origin(same), "https://example.org") << same;
+  EXPECT_EQ(normal_origin("http://example.org:80"), "http://example.org");
+  EXPECT_EQ(normal_origin("http://example.org:8080"), "http://example.org:8080");
+  EXPECT_EQ(normal_origin("http://[::1]:8080"), "http://[::1]:8080");
+  EXPECT_EQ(normal_origin("null"), "null");
+  EXPECT_EQ(normal_origin("*"), "*");
+  for (const char* wrong : {"", "example.org", "https://", "https://example.org/page", "https://a b", "://example.org",
+                            "https://*.example.org", "https://user@example.org"})
+    EXPECT_THROW(normal_origin(wrong), Error) << wrong;
+  for (const char* same : {"example.org", "Example.org", "example.org:8080"})
+    EXPECT_EQ(normal_host(same), "example.org") << same;
+  for (const char* wrong : {"", ":8080", "https://example.org", "a b", "example.org/"})
+    EXPECT_THROW(normal_host(wrong), Error) << wrong;
+  EXPECT_TRUE(Access("", {"https://Example.org/"}, {}).allows_origin("https://example.org", "127.0.0.1"));
+  EXPECT_TRUE(Access("", {}, {"Example.org:8080"}).allows_host("example.org:8080"));
+}
+
+TEST(Access, Sites) {
+  const Access access("", {"https://example.org"}, {}), any("", {"*"}, {});
+  constexpr char kHost[] = "127.0.0.1:8080";
+  for (const char* site : {"none", "same-origin"}) EXPECT_TRUE(access.allows_site(site, nullptr, kHost)) << site;
+  EXPECT_TRUE(access.allows_site(nullptr, nullptr, kHost)) << "not a browser";
+  for (const char* site : {"cross-site", "same-site", "", "new-kind"}) {
+    EXPECT_FALSE(access.allows_site(site, nullptr, kHost)) << site << ": an <img> of another page";
+    EXPECT_FALSE(access.allows_site(site, "https://evil.org", kHost)) << site;
+    EXPECT_TRUE(access.allows_site(site, "https://example.org", kHost)) << site;
+    EXPECT_TRUE(any.allows_site(site, nullptr, kHost)) << site;
+  }
+}
+
+class Eviction : public testing::Test {
+ protected:
+  using Progress = Connections::Progress;
+
+  void add(const std::string& subscriber, double seconds_ago, Progress progress) {
+    all_.push_back({subscriber, kNow - static_cast<int64_t>(seconds_ago * kSecond), progress});
+  }
+  const Connections::Standing& victim() const { return all_.at(Connections::choose_victim(all_, kNow)); }
+
+  static constexpr int64_t kNow = 1000 * kSecond;
+  std::vector<Connections::Standing> all_;
+};
+
+// However the addresses sort.
+TEST_F(Eviction, TheOldestIdleOneGoes) {
+  for (const char* honest : {"127.0.0.1", "9.9.9.9"}) {
+    all_.clear();
+    add(honest, 2, Progress::kSome);
+    for (int i = 0; i < 200; i++) add("127.1.0." + std::to_string(i), 1.5 + 0.001 * i, Progress::kNothing);
+    EXPECT_EQ(victim().subscriber, "127.1.0.199");
+  }
+}
+
+TEST_F(Eviction, ARequestIsAnsweredBeforeAnotherIsRead) {
+  add("a", 20, Progress::kRequest);
+  add("b", 0.5, Progress::kNothing);
+  add("c", 0.7, Progress::kSome);
+  EXPECT_EQ(victim().subscriber, "c") << "of those without a whole request the oldest";
+  add("d", 1.1, Progress::kNothing);
+  EXPECT_EQ(victim().subscriber, "d") << "no honest client connects and says nothing";
+  all_.resize(1);
+  EXPECT_EQ(victim().subscriber, "a");
+}
+
+TEST_F(Eviction, WhoHasManyLosesOneFirst) {
+  for (size_t i = 0; i <= Connections::kFair; i++)
+    add("greedy", 0.1 + 0.001 * static_cast<double>(i), Progress::kRequest);
+  for (int i = 0; i < 30; i++) add("slow" + std::to_string(i), 9, Progress::kNothing);
+  EXPECT_EQ(victim().subscriber, "greedy");
+  EXPECT_EQ(victim().since, all_[Connections::kFair].since) << "its oldest";
+  all_.erase(all_.begin());
+  EXPECT_NE(victim().subscriber, "greedy") << "a browser may have a few";
+}
+
 TEST(RateLimit, BucketsFillWithTime) {
   TokenBucket bucket(2, 4);
   int64_t now = 100 * kSecond;
@@ -84,6 +163,17 @@ TEST(RateLimit, BucketsFillWithTime) {
   EXPECT_TRUE(bucket.full(now));
   for (int i = 0; i < 4; i++) EXPECT_TRUE(bucket.take(now)) << "no more than the burst";
   EXPECT_FALSE(bucket.take(now));
+}
+
+TEST(RateLimit, ARateMayChange) {
+  TokenBucket bytes(1000, 5000);
+  EXPECT_FALSE(bytes.take(kSecond, 5001));
+  EXPECT_TRUE(bytes.take(kSecond, 5000));
+  bytes.set_rate(100, 200, kSecond);
+  EXPECT_FALSE(bytes.take(2 * kSecond, 101));
+  EXPECT_TRUE(bytes.take(2 * kSecond, 100));
+  EXPECT_TRUE(bytes.take(100 * kSecond, 200));
+  EXPECT_FALSE(bytes.take(100 * kSecond, 1)) << "no more than the burst";
 }
 
 TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {

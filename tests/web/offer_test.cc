@@ -5,14 +5,17 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <ctime>
 #include <random>
 
+#include "gst/sanitizer.h"
 #include "web/offers.h"
 
 namespace lf::serve {
 namespace {
 
 using test::browser_offer;
+using test::kFallsBehind;
 using test::with;
 
 std::string refused(const std::string& text, bool h264 = true, bool vp8 = true) {
@@ -131,6 +134,56 @@ TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
   for (const auto& [text, why] : table)
     EXPECT_NE(refused(text).find(why), std::string::npos) << why << ": " << refused(text);
   EXPECT_EQ(refused(good), "");
+}
+
+// A video of so many formats, and of as many lines as fit.
+std::string large_offer(size_t formats, const std::string& line, const std::string& format = "1") {
+  std::string list;
+  for (size_t i = 0; i < formats; i++) list += " " + format;
+  const std::string good = with(browser_offer(), " 96 97 103 104 108 109\r\n", list + "\r\n");
+  std::string lines;
+  while (good.size() + lines.size() + line.size() <= Offer::kMaxBytes) lines += line;
+  return with(good, "a=recvonly\r\n", "a=recvonly\r\n" + lines);
+}
+
+// The time is that of the thread, which other programs do not lengthen. The parser once took minutes.
+TEST(Offer, TakesATimeThatIsProportionalToItsLength) {
+  const auto seconds = [] {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  };
+  const std::string parameters = "a=fmtp:108 " + std::string(60000, 'x') + "\r\n";
+  for (const std::string& text : {large_offer(10500, "a=rtpmap:1\r\n"), large_offer(10500, "a=fmtp:1 a\r\n"),
+                                  large_offer(128, "a=rtpmap:1\r\n"), large_offer(128, "a=candidate:1\r\n"),
+                                  large_offer(128, "a=extmap:1 a\r\n"), large_offer(900, parameters, "108"),
+                                  large_offer(1, "m=video 9 UDP/TLS/RTP/SAVPF 96\r\n"), large_offer(1, "b=AS:1\r\n")}) {
+    const double began = seconds();
+    EXPECT_NE(refused(text), "");
+    EXPECT_LT(seconds() - began, kFallsBehind ? 5 : 0.5) << text.substr(text.find("m=video"), 60);
+  }
+}
+
+TEST(Offer, HasAsManyFormatsAndAttributesAsBrowsersSend) {
+  std::string more;
+  for (guint i = 0; i < 250; i++) more += "a=rtcp-fb:108 kind" + std::to_string(i) + "\r\n";
+  EXPECT_EQ(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)), "");
+  for (guint i = 0; i < Offer::kMaxAttributes; i++) more += "a=x\r\n";
+  EXPECT_EQ(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)),
+            "the offer has too many formats or attributes");
+  EXPECT_EQ(refused(with(browser_offer(), "t=0 0\r\n", "t=0 0\r\n" + more)),
+            "the offer has too many formats or attributes");
+}
+
+// GStreamer's payloaders would refuse them.
+TEST(Offer, HasADynamicPayloadType) {
+  for (const char* number : {"0", "35", "95", "128", "x", "-1"}) {
+    const std::string text =
+        with(with(with(browser_offer(), " 108", std::string(" ") + number), ":108 ", std::string(":") + number + " "),
+             "VP8/", "VP9/");
+    EXPECT_NE(refused(text).find("payload type from 96 to 127"), std::string::npos) << number << ": " << refused(text);
+  }
+  EXPECT_EQ(refused(with(with(browser_offer(), " 108", " 127"), ":108 ", ":127 ")), "");
 }
 
 // Criticals of GStreamer's parser end the program.

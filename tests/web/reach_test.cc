@@ -33,6 +33,18 @@ TEST(ClientAddress, OnlyProxiesAreBelieved) {
     EXPECT_EQ(client_address("127.0.0.1", wrong, proxies), "127.0.0.1") << wrong;
 }
 
+TEST(ClientAddress, HasOneForm) {
+  EXPECT_EQ(plain_address("192.0.2.7"), "192.0.2.7");
+  EXPECT_EQ(plain_address("::FFFF:192.0.2.7"), "192.0.2.7") << "as a socket that listens at :: names it";
+  EXPECT_EQ(plain_address("2001:DB8:0:0::1"), "2001:db8::1");
+  for (const char* wrong : {"", "localhost", "192.0.2.7:80", "[::1]"}) EXPECT_EQ(plain_address(wrong), "") << wrong;
+  EXPECT_EQ(proxy_addresses("localhost"), (std::set<std::string>{"127.0.0.1", "::1"}));
+  EXPECT_EQ(proxy_addresses("::ffff:10.0.0.1"), std::set<std::string>{"10.0.0.1"});
+  for (const char* wrong : {"", "proxy.example", "10.0.0.1:80"}) EXPECT_THROW(proxy_addresses(wrong), Error) << wrong;
+  EXPECT_TRUE(is_local_address("127.0.0.1"));
+  for (const char* other : {"192.0.2.1", "", "localhost"}) EXPECT_FALSE(is_local_address(other)) << other;
+}
+
 TEST(ClientAddress, PrefixesArePlainPaths) {
   EXPECT_EQ(path_prefix("/lightfield"), "/lightfield");
   EXPECT_EQ(path_prefix("/a/b_c-1.2/"), "/a/b_c-1.2");

@@ -151,6 +151,7 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
   GstElementFactory* factory = gst_element_get_factory(element);
   const std::string kind = factory ? GST_OBJECT_NAME(factory) : "";
   if (kind == "dtlsdec") static_cast<WhepClient*>(data)->dtls_ = element;
+  if (kind == "srtpenc") static_cast<WhepClient*>(data)->srtp_ = element;
   if (kind == "rtpsession") {  // reports as often as browsers send them
     GObject* session = nullptr;
     g_object_get(element, "internal-session", &session, nullptr);
@@ -169,6 +170,9 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
 GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   WhepClient* self = static_cast<WhepClient*>(data);
   if (self->vanished_) return GST_PAD_PROBE_DROP;
+  self->received_ += GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER
+                         ? gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info))
+                         : gst_buffer_list_calculate_size(GST_PAD_PROBE_INFO_BUFFER_LIST(info));
   if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) return GST_PAD_PROBE_OK;
   guint8 first = 0;
   gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
@@ -198,8 +202,9 @@ GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer da
   WhepClient* self = static_cast<WhepClient*>(data);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
   self->bytes_ += gst_buffer_get_size(buffer);
-  guint8 header[4] = {};  // RFC 3550, 5.1: marker and payload type, sequence number
+  guint8 header[12] = {};  // RFC 3550, 5.1: marker and payload type, sequence number, time, source
   gst_buffer_extract(buffer, 0, header, sizeof header);
+  self->ssrc_ = GST_READ_UINT32_BE(header + 8);
   const int sequence = GST_READ_UINT16_BE(header + 2);
   if (self->sequence_ >= 0) self->gaps_ += static_cast<uint16_t>(sequence - self->sequence_ - 1);
   self->sequence_ = sequence;
@@ -223,6 +228,43 @@ void WhepClient::send(const std::string& text) {
     return state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN;
   });
   gst_webrtc_data_channel_send_string(channel_, text.c_str());
+}
+
+// RFC 4585, 6.1, behind a receiver report without blocks.
+void WhepClient::send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control) {
+  constexpr guint8 kReport[] = {0x80, 201, 0, 1, 0, 0, 0x12, 0x34};
+  std::vector<guint8> packet(std::begin(kReport), std::end(kReport));
+  const auto words = static_cast<guint8>(2 + control.size() / 4);
+  packet.insert(packet.end(), {static_cast<guint8>(0x80 | format), type, 0, words, 0, 0, 0x12, 0x34});
+  const uint32_t ssrc = ssrc_;
+  for (int shift = 24; shift >= 0; shift -= 8) packet.push_back(static_cast<guint8>(ssrc >> shift));
+  packet.insert(packet.end(), control.begin(), control.end());
+  GstPad* rtcp = nullptr;
+  gst_element_foreach_sink_pad(
+      srtp_,
+      [](GstElement*, GstPad* pad, gpointer found) -> gboolean {
+        if (!g_str_has_prefix(GST_PAD_NAME(pad), "rtcp")) return TRUE;
+        *static_cast<GstPad**>(found) = pad;
+        return FALSE;
+      },
+      &rtcp);
+  if (!rtcp) throw std::runtime_error("srtpenc has no pad for RTCP");
+  gst_pad_chain(rtcp, gst_buffer_new_memdup(packet.data(), packet.size()));
+}
+
+void WhepClient::ask_again() {
+  std::vector<uint8_t> control;
+  for (int i = 1; i <= 4; i++) {  // each names a packet and the sixteen behind it
+    const int first = sequence_ - 17 * i;
+    control.insert(control.end(), {static_cast<uint8_t>(first >> 8), static_cast<uint8_t>(first), 0xff, 0xff});
+  }
+  constexpr uint8_t kTransportFeedback = 205, kNack = 1;
+  send_feedback(kTransportFeedback, kNack, control);
+}
+
+void WhepClient::ask_for_key_frame() {
+  constexpr uint8_t kPayloadFeedback = 206, kPli = 1;
+  send_feedback(kPayloadFeedback, kPli, {});
 }
 
 void WhepClient::open_channel(const std::string& label) {

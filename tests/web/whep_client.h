@@ -41,11 +41,16 @@ class WhepClient {
   uint64_t lost() const { return lost_; }            // packets, by Options::loss
   uint64_t undelayed() const { return undelayed_; }  // packets whose playout delay is 0 to 0
   uint64_t gaps() const { return gaps_; }            // packets that did not come in the end
+  uint64_t received() const { return received_; }    // bytes of all that came, repeated packets included
   void set_loss(double loss) { loss_ = loss; }
   // Says nothing more, not even goodbye, as a browser that was stopped.
   void vanish() { vanished_ = true; }
   // On the data channel; returns when the server has taken it over.
   void send(const std::string& text);
+  // Asks for the latest packets again, whether they came or not, by one RTCP packet (generic NACK); or for a key frame
+  // (PLI).
+  void ask_again();
+  void ask_for_key_frame();
   // One more data channel.
   void open_channel(const std::string& label);
   // Whether the server has closed the connection.
@@ -62,15 +67,17 @@ class WhepClient {
   static GstPadProbeReturn leaves(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstPadProbeReturn packet(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   void post(const std::string& offer);
+  void send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control);
 
   Options options_;
-  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr;
+  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr, *srtp_ = nullptr;  // srtp_: the encoder
   GstWebRTCDataChannel *channel_ = nullptr, *other_ = nullptr;
   std::string answer_, session_;
-  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0;
+  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0, received_ = 0;
   std::atomic<double> loss_;
   std::atomic<bool> vanished_ = false;
-  int sequence_ = -1;  // of the packet before
+  std::atomic<int> sequence_ = -1;  // of the packet before
+  std::atomic<uint32_t> ssrc_ = 0;  // of the video
   mutable std::mutex mutex_;
   std::vector<std::string> messages_;
 };
