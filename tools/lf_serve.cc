@@ -27,8 +27,6 @@ namespace {
 
 using namespace lf::serve;
 
-// Milliseconds. Cameras keep frames for two seconds, and a request takes some of that time to reach them.
-constexpr int kMostCaptureDelay = 1500;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
@@ -282,7 +280,7 @@ int main(int argc, char** argv) {
          "--capture-delay", o.capture_delay_ms,
          "how old a capture must be before it is asked for: what the cameras take, milliseconds (default: 100, or "
          "300 where some are behind RTSP)")
-      ->check(cli::Range(0, kMostCaptureDelay));
+      ->check(cli::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
                  "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
       ->check(cli::PositiveNumber);

@@ -588,7 +588,7 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
-      {{"--capture-delay", "1950"}, "not in range [0 - 1500]"},
+      {{"--capture-delay", "10001"}, "not in range [0 - 10000]"},
       {{"--media", "192.0.2.1"}, "--media 192.0.2.1: must be an IP address of this machine"},
       {{"--media", "example.org"}, "--media example.org: must be an IP address of this machine"},
       {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
@@ -601,7 +601,7 @@ TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
     EXPECT_THAT(served.said(), HasSubstr(why)) << options[0];
   }
   Served served(
-      {"--proxy", "localhost", "--host", "Example.org:8443", "--media", "localhost", "--capture-delay", "1500"});
+      {"--proxy", "localhost", "--host", "Example.org:8443", "--media", "localhost", "--capture-delay", "10000"});
   EXPECT_EQ(offer(served, browser_offer(), {{"Host", "example.org:8443"}, {"X-Forwarded-For", "192.0.2.1"}}).status,
             201u);
   EXPECT_EQ(offer(served, "v=0", {{"X-Forwarded-For", "192.0.2.1"}}).status, 400u);
