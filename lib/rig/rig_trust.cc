@@ -27,7 +27,9 @@ void require_own_file(const std::string& path) {
 void require_trust(const Camera& camera, const std::string& path, bool trusted) {
   if (is_bin_description(camera.source) && !path.empty()) require_own_file(path);
   if (trusted) return;
-  if (const auto part = untrusted_part(camera.source))
+  // An image is never a description, but may be a URI. It is opened where there is no source.
+  const bool is_image = camera.source.empty() && !is_bin_description(camera.image);
+  if (const auto part = untrusted_part(is_image ? camera.image : camera.source))
     throw Error("its source has " + *part +
                 ", which may write files or run programs. If you trust this rig file, allow it: --trust-rig, or the "
                 "property trusted=true");
