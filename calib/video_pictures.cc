@@ -5,7 +5,9 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
+#include <system_error>
 
 #include "base/error.h"
 #include "posted_error.h"
@@ -26,6 +28,9 @@ void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
 class Pipeline {
  public:
   Pipeline(const std::string& place, VideoFormat format) : place_(place) {
+    std::error_code ignored;
+    if (std::filesystem::exists(place, ignored) && !std::filesystem::is_regular_file(place, ignored))
+      throw lf::Error(place + ": is not a regular file");
     GError* error = nullptr;
     gchar* uri =
         gst_uri_is_valid(place.c_str()) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);

@@ -148,6 +148,19 @@ void App::callback(std::function<void()> job) { parts_->app->callback(std::move(
 
 App::operator bool() const { return parts_->app->parsed(); }
 
+namespace {
+
+// An error may repeat what is in a file: without secrets, bytes that control a terminal, and the rest of megabytes.
+std::string printable(const std::string& what) {
+  constexpr size_t kMost = 4000;
+  std::string text = lf::location_text(what.substr(0, kMost));
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < ' ' && c != '\n' && c != '\t') c = '?';
+  return text;
+}
+
+}  // namespace
+
 int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
              const std::function<void(const std::string&)>& on_error) {
   CLI::App& parser = *app.parts_->app;
@@ -157,9 +170,9 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
     return 0;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);  // --help
-    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), lf::location_text(e.what()).c_str());
+    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
   } catch (const std::exception& e) {
-    const std::string what = lf::location_text(e.what());
+    const std::string what = printable(e.what());
     std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), what.c_str());
     if (on_error) on_error(what);
   }

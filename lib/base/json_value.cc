@@ -59,9 +59,12 @@ class PlaceTracker {
 };
 
 // nlohmann's messages begin with "[json.exception.parse_error.101] ".
+// They repeat the token that they stopped at, which may have megabytes.
 std::string without_tag(const std::string& what) {
+  constexpr size_t kMost = 300;
   const size_t end = what.find("] ");
-  return what.rfind("[json.", 0) == 0 && end != std::string::npos ? what.substr(end + 2) : what;
+  const std::string text = what.rfind("[json.", 0) == 0 && end != std::string::npos ? what.substr(end + 2) : what;
+  return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
   };
   for (const auto& c : cases) EXPECT_ERROR(parse_json(c.text, "f.json"), c.message);
   EXPECT_ERROR(parse_json(std::string(100000, '['), "f.json"), "nested too deeply");
+  EXPECT_LT(text_of_error([] { parse_json("[" + std::string(1000000, '9') + "]", "f.json"); }).size(), 400u);
 }
 
 TEST(JsonValue, ReportsWhatIsWrongWhere) {
