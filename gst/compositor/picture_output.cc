@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "common/buffer_ptr.h"
 #include "common/common.h"
 #include "common/in_process.h"
 #include "common/pixel_family.h"

@@ -98,7 +98,7 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
   ASSERT_TRUE(more("s") && more("t")) << error();
   EXPECT_THAT(caps_at("s"), is_video(96, 64, "30/1"));
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1"));
-  for (const auto& [width, rate] : {std::pair{64, "20/1"}, {128, "30/1"}, {32, "60/1"}}) {
+  for (const auto& [width, rate] : {std::pair{64, "20/1"}, std::pair{128, "30/1"}, std::pair{32, "60/1"}}) {
     filter("f", "video/x-raw,width=" + std::to_string(width) + ",height=64,framerate=" + rate);
     EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
         << width << ": " << caps_at("s") << error();

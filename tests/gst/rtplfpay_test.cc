@@ -72,8 +72,8 @@ TEST(RtpLfPay, EveryPayloadTypeThatIsOfferedIsUsed) {
 // Limits of streams that may be cut at any time.
 TEST(RtpLfPay, LimitsOfTimeCanNotBeSet) {
   RtpElement pay("rtplfpay", kAnswerCaps);
-  for (const auto& [name, value] :
-       {std::pair<const char*, gint64>{"min-ptime", 0}, {"max-ptime", -1}, {"ptime-multiple", 0}}) {
+  using Limit = std::pair<const char*, gint64>;
+  for (const auto& [name, value] : {Limit{"min-ptime", 0}, Limit{"max-ptime", -1}, Limit{"ptime-multiple", 0}}) {
     GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(pay.element()), name);
     ASSERT_TRUE(spec) << name;
     EXPECT_FALSE(spec->flags & G_PARAM_WRITABLE) << name;
