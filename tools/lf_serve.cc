@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -117,6 +118,11 @@ class Program {
   explicit Program(const Options& options)
       : options_(options), loop_(g_main_loop_new(nullptr, FALSE)), server_(options.server, options.limits) {}
   ~Program() {
+    {
+      const std::lock_guard lock(mutex_);
+      ends_ = true;
+      if (field_) field_->cancel();
+    }
     watch_.reset();
     if (opens_.joinable()) opens_.join();
     if (sessions_) sessions_->close_all("the server ends");  // while there is a server to tell it
@@ -172,9 +178,14 @@ class Program {
     opens_ = std::thread([this] {
       std::string problem;
       try {
-        field_ =
+        auto field =
             std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file, options_.resampling,
                                          options_.renderer, options_.record, options_.limits.viewers, options_.trusted);
+        {
+          const std::lock_guard lock(mutex_);
+          field_ = std::move(field);
+          if (ends_) field_->cancel();
+        }
         field_->start([this](const std::string& what) { fail(what); });
       } catch (const lf::Error& error) {
         problem = error.what();
@@ -210,7 +221,9 @@ class Program {
   HttpServer server_;
   std::unique_ptr<Film> film_;
   std::thread opens_;
-  std::unique_ptr<LightField> field_;
+  std::mutex mutex_;
+  bool ends_ = false;                  // under the mutex
+  std::unique_ptr<LightField> field_;  // set by `opens_` under the mutex, and not changed after that
   std::unique_ptr<Sessions> sessions_;
   std::unique_ptr<RigReload> watch_;
   guint timer_ = 0;

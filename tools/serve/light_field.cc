@@ -112,8 +112,7 @@ LightField::~LightField() {
 }
 
 void LightField::start(std::function<void(const std::string&)> on_error) {
-  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
-  const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 60 * GST_SECOND);
+  const GstStateChangeReturn result = play();
   GstBus* bus = gst_element_get_bus(pipeline_);
   constexpr auto kWorthTelling = GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
   while (GstMessage* message = gst_bus_pop_filtered(bus, kWorthTelling)) {
@@ -133,6 +132,16 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
   gst_object_unref(bus);
   if (result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC)
     throw Error(rig_ + ": the cameras do not start");
+}
+
+// Waits for the cameras in short steps, so that cancel() ends the wait.
+GstStateChangeReturn LightField::play() {
+  constexpr GstClockTime kStep = 100 * GST_MSECOND, kLongest = 60 * GST_SECOND;
+  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  GstStateChangeReturn result = GST_STATE_CHANGE_ASYNC;
+  for (GstClockTime waited = 0; result == GST_STATE_CHANGE_ASYNC && waited < kLongest && !cancelled_; waited += kStep)
+    result = gst_element_get_state(pipeline_, nullptr, nullptr, kStep);
+  return result;
 }
 
 std::shared_ptr<const ArrayInfo> LightField::array() const {
@@ -167,8 +176,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
   }
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   take_rig(std::move(array));
-  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
-  const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 60 * GST_SECOND);
+  const GstStateChangeReturn result = play();
   std::unique_lock lock(mutex_);
   if ((result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC) && problem_.empty())
     problem_ = rig_ + ": the cameras do not start";

@@ -39,6 +39,8 @@ class LightField {
   ~LightField();
   LightField(const LightField&) = delete;
 
+  // Makes start() and restart(), now and later, fail instead of waiting for cameras: the program ends.
+  void cancel() { cancelled_ = true; }
   // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread, when they have failed later.
   void start(std::function<void(const std::string&)> on_error);
 
@@ -85,6 +87,7 @@ class LightField {
     std::string name;
     std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last
   };
+  GstStateChangeReturn play();
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
   static void camera_added(GstBin* node, GstElement* child, gpointer self);
   std::shared_ptr<cameras::Mosaic> mosaic() const;
@@ -102,7 +105,7 @@ class LightField {
   std::vector<std::unique_ptr<Answers>> answers_;
   guint watch_ = 0;
   std::function<void(const std::string&)> on_error_;
-  std::atomic<bool> restarting_ = false;
+  std::atomic<bool> restarting_ = false, cancelled_ = false;
   mutable std::mutex mutex_;
   std::string problem_;  // why the latest restart failed
   std::map<uint32_t, OnAnswer> views_;
