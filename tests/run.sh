@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Sets up and runs all tests but the slow ones (`meson test -C build --suite slow`). Many wait for live pictures: there is
-# one more at a time than there are processors. On a machine that may have more to do, too, up to three that fail run once
-# more, alone, and that is told. The last line counts test cases.
+# Sets up and runs all tests but the slow ones (`meson test -C build --suite slow`), one more at a time than there are
+# processors, because many wait for live pictures. Up to three programs that fail run once more, alone: other work on the
+# machine may have been the reason. A line names each program that passed at the second try. The last line counts test
+# cases.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Counts the test cases of a run of `meson test`: summary.py LOGS [LOGS_AGAIN], each the path before .json and .junit.xml.
+"""Counts the test cases of a `meson test` run: summary.py LOGS [LOGS_AGAIN], each a path without .json and .junit.xml.
 
-LOGS_AGAIN are those of a second run of programs that failed in the first one: what these are in the second run counts,
-and is told. Says why cases were skipped. The last line is "N passed, N failed, N skipped"; exit status 1 if any failed
-or none ran. summary.py --failed LOGS prints the names of the programs that failed.
+LOGS_AGAIN are the logs of a second run of the programs that failed in the first run. The results of the second run
+replace those of the first, and each program that passed then is named. Prints the reason of every skipped case. The last
+line is "N passed, N failed, N skipped"; the exit status is 1 if a case failed or no case passed.
+
+summary.py --failed LOGS prints the names of the programs that failed.
 """
 
 import json
@@ -13,9 +15,9 @@ import xml.etree.ElementTree as ElementTree
 
 
 def programs_of(logs):
-    """The results of all programs, by name."""
+    """{name: result} of all programs. The logs name a program "SUITES / NAME"."""
     with open(f'{logs}.json', encoding='utf-8') as log:
-        return {program['name']: program['result'] for program in map(json.loads, log)}
+        return {program['name'].rpartition(' / ')[2]: program['result'] for program in map(json.loads, log)}
 
 
 def failed_of(programs):
@@ -23,23 +25,21 @@ def failed_of(programs):
 
 
 def cases_of(logs):
-    """Test cases and the suites that they are of, which are named after programs where these have cases of their own."""
+    """(program, case) of all test cases."""
     with open(f'{logs}.junit.xml', encoding='utf-8', errors='replace') as log:
-        # What programs have printed is in it as it was, colours for a terminal, too, and XML has no such characters.
+        # The log holds the programs' output as it was, with characters that XML forbids, as terminal colours.
         text = re.sub('[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]', '', log.read())
     for suite in ElementTree.fromstring(text.encode()).iter('testsuite'):
+        # "PROJECT.PROGRAM.SUITE" for GoogleTest, "PROJECT.PROGRAM" for TAP, "PROJECT" for programs without cases.
+        names = suite.get('name', '').split('.')
         for case in suite.iter('testcase'):
-            yield suite.get('name', ''), case
+            yield names[1] if len(names) > 1 else case.get('name'), case
 
 
 def main(logs, again=None):
     first = programs_of(logs)
     second = programs_of(again) if again else {}
-
-    def is_of_second(suite, case):
-        return any(case.get('name') == name or f'.{name}.' in suite for name in second)
-
-    cases = [case for suite, case in cases_of(logs) if not is_of_second(suite, case)]
+    cases = [case for program, case in cases_of(logs) if program not in second]
     cases += [case for _, case in cases_of(again)] if again else []
     passed = failed = skipped = 0
     for case in cases:
@@ -55,10 +55,10 @@ def main(logs, again=None):
         else:
             passed += 1
 
-    # A program can fail as a whole with all its cases passed: at exit, or by running out of time.
+    # A program can fail although all its cases passed: when it exits, or at its time limit.
     broken = failed_of(first | second)
     for name in failed_of(first):
-        print(f'failed: {name}' if name in broken else f'failed among others, passed alone: {name}')
+        print(f'failed: {name}' if name in broken else f'passed at the second try: {name}')
     failed = max(failed, len(broken))
     print(f'{passed} passed, {failed} failed, {skipped} skipped')
     return 1 if failed or not passed else 0
