@@ -56,7 +56,7 @@ export interface LightfieldFailure {
 export interface LightfieldViewerEventMap {
   /** The first picture is on the screen; pixels. */
   'first-frame': CustomEvent<{ width: number; height: number }>;
-  /** A picture of another view is on the screen. */
+  /** A picture of another view is on the screen. `by`: who moved the view last, with the element's controls or methods. */
   'view-change': CustomEvent<{ view: LightfieldView; by: 'person' | 'script' }>;
   /** What is sharp in it is at another distance. */
   'focus-change': CustomEvent<{ focusDistance: number }>;
@@ -79,7 +79,7 @@ export class LightfieldViewer extends HTMLElement {
   /** What the picture shows, for who can't see it. */
   alt: string | null;
   eyes: LightfieldEyes | null;
-  /** Metres between two eyes; null: 0.063. */
+  /** Metres between two eyes, 0 or more; null: 0.063. */
   eyeDistance: number | null;
   /** Name of a camera path that the server flies. */
   path: string | null;
@@ -89,13 +89,14 @@ export class LightfieldViewer extends HTMLElement {
   autoplay: boolean;
   /** Reads the view from the page's address, and writes it there where somebody shares it. */
   shares: boolean;
-  /** Most pixels of the picture's width to ask for. */
+  /** Maximum width of the picture to request, in pixels of each eye; 64 at least. */
   maxWidth: number | null;
   /** STUN and TURN servers; null: those of the attribute, or that the server names. */
   iceServers: RTCIceServer[] | null;
   /** The view that is seen; null before there is one. Setting it to what it was set to before changes nothing. */
   get view(): LightfieldView | null;
   set view(view: Partial<LightfieldView> | string | null);
+  /** Metres to what is sharp. Setting it focuses there, also to the same number as before. */
   get focusDistance(): number | null;
   set focusDistance(metres: number | null);
   /** A picture has been shown. */
@@ -109,15 +110,22 @@ export class LightfieldViewer extends HTMLElement {
   /** The element that says what is in the way; hidden where nothing is. */
   readonly status: HTMLElement;
 
-  /** Numbers that are not given stay. Ends with the view when it is on the screen, or one that was set later. */
+  /**
+   * Numbers that are not given stay. Ends with the view when it is on the screen, or one that was set later. Rejected with
+   * TypeError or RangeError for a wrong number, with InvalidStateError while the server flies a path, and with AbortError
+   * when `src` or `path` changes before the view is seen.
+   */
   setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
-  /** Back to where the flight began. */
+  /** Flies to `view` and `focus`; numbers that these do not give are those of the server's home. */
   goHome(): void;
   /** Lets go of the stream and asks for another one, where it was. */
   reconnect(): void;
-  /** Puts the view into the page's address, and copies that where it is allowed. */
-  share(): Promise<void>;
-  /** Puts the focus on what is seen there, as a click does: a place in the window, as `event.clientX`. False: not connected. */
+  /** Copies a link to the view where that is allowed, and returns it. With `share` it becomes the page's address, too. */
+  share(): Promise<string>;
+  /**
+   * Focuses on what is seen at a place in the window, as `event.clientX`, like a click. False: not connected, or the server
+   * flies a path.
+   */
   focusAt(clientX: number, clientY: number): boolean;
   /** The picture that is shown. Rejected where there is none. */
   toBlob(options?: { type?: string; quality?: number }): Promise<Blob>;

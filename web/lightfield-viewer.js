@@ -4,7 +4,7 @@
 // One virtual camera of an lf-serve: its picture, and mouse, touch, keys and a slider that fly it. Attributes, properties,
 // methods, events, slots, parts: README.md and lightfield-viewer.d.ts.
 
-import { fromScript, toScript, viewOf } from './src/view.js';
+import { fromScript, numberIn, toScript, viewOf } from './src/view.js';
 import { Viewer } from './src/viewer.js';
 
 // Attributes that properties of the same meaning reflect.
@@ -15,7 +15,6 @@ const kOwn = ['view', 'focusDistance', 'iceServers'];
 
 // Nobody else's: neither other scripts nor frameworks meet it by name.
 const inside = Symbol('inside');
-const number = text => text !== null && text.trim() && Number.isFinite(Number(text)) ? Number(text) : null;
 const isSame = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 // Servers that render pages have no elements: there the class is only a name.
@@ -41,10 +40,13 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   }
   disconnectedCallback() { this[inside].detach(); }
   attributeChangedCallback(name, before, now) {
-    if (before === now || !this.isConnected) return;
+    if (before === now) return;
     const viewer = this[inside];
+    if (name === 'view') viewer.declared = null;  // what was declared last counts
+    if (name === 'src' || name === 'path') viewer.forgetFlight();
+    if (!this.isConnected) return;
     if (name === 'view') return void viewer.flight.setView(viewOf(now)).catch(() => {});
-    if (name === 'focus') return void (number(now) > 0 && viewer.flight.setView({ 'focus-distance': number(now) }).catch(() => {}));
+    if (name === 'focus') return void this.#focus(numberIn(now));
     if (name === 'autoplay' && now !== null && !viewer.started) viewer.play();
     if (name === 'controls' || name === 'share') viewer.controls.settle();
     viewer.settleSoon();
@@ -57,11 +59,19 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
     const view = typeof value === 'string' ? viewOf(value) : fromScript(value);
     if (isSame(view, this.#declared.view)) return;
     this.#declared.view = view;
+    this[inside].declared = Object.keys(view).length ? view : null;
     if (Object.keys(view).length) this[inside].flight.setView(view).catch(() => {});
   }
-  // Metres to what is sharp.
-  get focusDistance() { return this.view?.focusDistance ?? number(this.getAttribute('focus')); }
-  set focusDistance(value) { value == null ? this.removeAttribute('focus') : this.setAttribute('focus', value); }
+  // Metres to what is sharp. Set to a number, it focuses there, also after somebody has focused elsewhere.
+  get focusDistance() { return this.view?.focusDistance ?? numberIn(this.getAttribute('focus')); }
+  set focusDistance(value) {
+    const isSame = value != null && this.getAttribute('focus') === String(value);
+    setText(this, 'focus', value);
+    if (isSame && this.isConnected) this.#focus(numberIn(String(value)));
+  }
+  #focus(metres) {
+    if (metres > 0) this[inside].flight.setView({ 'focus-distance': metres }).catch(() => {});
+  }
   // As RTCPeerConnection has them.
   get iceServers() { return this[inside].iceServers ?? null; }
   set iceServers(value) {
@@ -87,7 +97,7 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   pause() { this[inside].pause(); }
   // Lets go of the stream and asks for another one, where it was.
   reconnect() { this[inside].stream.again(); }
-  // What the button does: the view is in the page's address, and copied where that is allowed.
+  // As the button does: copies a link to the view, where the browser allows that, and returns it.
   share() { return this[inside].share.share(); }
   // Telephones that have it for videos alone get that.
   async requestFullscreen(options) {
@@ -106,7 +116,7 @@ const define = (names, get, set) => {
 };
 const setText = (element, name, value) => value == null ? element.removeAttribute(name) : element.setAttribute(name, value);
 define(kTexts, (element, name) => element.getAttribute(name), setText);
-define(kNumbers, (element, name) => number(element.getAttribute(name)), setText);
+define(kNumbers, (element, name) => numberIn(element.getAttribute(name)), setText);
 define(kSwitches, (element, name) => element.hasAttribute(name), (element, name, value) => element.toggleAttribute(name, Boolean(value)));
 
 if (globalThis.customElements && !customElements.get('lightfield-viewer')) customElements.define('lightfield-viewer', LightfieldViewer);

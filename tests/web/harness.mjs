@@ -150,6 +150,8 @@ function showInside() {
 // A page in a window of its own (tabs in the background are throttled). `page.problems` has what went wrong in it.
 export async function newPage(browser, size = { width: 640, height: 480 }, { before, ...options } = {}) {
   const context = await browser.newContext({ viewport: size, ...options });
+  context.setDefaultTimeout(patience);
+  context.setDefaultNavigationTimeout(patience);
   const page = await context.newPage();
   await page.addInitScript(showInside);
   if (before) await page.addInitScript(before);
@@ -181,6 +183,17 @@ export async function setView(page, view) {
     for (let i = 0; i < 15; i++) await new Promise(done => video.requestVideoFrameCallback(done));
     return flight.state;
   }, view);
+}
+
+// Waits until a drag has come to rest, a picture shows all that was asked for, and the statistics are of that view.
+export async function settled(page) {
+  await page.waitForFunction(() => inside().controls.gliding === undefined && !inside().flight.way);
+  await page.evaluate(async () => {
+    const { flight, host } = inside();
+    // Sets nothing new, and is answered as what does.
+    await new Promise((done, failed) => flight.asked.push([flight.follow(flight.follows), done, failed, {}]));
+    await new Promise(done => host.addEventListener('statistics', done, { once: true }));
+  });
 }
 
 export async function stateOf(page) {

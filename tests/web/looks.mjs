@@ -3,7 +3,7 @@
 // said of them without. `browser.sh BUILD looks.mjs` writes them to BUILD/tests/web/looks.
 import { mkdir, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, picture, runTests, serve, shown, stateOf,
+import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, picture, runTests, serve, settled, shown, stateOf,
   truthOf, until } from './harness.mjs';
 
 const kWindows = [[1280, 720], [800, 480], [390, 844], [844, 390], [320, 480], [2560, 1440]];
@@ -13,7 +13,7 @@ const browser = await launchBrowser();
 const film = await makeRig('8x8');
 const rig = ['--rig', join(film, 'rig.json')];
 const kPsnr = 25;  // dB of home against the scene itself, at least
-const rest = ms => new Promise(done => setTimeout(done, ms));
+const says = (page, words) => until(async () => words.test(await page.getByRole('status').textContent()), `it says ${words}`);
 
 // The share of pixels of the decoded picture that are black.
 const darkShare = page => page.evaluate(() => {
@@ -73,7 +73,7 @@ function look([width, height]) {
       for (let x = 0; x <= 100; x += 10) await page.mouse.move(width / 2 + x, height / 3);
       await page.mouse.up();
       for (const key of keys) await page.keyboard.up(key);
-      await rest(1500);
+      await settled(page);
       const left = await coverage(page);
       console.log(`# ${name}: ${keys}drag leaves ${(100 * left).toFixed(1)} %`);
       expect(left > 0.85, `a drag leaves ${left}`);
@@ -85,25 +85,26 @@ function look([width, height]) {
     await page.mouse.move(width / 2 - 40, height / 3);
     for (let i = 0; i < 6; i++) phone ? await page.keyboard.press('+') : await page.mouse.wheel(0, -100);
     await until(async () => (await stateOf(page)).fov < 0.8 * home.fov, 'the wheel zooms in');
-    await rest(600);
+    await settled(page);
     await shot('zoom');
     await page.keyboard.press('r');
     for (const [key, what] of [['[', 'near'], [']', 'far']]) {
       for (let i = 0; i < 8; i++) await page.keyboard.press(key);
-      await rest(800);
+      await settled(page);
       await shot(what);
       await page.keyboard.press('r');
     }
-    for (const [key, what] of [['c', 'cameras'], ['i', 'figures'], ['?', 'help']]) {
+    for (const [key, what, part] of [['c', 'cameras', 'pre.makers'], ['i', 'figures', 'pre.figures'], ['?', 'help', '.guide']]) {
       await page.focus('lightfield-viewer video');
       await page.keyboard.press(key);
-      await rest(400);
+      await page.waitForFunction(part => inside().root.querySelector(part).checkVisibility() &&
+        inside().root.querySelector(part).textContent, part);
       await shot(what);
       await page.keyboard.press(key);
     }
     expect(!page.problems.length, page.problems.join('; '));
     await served.stop();
-    await rest(1300);
+    await says(page, /can't be reached/);
     await shot('server-gone');
     await page.context().close();
   }];
@@ -126,8 +127,8 @@ async function errors() {
   await shoot(second, 'state', 'full');
   await page.waitForFunction(() => inside().statistics.monitored);
   await page.keyboard.press('m');
-  await page.waitForFunction(() => inside().monitor.report?.turns > 70, null, { timeout: 60000 });
-  await rest(1200);
+  await page.waitForFunction(() => inside().monitor.report?.turns > 70);
+  await page.getByText(/cameras predicted/).waitFor();
   await shoot(page, 'state', 'quality');
   await page.keyboard.press('m');
   await page.context().close();
@@ -145,10 +146,10 @@ async function waiting() {
   await page.route('**/whep*', route => route.fulfill({ status: problem.status, contentType: 'application/problem+json',
     headers: { 'Retry-After': '1' }, body: JSON.stringify(problem) }));
   await page.goto(served.url);
-  for (const [what, next] of [['filming', problem], ['queue', { status: 503, reason: 'full', place: 2, waiting: 3 }],
-    ['starting', { status: 503, reason: 'starting' }]]) {
+  for (const [what, words, next] of [['filming', /filmed/, problem], ['queue', /number 2 of 3/, { status: 503, reason: 'full', place: 2, waiting: 3 }],
+    ['starting', /being opened/, { status: 503, reason: 'starting' }]]) {
     problem = next;
-    await rest(2500);
+    await says(page, words);
     await shoot(page, 'state', what);
   }
   await page.context().close();
@@ -161,7 +162,6 @@ async function modes() {
   for (const eyes of ['side', 'anaglyph']) {
     const page = await openPage(browser, new URL(`#eyes=${eyes}`, served.url).href, { width: 800, height: 480 });
     await shown(page, 40);
-    await rest(500);
     await page.mouse.move(300, 200);
     await shoot(page, 'state', eyes);
     if (eyes === 'side') await page.evaluate(() => document.querySelector('lightfield-viewer').pause());

@@ -7,13 +7,15 @@ import { extname, join, normalize } from 'node:path';
 const kTypes = { '.js': 'text/javascript', '.html': 'text/html', '.css': 'text/css' };
 
 // `pages`: texts by path. Other paths are files of `root`, if there is one. `host` is another origin than its namesake's.
-export async function site(pages, root, host = '127.0.0.1') {
+// `headers` are those of every answer.
+export async function site(pages, root, host = '127.0.0.1', headers = {}) {
   const server = createServer(async (request, response) => {
     const { pathname } = new URL(request.url, 'http://site');
     try {
       const text = pages[pathname] ?? (root && await readFile(join(root, normalize(pathname))));
       if (text === null || text === undefined) throw new Error('not here');
       response.setHeader('Content-Type', kTypes[extname(pathname)] ?? 'text/html');
+      for (const [name, value] of Object.entries(headers)) response.setHeader(name, value);
       response.end(text);
     } catch {
       response.statusCode = 404;

@@ -38,7 +38,7 @@ export class Connection extends EventTarget {
     super();
     this.video = video;
     this.nextId = 1;
-    this.times = new Map();  // when the latest requests were sent, by id
+    this.sent = new Map();  // the latest requests by id: {time, by}
   }
 
   // `wish`: what the endpoint's query asks for, as {width, height, ...}; `iceServers` to gather with.
@@ -101,11 +101,12 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new CustomEvent('message', { detail: message }));
   }
 
-  request(request) {
+  // `by` whom: 'person' or 'script'. Returns the request's id; 0 if there is no connection.
+  request(request, by = 'script') {
     if (this.channel?.readyState !== 'open') return 0;
     const id = this.nextId++;
-    this.times.set(id, performance.now());
-    this.times.delete(id - kRemembered);
+    this.sent.set(id, { time: performance.now(), by });
+    this.sent.delete(id - kRemembered);
     this.channel.send(JSON.stringify({ id, mid: null, request }));
     return id;
   }

@@ -4,7 +4,7 @@
 
 const kKeys = { ArrowLeft: 'Left', ArrowRight: 'Right', ArrowUp: 'Up', ArrowDown: 'Down', '+': 'plus', '=': 'plus',
   '-': 'minus', '[': 'bracketleft', ']': 'bracketright' };
-const kLetters = 'wsadqer';
+const kLetters = 'wsadqe';
 const kWheelStep = 100;     // pixels of a wheel that are one step
 const kShift = 50;          // pixels of it with shift, which focuses, that are one step
 const kPinchStep = 1.1;     // ratio of finger distances that is one step
@@ -14,21 +14,19 @@ const kStickSteps = 5;      // of the wheel, a second
 const kGlide = 70;          // milliseconds in which a drag that was let go loses most of its speed
 const kFast = 0.8, kSlow = 0.02;  // CSS pixels a millisecond: the most that it goes on with, and where it ends
 const kFresh = 100;         // milliseconds of a drag that say how fast it is
-const kUsed = 1000;         // milliseconds after which what changes is not a person's doing
 
 export class Controls {
   constructor(viewer) {
     this.viewer = viewer;
     this.pointers = new Map();
     this.left = 0;  // pixels to the left of the picture under the pointer
-    this.used = -Infinity;
     const { video, host } = viewer;
     video.addEventListener('pointerdown', event => this.flies && this.down(event));
     video.addEventListener('pointermove', event => this.move(event));
     video.addEventListener('pointerup', event => this.up(event));
     video.addEventListener('pointercancel', event => this.cancel(event));
     video.addEventListener('wheel', event => this.flies && this.turn(event), { passive: false });
-    video.addEventListener('dblclick', () => this.flies && this.viewer.flight.goHome());
+    video.addEventListener('dblclick', () => this.flies && this.viewer.flight.goHome('person'));
     video.addEventListener('contextmenu', event => this.flies && event.preventDefault());
     host.addEventListener('keydown', event => this.flies && this.press(event));
     this.pads = () => requestAnimationFrame(now => this.gamepad(now));
@@ -41,11 +39,11 @@ export class Controls {
 
   // With `controls`, and where no path is flown.
   get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
-  get isUsed() { return this.pointers.size > 0 || this.gliding !== undefined || performance.now() < this.used + kUsed; }
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
+  // Sends a navigation event that a person makes.
   navigate(event) {
-    this.used = performance.now();
-    return this.viewer.stream.connection?.request({ type: 'navigationEvent', event }) ?? 0;
+    this.viewer.flight.interrupt();
+    return this.viewer.stream.connection?.request({ type: 'navigationEvent', event }, 'person') ?? 0;
   }
 
   modifiers(event) {
@@ -164,9 +162,11 @@ export class Controls {
     if (at.matches('select, input:not([type=range])') || (at.matches('input') && /^(Arrow|Home|End|Page)/.test(event.key))) return;
     const { viewer } = this, own = {
       '?': () => viewer.bar.toggleHelp(),
-      Home: () => viewer.flight.goHome(),
+      Home: () => viewer.flight.goHome('person'),
+      r: () => viewer.flight.goHome('person'),
+      R: () => viewer.flight.goHome('person'),
       i: () => viewer.toggle('figures', viewer.panel),
-      f: () => viewer.flight.follow(!viewer.flight.follows),
+      f: () => viewer.flight.follow(!viewer.flight.follows, 'person'),
       m: () => viewer.statistics.monitored && viewer.toggle('quality', viewer.monitor),
       c: () => viewer.toggle('cameras', viewer.cameras),
     };
@@ -198,7 +198,9 @@ export class Controls {
     const steps = seconds * kStickSteps, scroll = { event: 'MouseScroll', x: 0, y: 0, delta_x: 0 };
     if (along(3)) this.navigate({ ...scroll, delta_y: -along(3) * steps });
     if (along(2)) this.navigate({ ...scroll, delta_y: along(2) * steps, modifier_state: 'control-mask' });
-    if (pad.buttons[0]?.pressed) this.key('r');
+    const pressed = pad.buttons[0]?.pressed ?? false;
+    if (pressed && !this.padPressed) this.viewer.flight.goHome('person');
+    this.padPressed = pressed;
   }
 
   // As a mouse would that is held as long as the stick is.

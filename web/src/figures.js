@@ -23,7 +23,7 @@ export class Figures {
 
   // A change that was sent at `sent` is in the picture with this stamp.
   applied({ id, rtpTimestamp }) {
-    const sent = this.viewer.stream.connection?.times.get(id);
+    const sent = this.viewer.stream.connection?.sent.get(id)?.time;
     if (sent === undefined) return;
     this.waiting = [...this.waiting, [rtpTimestamp, sent]].slice(-kLatest);
   }

@@ -17,15 +17,21 @@ export class Flight {
     this.viewer = viewer;
     this.forget();
   }
-  // Another light field has another home.
+  // Starts again for another light field. Views that no picture has shown yet fail.
   forget() {
+    const given = this.asked ?? [];
+    this.interrupt();
     this.set = {};       // by scripts, attributes and links
     this.state = null;   // of the view, as the server tells it
     this.seen = null;    // that of the picture that is shown
-    this.home = null;
+    this.home = null;    // of the server
+    this.isHomeSure = false;
+    this.homeId = null;  // of the message that went home
+    this.by = 'script';  // who changed the view last
     this.scene = null;   // {near, far}: metres
     this.changes = [];   // [RTP timestamp, state] of pictures to come
     this.asked = [];     // [id, done, failed, fields] of what setView() has set and no picture shows
+    for (const [, , failed] of given) failed(new DOMException('the element shows another light field', 'AbortError'));
   }
 
   // Another connection goes on where the one before was.
@@ -33,6 +39,9 @@ export class Flight {
     this.changes = [];
     const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
     const fields = { ...this.state ?? { ...first, ...this.set }, ...pending };
+    this.homeId = null;
+    // The server's first view is its home, except for these fields.
+    if (!this.home) this.isHomeSure = Object.keys(fields).every(name => name in this.viewer.start);
     this.asked.push([0, () => {}, () => {}, fields]);
     const id = this.send(fields);
     // The server answers with the view, to this if to nothing else.
@@ -41,6 +50,10 @@ export class Flight {
 
   // Ends with the view when a picture shows it, or one that was set later.
   setView(fields) {
+    if (this.viewer.path !== null)
+      return Promise.reject(new DOMException('the server flies a path: there is no view to set', 'InvalidStateError'));
+    this.interrupt();
+    if ('focus-distance' in fields) this.endSweep();
     Object.assign(this.set, fields);
     this.viewer.controls.settle();
     const id = this.sendView(fields);
@@ -60,16 +73,17 @@ export class Flight {
     this.asked = this.asked.filter(entry => entry[0] !== id);
   }
   // The message's id; 0 if there is no connection or nothing to set.
-  sendView(view) {
+  sendView(view, by) {
     if (!Object.keys(view).length) return 0;
     return this.viewer.stream.connection?.request(
-      { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }) ?? 0;
+      { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }, by) ?? 0;
   }
 
   // What the server says the view is; the slider follows.
   take(view, applied) {
     this.state = view;
     this.home ??= view;
+    if (applied && applied.id === this.homeId) [this.home, this.isHomeSure] = [view, true];
     // What was asked for while the server's camera was not there yet has met nobody.
     if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kHeard)
       this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
@@ -88,6 +102,8 @@ export class Flight {
       const [applied, state] = this.changes[0];
       if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
       if (!isSame(state, this.seen)) this.seen = state;
+      // A focus that follows moves without a request: its author is the last one.
+      this.by = this.viewer.stream.connection?.sent.get(applied?.id)?.by ?? this.by;
       shown = Math.max(shown, applied?.id ?? 0);
       this.changes.shift();
     }
@@ -98,7 +114,7 @@ export class Flight {
   }
   tell(before) {
     const view = toScript(this.seen);
-    this.viewer.tell('view-change', { view, by: this.viewer.controls.isUsed ? 'person' : 'script' });
+    this.viewer.tell('view-change', { view, by: this.by });
     const [now, then] = [this.seen['focus-distance'], this.told ?? before?.['focus-distance']];
     if (Math.abs(now / then - 1) < kTold) return;
     this.told = now;
@@ -113,43 +129,63 @@ export class Flight {
     return { near: Math.min(this.scene.near, home) / 1.5, far: Math.max(this.scene.far, home) * 1.5 };
   }
   // `share` of the way from the nearest to the farthest, in equal ratios.
-  focusShare(share) {
+  focusShare(share, by) {
+    this.interrupt();
     const { near, far } = this.range;
-    if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share });
+    if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share }, by);
   }
 
-  // Flown in a moment, so that one sees where it is; who wants no motion is there at once.
-  goHome() {
-    const from = this.state, to = this.home, began = performance.now(), { viewer } = this;
+  // Flies to the page's start view; the server's home gives the other numbers. The flight takes a moment, so that a person
+  // sees where home is. There is no flight for people who want no motion.
+  goHome(by = 'script') {
+    const { viewer } = this, from = this.state, start = viewer.start, to = { ...this.home, ...start };
+    if (viewer.path !== null) return;
     viewer.say('Back at the start');
     viewer.controls.settle();
-    if (!from || !to || matchMedia('(prefers-reduced-motion: reduce)').matches) return viewer.controls.key('r');
+    this.interrupt();
+    this.endSweep();
+    if (!viewer.stream.isOpen) {  // the next stream begins there
+      for (const entry of this.asked) entry[3] = {};
+      return void ([this.state, this.set] = [null, to]);
+    }
+    const arrive = () => {
+      this.interrupt();
+      this.homeId = viewer.stream.connection.request({ type: 'navigationEvent', event: { event: 'KeyPress', key: 'r' } }, by);
+      this.sendView(start, by);
+    };
+    if (!from || !this.isHomeSure || matchMedia('(prefers-reduced-motion: reduce)').matches) return arrive();
+    const began = performance.now(), way = this.way = {};
     const step = now => {
+      if (this.way !== way || !viewer.stream.isOpen) return;
       const t = (now - began) / kHomeward;
-      if (t >= 1 || !viewer.stream.isOpen) return viewer.controls.key('r');
+      if (t >= 1) return arrive();
       const share = Math.max(0, t) ** 2 * (3 - 2 * t);
       const between = (name, by = to[name] - from[name]) =>
         from[name] + share * (['yaw', 'pitch', 'roll'].includes(name) ? by - 360 * Math.round(by / 360) : by);
-      this.sendView(Object.fromEntries(kFields.map(name => [name, between(name)])));
+      this.sendView(Object.fromEntries(kFields.map(name => [name, between(name)])), by);
       requestAnimationFrame(step);
     };
     requestAnimationFrame(step);
   }
+  // Another movement ends the way home.
+  interrupt() { this.way = null; }
 
   // Keeps in focus what was clicked last, as it moves.
   get follows() { return this.viewer.follower.getAttribute('aria-pressed') === 'true'; }
-  follow(on) {
+  follow(on, by) {
     this.viewer.follower.setAttribute('aria-pressed', on);
-    return this.sendView({ 'focus-continuous': on ? 1 : 0 });
+    return this.sendView({ 'focus-continuous': on ? 1 : 0 }, by);
   }
 
+  endSweep() { this.viewer.root.querySelector('.sweep').setAttribute('aria-pressed', 'false'); }
+  // A person's: moves the focus to and fro until the button is pressed again.
   sweep(button) {
     const on = button.getAttribute('aria-pressed') !== 'true', began = performance.now(), { viewer } = this;
     button.setAttribute('aria-pressed', on);
     const step = now => {
       if (button.getAttribute('aria-pressed') !== 'true' || !viewer.host.isConnected) return;
       viewer.slider.value = 0.5 + 0.5 * Math.sin((now - began) / 1000);
-      this.focusShare(Number(viewer.slider.value));
+      this.focusShare(Number(viewer.slider.value), 'person');
       requestAnimationFrame(step);
     };
     if (on) requestAnimationFrame(step);

@@ -140,7 +140,7 @@ export class Headset {
       this.viewer.stream.again();
     }
     this.viewer.flight.sendView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
-      ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI });
+      ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI }, 'person');
   }
 
   // The layer is where the eyes looked when the picture was asked for, and as large as they see there.

@@ -28,10 +28,10 @@ export class Share {
   take() {
     if (!this.on) return;
     this.viewer.settle();
-    this.viewer.flight.setView(this.view);
+    this.viewer.flight.setView(this.view).catch(() => {});
   }
 
-  // What the address has beside the view, as the token, stays in it.
+  // The page's address with the view. An element with `share` keeps the other words of the address, such as the token.
   get link() {
     const { viewer } = this, words = this.words;
     for (const [name, value] of Object.entries(viewer.flight.state ?? viewer.flight.set)) words.set(name, +value.toPrecision(7));
@@ -40,17 +40,16 @@ export class Share {
     return new URL(`#${words}`, location.href).href;
   }
 
+  // Copies the link, where the browser allows that, and returns it. The page's address changes only with `share`.
   async share() {
-    const { link, button } = this;
-    history.replaceState(history.state, '', link);
-    let done = 'Copied';
-    try {
-      await navigator.clipboard.writeText(link);
-    } catch {
-      done = 'In the address bar';
+    const { link, button, on } = this;
+    if (on) history.replaceState(history.state, '', link);
+    const copied = await navigator.clipboard?.writeText(link).then(() => true, () => false);
+    if (copied || on) {
+      button.lastChild.data = copied ? 'Copied' : 'In the address bar';
+      this.viewer.say(`The link to this view is ${copied ? 'copied' : 'in the address bar'}`);
+      setTimeout(() => button.lastChild.data = 'Share', kShown);
     }
-    button.lastChild.data = done;
-    this.viewer.say(`The link to this view is ${done === 'Copied' ? 'copied' : 'in the address bar'}`);
-    setTimeout(() => button.lastChild.data = 'Share', kShown);
+    return link;
   }
 }

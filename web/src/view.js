@@ -27,6 +27,12 @@ export function fromScript(view) {
   return fields;
 }
 
+// The number that an attribute holds; null where it holds none that is `least` or more.
+export function numberIn(text, least = -Infinity) {
+  const value = text?.trim() ? Number(text) : NaN;
+  return Number.isFinite(value) && value >= least ? value : null;
+}
+
 // The view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).
 export function axesOf({ yaw, pitch, roll }) {
   const turn = degrees => [Math.cos(degrees * Math.PI / 180), Math.sin(degrees * Math.PI / 180)];

@@ -8,7 +8,7 @@ import { Elastic } from './elastic.js';
 import { Figures } from './figures.js';
 import { Flight } from './flight.js';
 import { Headset, headsets } from './headset.js';
-import { markup } from './markup.js';
+import { makeStage } from './markup.js';
 import { Monitor } from './monitor.js';
 import { Notice } from './notice.js';
 import { Picture } from './picture.js';
@@ -18,10 +18,12 @@ import { Anaglyph, kModes } from './stereo.js';
 import { Stream } from './stream.js';
 import { style } from './style.js';
 import { Token } from './token.js';
-import { viewOf } from './view.js';
+import { numberIn, viewOf } from './view.js';
 import { Vignette } from './vignette.js';
 
 const kEyeDistance = 0.063;  // metres
+const kOneEye = 1e-6;        // metres: the least distance to ask for; the server takes 0 for one eye
+const kLeastSide = 64;       // pixels of a picture's side: the server makes none smaller
 const kRest = 400;           // milliseconds without another size until the view takes it
 const kAlt = 'Live picture of the light field, flown by a virtual camera';
 
@@ -31,7 +33,7 @@ export class Viewer {
   constructor(host, root) {
     this.host = host;
     this.root = root;
-    root.innerHTML = markup;
+    root.append(makeStage());
     if (!sheet) (sheet = new CSSStyleSheet()).replaceSync(style);
     root.adoptedStyleSheets = [sheet];
     const find = selector => root.querySelector(selector), click = (name, does) => find(name).addEventListener('click', does);
@@ -47,6 +49,7 @@ export class Viewer {
     this.statistics = {};  // the latest
     this.mode = 'one';     // of kModes
     this.asked = null;     // what attributes and links say, as it was when the stream began
+    this.declared = null;  // the view that the property `view` was set to; null: the attribute counts
     this.picture = new Picture(this);
     this.stream = new Stream(this);
     this.flight = new Flight(this);
@@ -64,11 +67,11 @@ export class Viewer {
     this.stream.seen = false;
     this.resizes = new ResizeObserver(() => this.resized());
     this.video.addEventListener('resize', () => this.picture.fit());
-    this.slider.addEventListener('input', () => this.flight.focusShare(Number(this.slider.value)));
+    this.slider.addEventListener('input', () => this.flight.focusShare(Number(this.slider.value), 'person'));
     this.choice.addEventListener('change', () => this.show(this.choice.value));
     click('.sweep', event => this.flight.sweep(event.currentTarget));
-    click('.follow', () => this.flight.follow(!this.flight.follows));
-    click('.home', () => this.flight.goHome());
+    click('.follow', () => this.flight.follow(!this.flight.follows, 'person'));
+    click('.home', () => this.flight.goHome('person'));
     click('button.figures', () => this.toggle('figures', this.panel));
     click('button.cameras', () => this.toggle('cameras', this.cameras));
     click('button.quality', () => this.toggle('quality', this.monitor));
@@ -141,13 +144,14 @@ export class Viewer {
     const names = ['src', 'token', 'path', 'eye-distance', 'max-width', 'ice-servers', 'eyes'];
     this.asked = Object.fromEntries(names.map(name => [name, this.given(name)]));
     const changed = name => this.asked[name] !== before[name];
+    this.forgetFlight();
+    this.flightOf = this.lightField;
     if (changed('eyes')) {
       const { eyes } = this.asked;
       this.mode = Object.hasOwn(kModes, eyes ?? '') && eyes !== 'headset' ? eyes : 'one';
       this.showMode();
     }
     if (before.src !== undefined && (changed('src') || changed('path'))) {
-      this.flight.forget();
       this.loaded = false;
       this.vignette.forget();
       Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0 });
@@ -156,6 +160,12 @@ export class Viewer {
     if (changed('token')) this.token.typed = null;
     this.render();
     if (names.some(changed)) this.stream.again();
+  }
+  // Called before settle(), so that a view set after `src` in the same script is for the new light field.
+  forgetFlight() {
+    if (this.flightOf === undefined || this.flightOf === this.lightField) return;
+    this.flightOf = this.lightField;
+    this.flight.forget();
   }
   // Once for all attributes that are changed together.
   settleSoon() {
@@ -168,20 +178,27 @@ export class Viewer {
   // The attribute, or with `share` the page's address.
   given(name) { return this.host.getAttribute(name) ?? this.share.words.get(name); }
   get path() { return this.given('path'); }
+  get lightField() { return JSON.stringify([this.given('src'), this.path]); }
+  // The page's start view: the fields of `view` and `focus`.
+  get start() {
+    const focus = numberIn(this.host.getAttribute('focus'));
+    return { ...this.declared ?? viewOf(this.host.getAttribute('view')), ...focus > 0 && { 'focus-distance': focus } };
+  }
   // Pixels to ask for: what the element has, in even numbers; of each eye.
   get size() {
-    const { width, height } = this.host.getBoundingClientRect(), most = Number(this.given('max-width')) || Infinity;
+    const { width, height } = this.host.getBoundingClientRect(), most = numberIn(this.given('max-width'), 1) ?? Infinity;
     const wide = (width || 640) / (this.mode === 'side' ? 2 : 1);
     const scale = Math.min(devicePixelRatio || 1, 2, most / wide);
-    const side = length => Math.max(64, Math.round(length * scale / 2) * 2);
-    return { width: side(wide), height: side(height || 480) };
+    const side = length => 2 * Math.round(length * scale / 2);
+    return { width: Math.max(kLeastSide, Math.min(side(wide), 2 * Math.floor(most / 2))),
+      height: Math.max(kLeastSide, side(height || 480)) };
   }
-  get eyeDistance() { return Number(this.given('eye-distance')) || kEyeDistance; }
+  get eyeDistance() { return numberIn(this.given('eye-distance'), 0) ?? kEyeDistance; }
   // What the server is asked for.
   get wish() {
     const path = this.path && { path: this.path };
     if (this.mode === 'one') return { ...this.size, ...path };
-    return { ...this.headset?.wish ?? { ...this.size, 'eye-distance': this.eyeDistance }, ...path };
+    return { ...this.headset?.wish ?? { ...this.size, 'eye-distance': Math.max(this.eyeDistance, kOneEye) }, ...path };
   }
 
   // A stream keeps its size: one of another size is another stream. Waits until the window rests.
@@ -226,9 +243,7 @@ export class Viewer {
   // A connection is open.
   opened() {
     this.twoEyes = this.mode !== 'one';
-    const focus = Number(this.host.getAttribute('focus'));
-    this.flight.resume({ ...viewOf(this.host.getAttribute('view')), ...focus > 0 && { 'focus-distance': focus },
-      ...this.share.view });
+    this.flight.resume({ ...this.start, ...this.share.view });
   }
 
   // A message of the server.
@@ -286,9 +301,11 @@ export class Viewer {
     return this.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
-  // As a click there does.
+  // As a click there does. False if there is no connection, or a path is flown.
   focusAt(clientX, clientY) {
+    if (this.path !== null) return false;
     const { x, y } = this.picture.pixelAt({ clientX, clientY }), at = { x: x % this.picture.eyeWidth, y, button: 1 };
+    this.flight.interrupt();
     const send = event => this.stream.connection?.request({ type: 'navigationEvent', event: { event, ...at } });
     return Boolean(send('MouseButtonPress') && send('MouseButtonRelease'));
   }

@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What web/README.md and lightfield-viewer.d.ts promise: each attribute, property, method and event does what it says.
+import { readFile, writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { compare, expect, half, launchBrowser, makeRig, newPage, openPage, patience, picture, runTests, serve, shown, source, until,
+  viewFile } from './harness.mjs';
+import { site } from './pages.mjs';
+
+const folder = await makeRig('4x4'), rigFile = join(folder, 'rig.json');
+const rig = ['--rig', rigFile, '--connects', '100', '--address-views', '8', '--focus-on', 'plane', '--origin', '*'];
+const browser = await launchBrowser(), size = { width: 640, height: 480 };
+const kEvents = ['first-frame', 'view-change', 'focus-change', 'connected', 'disconnected', 'error', 'rig', 'statistics'];
+
+const html = (body, script = '') => `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title>
+  <style>body { margin: 0 } lightfield-viewer { width: 640px; height: 480px }</style>${script}${body}`;
+
+// Another site's page with one element `v`, whose events are in `told`.
+async function open(served, attributes, { hash = '', before = '', inside: slotted = '', ...options } = {}) {
+  const mine = await site({ '/': html(`${before}<lightfield-viewer id="v" ${attributes}>${slotted}</lightfield-viewer>
+    <script>globalThis.told = [];
+      for (const name of ${JSON.stringify(kEvents)}) v.addEventListener(name, ({ detail }) => told.push([name, detail]));</script>
+    <script type="module" src="${served.url}lightfield-viewer.js"></script>`) });
+  const page = await newPage(browser, size, options);
+  page.asked = [];  // offers
+  page.on('request', request => /\/whep(\?|$)/.test(request.url()) && request.method() === 'POST' && page.asked.push(new URL(request.url())));
+  page.toldOf = name => page.evaluate(name => told.filter(([told]) => told === name).map(([, detail]) => detail), name);
+  page.view = () => page.evaluate(() => v.view);
+  page.loads = () => page.waitForFunction(() => globalThis.v?.loaded && v.view, null, { timeout: patience });
+  page.leaves = async () => {
+    expect(!page.problems.length, page.problems.join('; '));
+    await page.context().close();
+    mine.close();
+  };
+  await page.goto(mine.origin + hash);
+  return page;
+}
+const isNear = (a, b) => Math.abs(a - b) < 1e-6;
+const isAt = (page, wanted, what) => until(async () => {
+  const view = await page.view();
+  return Object.entries(wanted).every(([name, value]) => isNear(view[name], value));
+}, what);
+// How a promise in the page ends: 'done', or the name of its error.
+const ending = (page, script) => page.evaluate(script => (0, eval)(script).then(() => 'done', error => error.name), script);
+
+// Home is what `view` and `focus` say; who moves the view is told.
+async function homeAndWho() {
+  const served = await serve(...rig);
+  const page = await open(served, 'view="x=0.02 yaw=3" focus="3" controls autoplay');
+  await page.loads();
+  const start = { x: 0.02, yaw: 3, focusDistance: 3 };
+  await isAt(page, start, 'it begins at view and focus');
+  const { fov } = await page.view();
+  // Moves away by a script, comes back by `how`, and all that is told on the way is by `who`.
+  const comesHome = async (how, who, what) => {
+    await page.evaluate(() => v.setView({ x: -0.02, yaw: -2, pitch: 1, focusDistance: 2, fov: 20 }));
+    expect((await page.toldOf('view-change')).at(-1).by === 'script', `${what}: setView is a script's`);
+    await page.evaluate(() => told.length = 0);
+    await how();
+    await isAt(page, { ...start, pitch: 0, fov }, `${what} goes to view and focus`);
+    const changes = await page.toldOf('view-change');
+    expect(changes.length && changes.every(({ by }) => by === who), `${what} is a ${who}'s: ${JSON.stringify(changes)}`);
+  };
+  await comesHome(() => page.evaluate(() => v.goHome()), 'script', 'goHome()');
+  // The bar comes with the pointer.
+  const click = async name => {
+    await page.mouse.move(300, 100 + Math.random());
+    await page.getByRole('button', { name }).click();
+  };
+  await comesHome(() => click('Home'), 'person', 'the button Home');
+  await page.locator('lightfield-viewer video').focus();
+  for (const key of ['r', 'Home']) await comesHome(() => page.keyboard.press(key), 'person', `the key ${key}`);
+  await comesHome(() => page.mouse.dblclick(320, 150), 'person', 'a double click').catch(async error => {
+    throw new Error(`${error.message}: ${JSON.stringify(await page.view())}`);
+  });
+  await page.evaluate(() => {
+    globalThis.pad = { axes: [0, 0, 0, 0], buttons: [{ pressed: false }] };
+    navigator.getGamepads = () => [pad];
+    dispatchEvent(new Event('gamepadconnected'));
+  });
+  await comesHome(() => page.evaluate(() => { pad.buttons[0].pressed = true; }), 'person', 'a gamepad');
+
+  // What comes after it counts.
+  await page.evaluate(async () => {
+    await v.setView({ yaw: -2 });
+    v.goHome();
+    await v.setView({ yaw: 1 });
+    await new Promise(done => setTimeout(done, 600));  // longer than the way home
+  });
+  expect(isNear((await page.view()).yaw, 1), 'a view that is set on the way home stays');
+
+  const moves = async (how, who, what, field = 'focusDistance') => {
+    const before = await page.view();
+    await page.evaluate(() => told.length = 0);
+    await how();
+    await until(async () => !isNear((await page.view())[field], before[field]), `${what} moves it`);
+    const [{ by }] = await page.toldOf('view-change');
+    expect(by === who, `${what} is a ${who}'s, not a ${by}'s`);
+  };
+  const focus = metres => () => page.evaluate(focusDistance => v.setView({ focusDistance }), metres);
+  await moves(() => page.getByRole('slider').fill('0.9'), 'person', 'the slider');
+  await moves(focus(3), 'script', 'a script just after it');
+  await moves(() => click('Sweep'), 'person', 'Sweep');
+  await click('Sweep');
+  await page.getByRole('button', { name: 'Sweep', pressed: false }).waitFor();
+  await page.evaluate(() => v.setView({}));
+  await moves(() => page.keyboard.press(']'), 'person', 'a key');
+  await moves(() => page.evaluate(() => v.setAttribute('view', 'yaw=5')), 'script', 'the attribute view', 'yaw');
+  await page.evaluate(() => v.setView({ yaw: -1 }));
+  await page.evaluate(() => v.goHome());
+  await isAt(page, { yaw: 5, focusDistance: 3 }, 'another view is another home');
+  expect(!isNear((await page.view()).x, 0.02), 'what it does not give is the server\'s');
+  await page.evaluate(() => v.view = { yaw: 1.5 });
+  await isAt(page, { yaw: 1.5 }, 'the property view goes there');
+  await page.evaluate(() => v.setView({ yaw: -1 }));
+  await page.evaluate(() => v.goHome());
+  await isAt(page, { yaw: 1.5 }, 'and home is there');
+
+  // Where there is no stream the next one begins at home.
+  await page.evaluate(() => v.setView({ yaw: -1 }));
+  await page.evaluate(() => {
+    v.pause();
+    v.goHome();
+    v.play();
+  });
+  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  await isAt(page, { yaw: 1.5 }, 'paused, it goes home, too');
+  await page.leaves();
+  await served.stop();
+}
+
+async function focusAgainAndAgain() {
+  const served = await serve(...rig);
+  const page = await open(served, 'autoplay');
+  await page.loads();
+  for (let i = 0; i < 2; i++) {
+    await page.evaluate(() => v.focusDistance = 3);
+    await isAt(page, { focusDistance: 3 }, `focusDistance is 3, time ${i}`);
+    expect(isNear((await page.toldOf('focus-change')).at(-1).focusDistance, 3), 'focus-change tells it');
+    await page.evaluate(() => v.setView({ focusDistance: 1 }));
+  }
+  await page.evaluate(() => v.setAttribute('focus', '2'));
+  await isAt(page, { focusDistance: 2 }, 'so does the attribute');
+  await page.evaluate(() => v.focusDistance = null);
+  expect(await page.evaluate(() => !v.hasAttribute('focus') && v.focusDistance === 2), 'without it the focus stays');
+  await page.leaves();
+  await served.stop();
+}
+
+async function sharing() {
+  const served = await serve(...rig);
+  const clipboard = { permissions: ['clipboard-read', 'clipboard-write'] };
+  const page = await open(served, 'autoplay view="yaw=2"', { hash: '#mine', ...clipboard });
+  await page.loads();
+  await isAt(page, { yaw: 2 }, 'it is where it begins');
+  const before = page.url();
+  const link = await page.evaluate(() => v.share());
+  expect(page.url() === before && await page.evaluate(() => location.href) === before, 'without share the address stays');
+  expect(/[#&]yaw=2(&|$)/.test(link), `the link names the view: ${link}`);
+  expect(await page.evaluate(() => navigator.clipboard.readText()) === link, 'and is copied');
+  await page.evaluate(() => v.shares = true);
+  expect(await page.evaluate(() => v.hasAttribute('share') && v.shares), 'shares is the attribute share');
+  const second = await page.evaluate(() => v.share());
+  expect(await page.evaluate(() => location.href) === second, 'with share the address is the link');
+  // Other links are followed.
+  await page.evaluate(() => location.hash = '#yaw=-3');
+  await isAt(page, { yaw: -3 }, 'another link goes there');
+  await page.leaves();
+  await served.stop();
+}
+
+async function eyes() {
+  const served = await serve(...rig);
+  const page = await open(served, 'autoplay eyes="side" eye-distance="0"');
+  const sides = async () => {
+    await page.evaluate(async () => {  // the encoder makes it sharp
+      await v.setView({ x: 0.01, yaw: 2 });
+      for (let i = 0; i < 15; i++) await new Promise(done => inside().video.requestVideoFrameCallback(done));
+    });
+    const both = await picture(page);
+    return compare(page, await half(page, both, 0), await half(page, both, 1));
+  };
+  await page.loads();
+  expect(Number(page.asked[0].searchParams.get('eye-distance')) < 1e-3, `of no distance: ${page.asked[0]}`);
+  expect(await page.evaluate(() => v.eyeDistance === 0 && v.eyes === 'side'), 'properties are those of the attributes');
+  const same = await sides();
+  expect(same.psnr > 35, `both eyes see the same: ${same.psnr}`);
+  await page.evaluate(() => v.eyeDistance = 0.1);
+  await until(() => page.asked.at(-1).searchParams.get('eye-distance') === '0.1', 'another distance is asked for');
+  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  const apart = await sides();
+  expect(apart.psnr < same.psnr - 5 && apart.psnr < 30, `eyes apart see more: ${apart.psnr}`);
+  await page.evaluate(() => v.eyeDistance = null);
+  await until(() => page.asked.at(-1).searchParams.get('eye-distance') === '0.063', 'without it 63 mm');
+  await page.evaluate(() => v.eyes = 'anaglyph');
+  await page.waitForFunction(() => v.connected && inside().anaglyph.canvas.checkVisibility() && inside().twoEyes, null, { timeout: patience });
+  await page.evaluate(() => v.eyes = 'one');
+  await until(() => !page.asked.at(-1).searchParams.has('eye-distance'), 'one eye has none');
+  await page.leaves();
+  await served.stop();
+}
+
+// A path is flown by the server; nothing that moves the view waits for ever.
+async function paths() {
+  const tour = join(folder, 'tour.json'), state = { x: 0, y: 0, z: 0, yaw: -2, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 };
+  const views = [-2, 2].map((yaw, i) => ({ ...viewFile({ ...state, yaw }, { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
+  await writeFile(tour, JSON.stringify({ format: 'lightfield-views', version: 1, views }));
+  const served = await serve(...rig, '--path', `tour=${tour}`);
+  const page = await open(served, 'autoplay controls path="tour" view="yaw=3"');
+  await shown(page, 10);
+  expect(page.asked[0].searchParams.get('path') === 'tour' && await page.evaluate(() => v.path) === 'tour', 'the path is asked for');
+  const first = await picture(page);
+  await until(async () => (await compare(page, first, await picture(page))).psnr < 30, 'the picture flies');
+  expect(await ending(page, 'v.setView({ yaw: 1 })') === 'InvalidStateError', 'setView() is refused');
+  expect(await page.evaluate(() => v.focusAt(300, 200)) === false, 'so is focusAt()');
+  await page.evaluate(() => v.goHome());
+  expect(await page.evaluate(() => v.view) === null, 'there is no view');
+  await page.evaluate(() => v.path = null);
+  await page.waitForFunction(() => v.connected && v.view, null, { timeout: patience });
+  await isAt(page, { yaw: 3 }, 'without path it begins where view says');
+  // Views that nobody has seen when another light field comes.
+  const lost = await page.evaluate(() => {
+    const view = v.setView({ yaw: 1 }).then(() => 'done', error => error.name);
+    v.path = 'tour';
+    return view;
+  });
+  expect(lost === 'AbortError', `what the path has overtaken ends: ${lost}`);
+  await page.leaves();
+  await served.stop();
+}
+
+// Another server: what is set from then on is for it.
+async function otherSource() {
+  const [one, two] = [await serve(...rig), await serve(...rig)];
+  const page = await open(one, `autoplay src="${one.url}whep"`);
+  await page.loads();
+  const view = await page.evaluate(src => {
+    v.src = src;
+    return v.setView({ yaw: 2 });
+  }, `${two.url}whep`);
+  expect(isNear(view.yaw, 2), 'a view that is set after src is shown');
+  expect(await two.metric('viewers') === 1 && await page.evaluate(() => v.src) === `${two.url}whep`, 'by the other server');
+  await until(async () => await one.metric('viewers') === 0, 'the first one is left');
+  await page.leaves();
+  await one.stop();
+  await two.stop();
+}
+
+async function widths() {
+  const served = await serve(...rig);
+  const page = await open(served, 'autoplay max-width="65"');
+  await page.loads();
+  const asked = () => page.asked.at(-1).searchParams.get('width');
+  expect(await asked() === '64' && await page.evaluate(() => v.maxWidth) === 65, `65 pixels at most: ${await asked()}`);
+  for (const [most, width] of [[131, '130'], [130, '130'], [10, '64'], [null, '640']]) {
+    await page.evaluate(most => v.maxWidth = most, most);
+    await until(async () => await asked() === width, `maxWidth = ${most} asks for ${width}, not ${await asked()}`);
+  }
+  await page.leaves();
+  await served.stop();
+}
+
+async function tokens() {
+  const file = join(folder, 'token');
+  await writeFile(file, 'sesame', { mode: 0o600 });
+  const served = await serve(...rig, '--token-file', file);
+  const page = await open(served, 'autoplay token="wrong"');
+  await until(async () => (await page.toldOf('error')).length, 'a wrong token is an error');
+  const [error] = await page.toldOf('error');
+  expect(error.status === 401 && error.reason === 'token' && error.message && error.cause && error.retryAfter === Infinity,
+    `which is told: ${JSON.stringify(error)}`);
+  expect(await page.evaluate(() => v.status instanceof HTMLElement && !v.status.hidden), 'status says it');
+  await page.evaluate(() => v.token = 'sesame');
+  await page.loads();
+  expect(await page.evaluate(() => v.token === 'sesame' && v.status.hidden), 'the right one is let in');
+  await page.leaves();
+  await served.stop();
+}
+
+// play(), pause() and reconnect(); what can be read; the events of a stream and of another rig.
+async function streams() {
+  const own = await makeRig('4x4');
+  const served = await serve('--rig', join(own, 'rig.json'), ...rig.slice(2), '--watch');
+  const page = await open(served, 'controls autofocus');
+  const reads = () => page.evaluate(() => ({ loaded: v.loaded, connected: v.connected, paused: v.paused, view: v.view,
+    statistics: Object.keys(v.statistics).length > 0, connection: v.connection !== null, autoplay: v.autoplay, controls: v.controls }));
+  const first = await page.waitForFunction(() => v.play).then(reads);
+  expect(JSON.stringify(first) === JSON.stringify({ loaded: false, connected: false, paused: true, view: null, statistics: false,
+    connection: false, autoplay: false, controls: true }), `before play(): ${JSON.stringify(first)}`);
+  expect(await page.evaluate(() => v.shadowRoot.activeElement === inside().video), 'autofocus gives it the keyboard');
+  await page.evaluate(() => v.play());
+  await page.loads();
+  await until(async () => (await page.toldOf('statistics')).length, 'statistics come');
+  const [told] = await page.toldOf('statistics');
+  for (const name of ['pictures', 'incomplete', 'pictureMs', 'bitRate', 'frameRate', 'sizeDivisor', 'loss', 'roundTripMs'])
+    expect(Number.isFinite(told[name]), `statistics.${name}: ${told[name]}`);
+  const playing = await reads();
+  expect(playing.loaded && playing.connected && !playing.paused && playing.statistics && playing.connection, JSON.stringify(playing));
+  expect(await page.evaluate(() => v.connection.peer instanceof RTCPeerConnection && v.connection.channel.readyState === 'open'),
+    'connection has peer and channel');
+  expect((await page.toldOf('connected')).length === 1 && (await page.toldOf('first-frame')).length === 1, 'connected, first-frame');
+
+  await page.evaluate(() => v.setView({ yaw: 2 }));
+  const viewers = await served.metric('viewers_total');
+  await page.evaluate(() => v.reconnect());
+  await until(async () => await served.metric('viewers_total') === viewers + 1, 'reconnect() asks for another stream');
+  await page.waitForFunction(() => v.connected && told.filter(([name]) => name === 'connected').length === 2, null, { timeout: patience });
+  expect((await page.toldOf('disconnected'))[0].reason, 'disconnected says why');
+  await isAt(page, { yaw: 2 }, 'where it was');
+
+  const text = JSON.parse(await readFile(join(own, 'rig.json'), 'utf8'));
+  text.cameras[0].position[0] += 0.001;
+  await writeFile(join(own, 'rig.json'), JSON.stringify(text));
+  await until(async () => (await page.toldOf('rig')).length, 'another rig is told');
+  expect(/^[0-9a-f]{16}$/.test((await page.toldOf('rig'))[0].hash), JSON.stringify(await page.toldOf('rig')));
+  await isAt(page, { yaw: 2 }, 'the view stays');
+
+  await page.evaluate(() => v.pause());
+  await until(async () => await served.metric('viewers') === 0, 'pause() leaves the seat');
+  const paused = await reads();
+  expect(paused.paused && !paused.connected && paused.loaded && !paused.connection, JSON.stringify(paused));
+  await page.evaluate(() => v.autoplay = true);
+  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  await page.leaves();
+  await served.stop();
+}
+
+async function iceServers() {
+  const served = await serve(...rig);
+  const page = await open(served, 'autoplay ice-servers="stun:a.example"', { before: `<script>
+    globalThis.gathered = [];
+    globalThis.RTCPeerConnection = class extends RTCPeerConnection {
+      constructor(configuration) {
+        super({ ...configuration, iceServers: [] });
+        gathered.push(configuration.iceServers);
+      }
+    };</script>` });
+  await page.loads();
+  await page.evaluate(() => v.iceServers = [{ urls: 'stun:b.example' }]);
+  await page.waitForFunction(() => gathered.length === 2 && v.connected, null, { timeout: patience });
+  const gathered = await page.evaluate(() => JSON.stringify([globalThis.gathered, v.iceServers]));
+  expect(gathered === '[[[{"urls":"stun:a.example"}],[{"urls":"stun:b.example"}]],[{"urls":"stun:b.example"}]]', gathered);
+  await page.leaves();
+  await served.stop();
+}
+
+// Parts, slots and custom properties of the README.
+async function looks() {
+  const served = await serve(...rig);
+  const readme = await readFile(join(source, 'web/README.md'), 'utf8');
+  const names = [...new Set(readme.match(/--lightfield-[a-z]+/g))];
+  const colours = Object.fromEntries(names.map((name, i) => [name, `rgb(${10 * i + 1}, 2, 3)`]));
+  const page = await open(served, 'autoplay controls alt="A globe"', { inside: '<div id="own" slot="controls">My bar</div>' });
+  await page.loads();
+  expect(await page.getByRole('application', { name: 'A globe' }).count() === 1, 'alt names the picture');
+  expect(await page.evaluate(() => own.checkVisibility() && !inside().bar.bar.checkVisibility()), 'the slot controls is the bar');
+  await page.evaluate(colours => {
+    own.remove();
+    for (const [name, value] of Object.entries(colours)) v.style.setProperty(name, value);
+  }, colours);
+  const used = await page.evaluate(() => {
+    const { root, bar, slider } = inside(), of = (element, name) => getComputedStyle(element)[name];
+    const button = root.querySelector('.bar button.figures'), plain = [of(button, 'backgroundColor'), of(button, 'borderTopColor')];
+    button.setAttribute('aria-pressed', 'true');
+    return { '--lightfield-background': of(v, 'backgroundColor'), '--lightfield-panel': of(bar.bar, 'backgroundColor'),
+      '--lightfield-text': of(bar.bar, 'color'), '--lightfield-button': plain[0], '--lightfield-line': plain[1],
+      '--lightfield-pressed': of(button, 'backgroundColor'), '--lightfield-accent': of(slider, 'accentColor') };
+  });
+  for (const name of names) expect(used[name] === colours[name], `${name}: ${used[name]}, not ${colours[name]}`);
+  const parts = readme.match(/Parts: ([\s\S]*?)\n\n/)[1].match(/`[a-z]+`/g).map(part => part.slice(1, -1));
+  const there = await page.evaluate(parts => parts.filter(part => !inside().root.querySelector(`[part=${part}]`)), parts);
+  expect(parts.length > 8 && !there.length, `parts that are not there: ${there}`);
+  await page.leaves();
+  await served.stop();
+}
+
+// Under the strictest policy that a page may have.
+async function trustedTypes() {
+  const served = await serve(...rig), server = new URL(served.url).origin;
+  const policy = `default-src 'none'; script-src ${server}/ 'nonce-mine'; connect-src ${server}/; style-src 'nonce-mine'; base-uri 'none'; ` +
+    `require-trusted-types-for 'script'; trusted-types 'none'`;
+  const mine = await site({ '/': `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title>
+    <script nonce="mine">globalThis.violations = [];
+      document.addEventListener('securitypolicyviolation', ({ violatedDirective, sample }) => violations.push(violatedDirective + ' ' + sample));
+    </script>
+    <lightfield-viewer id="v" controls autoplay></lightfield-viewer>
+    <script type="module" nonce="mine" src="${served.url}lightfield-viewer.js"></script>` }, null, '127.0.0.1',
+  { 'Content-Security-Policy': policy });
+  const page = await openPage(browser, mine.origin, { width: 700, height: 500 });
+  await shown(page, 10);
+  expect(await page.evaluate(() => {
+    try {
+      document.createElement('p').innerHTML = '<b>';
+    } catch {
+      return violations.splice(0).length === 1 || 'the event comes later';
+    }
+  }), 'the policy holds');
+  await page.waitForFunction(() => v.view, null, { timeout: patience });
+  await page.locator('lightfield-viewer video').focus();
+  for (const [key, part] of [['c', 'canvas.cameras'], ['i', 'pre.figures'], ['?', '.guide']]) {
+    await page.keyboard.press(key);
+    await page.waitForFunction(part => inside().root.querySelector(part).checkVisibility(), part, { timeout: patience });
+    if (key === '?') await page.screenshot({ path: join(process.env.LF_ARTEFACTS, 'trusted-types.png') });
+    await page.keyboard.press(key);
+  }
+  expect(await page.evaluate(async () => (await v.toBlob({ type: 'image/jpeg' })).size) > 1000, 'its picture can be had');
+  const { view } = await page.evaluate(async () => ({ view: await v.setView({ yaw: 2 }) }));
+  expect(isNear(view.yaw, 2), 'it flies');
+  const violations = (await page.evaluate(() => globalThis.violations)).filter(text => !/<b>/.test(text));
+  expect(!violations.length, `the policy is violated: ${violations}`);
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+  mine.close();
+}
+
+await runTests([
+  ['goHome, and who moves the view', homeAndWho],
+  ['focus', focusAgainAndAgain],
+  ['share', sharing],
+  ['eyes and their distance', eyes],
+  ['a path of the server', paths],
+  ['another server', otherSource],
+  ['max-width', widths],
+  ['token', tokens],
+  ['play, pause, reconnect, statistics, another rig', streams],
+  ['ICE servers', iceServers],
+  ['parts, slots and colours', looks],
+  ['a strict policy with trusted types', trustedTypes],
+]);
