@@ -15,8 +15,8 @@ namespace lf::test {
 #if LF_HAS_RTSP_SERVER
 inline constexpr const char* kRtspServerMissing = nullptr;
 
-// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed; also
-// /undated, JPEG without sender reports.
+// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed;
+// also /undated, JPEG without sender reports.
 class RtspServer {
  public:
   // `port`: of an RtspServer that is gone, in its place; 0: any.
@@ -24,6 +24,9 @@ class RtspServer {
       : context_(g_main_context_new()), loop_(g_main_loop_new(context_, FALSE)), server_(gst_rtsp_server_new()) {
     gst_rtsp_server_set_address(server_, "127.0.0.1");
     gst_rtsp_server_set_service(server_, std::to_string(port).c_str());
+    // Clients are served by the server's own loop, which stop() closes them in.
+    g_autoptr(GstRTSPThreadPool) threads = gst_rtsp_server_get_thread_pool(server_);
+    gst_rtsp_thread_pool_set_max_threads(threads, 0);
     mount("/jpeg", "jpegenc ! rtpjpegpay name=pay0");
     mount("/undated", "jpegenc ! rtpjpegpay name=pay0", false);
     mount("/h264", CameraFiles::h264_encoder() + " ! rtph264pay name=pay0");
@@ -37,19 +40,21 @@ class RtspServer {
   ~RtspServer() {
     if (thread_.joinable()) stop();
   }
-  // Nobody is served any more.
+  // Closes all connections and ends the server. The loop itself does it: gst-rtsp-server has no locks between a thread
+  // that closes a connection and the one that reads from it, and a read then is a GLib critical of a connection without
+  // streams.
   void stop() {
-    gst_rtsp_server_client_filter(
-        server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
-    // In the loop itself, which may not have begun to run.
     GSource* quit = g_idle_source_new();
     g_source_set_callback(
         quit,
-        [](gpointer loop) -> gboolean {
-          g_main_loop_quit(static_cast<GMainLoop*>(loop));
+        [](gpointer data) -> gboolean {
+          const auto* self = static_cast<RtspServer*>(data);
+          gst_rtsp_server_client_filter(
+              self->server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
+          g_main_loop_quit(self->loop_);
           return G_SOURCE_REMOVE;
         },
-        loop_, nullptr);
+        this, nullptr);
     g_source_attach(quit, context_);
     g_source_unref(quit);
     thread_.join();
@@ -73,8 +78,8 @@ class RtspServer {
     if (gst_iterator_next(bins, &bin) == GST_ITERATOR_OK) {
       GstPad* reports = gst_element_get_static_pad(GST_ELEMENT(g_value_get_object(&bin)), "send_rtcp_src_0");
       gst_pad_add_probe(
-          reports, GST_PAD_PROBE_TYPE_BUFFER,
-          [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; }, nullptr, nullptr);
+          reports, GST_PAD_PROBE_TYPE_BUFFER, [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; },
+          nullptr, nullptr);
       gst_object_unref(reports);
       g_value_unset(&bin);
     }
@@ -92,8 +97,7 @@ class RtspServer {
     gst_rtsp_media_factory_set_launch(factory, line.c_str());
     gst_rtsp_media_factory_set_shared(factory, TRUE);
     if (!reports)
-      g_signal_connect(factory, "media-configure",
-                       G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer) {
+      g_signal_connect(factory, "media-configure", G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer) {
                          g_signal_connect(media, "prepared", G_CALLBACK(leave_out_reports), nullptr);
                        }),
                        nullptr);
