@@ -14,6 +14,7 @@
 #include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
+#include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
@@ -145,19 +146,19 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50000000 rig=" + rig("/h264") +
                                      " record=" + folder + " ! fakesink async=false");
   const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
-  gst_element_set_state(client.get(), GST_STATE_PLAYING);
-  g_usleep(500000);
-  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const auto size = [&] {
+  const auto size = [&](const std::string& file) {
     std::error_code error;
-    const auto bytes = std::filesystem::file_size(folder + "/camera0.mkv", error);
+    const auto bytes = std::filesystem::file_size(file, error);
     return error ? 0 : bytes;
   };
-  for (int i = 0; i < 400 && size() < 3000; i++) g_usleep(50000);
+  gst_element_set_state(client.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return size(other) > 1000; })) << "the other client has pictures first";
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return size(folder + "/camera0.mkv") >= 3000; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   gst_element_send_event(client.get(), gst_event_new_eos());
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(client.get()));
-  GstMessage* end = gst_bus_timed_pop_filtered(bus.get(), 20 * GST_SECOND, GST_MESSAGE_EOS);
+  GstMessage* end = gst_bus_timed_pop_filtered(bus.get(), 60 * GST_SECOND, GST_MESSAGE_EOS);
   EXPECT_TRUE(end);
   gst_clear_message(&end);
   gst_element_set_state(client.get(), GST_STATE_NULL);

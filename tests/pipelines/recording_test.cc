@@ -156,9 +156,28 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
   void record(double seconds) const {
     const ElementPtr pipeline = launch("lfcameranode name=n is-live=true loop=true rig=" + rig() +
                                        " record=" + folder() + " ! fakesink async=false");
+    const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-    g_usleep(static_cast<gulong>(seconds * G_USEC_PER_SEC));
+    const auto enough = static_cast<uint64_t>(seconds * kRate);
+    for (int i = 0; i < 1200 && least_recorded(node.get()) < enough; i++) g_usleep(50000);
+    EXPECT_GE(least_recorded(node.get()), enough);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+  // Frames of the camera that has the fewest.
+  static uint64_t least_recorded(GstElement* node) {
+    GstStructure* all = nullptr;
+    g_object_get(node, "stats", &all, nullptr);
+    const StructurePtr owner(all);
+    const GValue* cameras = gst_structure_get_value(all, "cameras");
+    uint64_t least = G_MAXUINT64;
+    for (int camera = 0; camera < 9; camera++) {
+      const std::string name = "camera-" + std::to_string(camera);
+      const GValue* one = cameras ? gst_structure_get_value(gst_value_get_structure(cameras), name.c_str()) : nullptr;
+      guint64 frames = 0;
+      if (one) gst_structure_get_uint64(gst_value_get_structure(one), "recorded", &frames);
+      least = std::min<uint64_t>(least, frames);
+    }
+    return least;
   }
 
   static inline TempDir* scene = nullptr;
