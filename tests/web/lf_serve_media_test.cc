@@ -5,9 +5,12 @@
 #include <libsoup/soup.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <memory>
 
+#include "support/recorded.h"
+#include "support/temp_dir.h"
 #include "web/offers.h"
 #include "web/served.h"
 #include "web/whep_client.h"
@@ -282,6 +285,64 @@ TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) 
   EXPECT_TRUE(goes_on(*client));
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), HasSubstr("too many messages"));
+}
+
+std::string aperture_of(double metres, int id) {
+  return "{\"id\":" + std::to_string(id) +
+         ",\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lightfield-view-request\",\"structure\":"
+         "{\"aperture\":" +
+         std::to_string(metres) + "}}}";
+}
+// The answer to a message of a client; "" before it is there.
+std::string answer_to(const WhepClient& client, int id) {
+  const std::string what = "\"id\":" + std::to_string(id) + ",\"type\":\"ControlResponseMessage\"";
+  for (const std::string& message : client.messages())
+    if (message.find(what) != message.npos) return message;
+  return "";
+}
+
+TEST_F(LfServeMedia, AnApertureBeyondTheLimitIsRefused) {
+  Served served({"--max-aperture", "0.01"});
+  const auto client = watch(served);
+  client->send(aperture_of(0.02, 5));
+  client->send(aperture_of(0.005, 6));
+  EXPECT_TRUE(becomes([&] { return !answer_to(*client, 6).empty(); }));
+  EXPECT_THAT(answer_to(*client, 5), HasSubstr("aperture is larger"));
+  EXPECT_THAT(answer_to(*client, 6), HasSubstr("\"error\":null"));
+  EXPECT_TRUE(becomes([&] { return told(*client, "aperture") == 0.005; })) << told(*client, "aperture");
+}
+
+TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
+  for (const bool few : {true, false}) {
+    Served served({"--messages", few ? "2" : "1000"});
+    const auto client = watch(served);
+    for (int id = 1; id <= 40; id++) client->send(aperture_of(0, id));
+    EXPECT_TRUE(becomes([&] { return !answer_to(*client, 1).empty(); }));
+    if (!few) {
+      EXPECT_TRUE(becomes([&] { return !answer_to(*client, 40).empty(); }));
+    }
+    EXPECT_TRUE(goes_on(*client));
+    EXPECT_EQ(served.metric("refused_messages_total") == "0", !few) << served.metric("refused_messages_total");
+    EXPECT_EQ(served.stop(), 0);
+    EXPECT_EQ(served.said().find("too many messages") != std::string::npos, few);
+  }
+}
+
+TEST_F(LfServeMedia, WhatIsServedIsRecorded) {
+  const TempDir dir;
+  const std::string folder = dir / "recording";
+  {
+    Served served({"--record", folder});
+    EXPECT_TRUE(goes_on(*watch(served)));
+    EXPECT_TRUE(becomes([&] {
+      std::error_code error;
+      return std::filesystem::file_size(folder + "/camera3.mkv", error) > 5000 && !error;
+    }));
+    EXPECT_EQ(served.stop(), 0);
+  }
+  EXPECT_EQ(load_rig(folder + "/rig.json").cameras.size(), 4u);
+  for (int camera = 0; camera < 4; camera++)
+    EXPECT_GT(read_recorded(folder + "/camera" + std::to_string(camera) + ".mkv").times.size(), 1u) << camera;
 }
 
 }  // namespace
