@@ -102,5 +102,42 @@ TEST_F(CompositorLimitsTest, ItsOwnRequestsHaveLimitsToo) {
   EXPECT_EQ(stat(element_.get(), "refused-pixels"), 1u);
 }
 
+TEST_F(CompositorLimitsTest, EachLimitIsAPropertyAndIsCounted) {
+  begin();
+  const auto expect_refused = [this](const ViewRequest& asked, const char* counter) {
+    const uint64_t before = stat(element_.get(), counter), all = stat(element_.get(), "refused");
+    request(asked);
+    EXPECT_EQ(stat(element_.get(), counter), before + 1) << counter;
+    EXPECT_EQ(stat(element_.get(), "refused"), all + 1) << counter;
+  };
+  const auto next = [this] { return array_.request(sequence_++, kNow + sequence_ * kFrame); };
+
+  g_object_set(element_.get(), "max-pixels", guint64{100}, nullptr);
+  expect_refused(next(), "refused-pixels");
+  g_object_set(element_.get(), "max-pixels", guint64{1} << 22, nullptr);
+  EXPECT_TRUE(is_complete());
+
+  ViewRequest wide = next();
+  wide.view.blending = {Blending::Kind::kAperture, 0.02, 0};
+  g_object_set(element_.get(), "max-aperture", 0.01, nullptr);
+  expect_refused(wide, "refused-aperture");
+
+  ViewRequest curious = next();
+  FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0.05;
+  map.nearest = 0.3;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+  curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  curious.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+  g_object_set(element_.get(), "max-trials", 1u, nullptr);
+  expect_refused(curious, "refused-trials");
+
+  // Requests of one view that come at once: the first ones are the second's share.
+  g_object_set(element_.get(), "max-requests-per-second", 5u, nullptr);
+  for (int i = 0; i < 50; i++) request(next());
+  EXPECT_GE(stat(element_.get(), "refused-rate"), 30u);
+}
+
 }  // namespace
 }  // namespace lf::test

@@ -59,6 +59,64 @@ TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
   EXPECT_LT(told.size(), 4u);
 }
 
+TEST_F(FragmentLimitsTest, MoreTrialsThanAllowedAreRefused) {
+  ViewRequest curious = asked(1);
+  FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0.05;
+  map.nearest = 0.3;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+  curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  curious.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+  set("max-trials", "1");
+  EXPECT_FALSE(is_answered(curious));
+  EXPECT_EQ(stat(element_.get(), "refused-trials"), 1u);
+  set("max-trials", "2");
+  curious.sequence = sequence_++;
+  EXPECT_TRUE(is_answered(curious));
+}
+
+// "lightfield-answer" has what an answer is and what it took.
+TEST_F(FragmentLimitsTest, AnswersArePostedWhereThatIsAskedFor) {
+  g_autoptr(GstBus) bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  EXPECT_TRUE(is_answered(asked(3)));
+  EXPECT_EQ(gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT), nullptr);
+  set("post-messages", "true");
+  const ViewRequest second = asked(4);
+  EXPECT_TRUE(is_answered(second));
+  g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT);
+  ASSERT_TRUE(message);
+  const GstStructure* answer = gst_message_get_structure(message);
+  EXPECT_STREQ(gst_structure_get_name(answer), "lightfield-answer");
+  guint view = 0, sequence = 0, fragments = 0;
+  guint64 bytes = 0;
+  EXPECT_TRUE(gst_structure_get(answer, "view-id", G_TYPE_UINT, &view, "sequence", G_TYPE_UINT, &sequence, "fragments",
+                                G_TYPE_UINT, &fragments, "bytes", G_TYPE_UINT64, &bytes, nullptr));
+  EXPECT_EQ(view, 4u);
+  EXPECT_EQ(sequence, second.sequence);
+  EXPECT_GT(fragments, 0u);
+  EXPECT_GT(bytes, 0u);
+  gst_element_set_bus(element_.get(), nullptr);
+}
+
+// Smaller strips lose less with a lost packet; 16 rows are the least.
+TEST_F(FragmentLimitsTest, StripsAreOfAsManyPixelsAsAllowed) {
+  ViewRequest large = asked(1);
+  large.view.width = large.view.height = 128;
+  large.view.lens = Lens::from_fov_y(20, 128, 128);
+  set("codec", "raw");
+  const auto fragments = [&](const char* pixels) {
+    set("strip-pixels", pixels);
+    large.sequence = sequence_++;
+    EXPECT_EQ(request(large), GST_FLOW_OK);
+    return pull().fragments.size();
+  };
+  const size_t whole = fragments("65536"), strips = fragments("2048");
+  EXPECT_EQ(whole, 1u);
+  EXPECT_EQ(strips, 8u) << "128 rows of 128 pixels, 16 a strip";
+}
+
 TEST_F(FragmentLimitsTest, MoreViewsThanAllowedAreRefused) {
   set("max-views", "3");
   for (const uint32_t view : {5, 6, 7}) EXPECT_TRUE(is_answered(asked(view)));

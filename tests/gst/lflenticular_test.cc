@@ -15,6 +15,7 @@ using testing::HasSubstr;
 // A quilt of 3 x 2 views of 16x12 pixels.
 constexpr int kColumns = 3, kRows = 2, kWidth = 48, kHeight = 24;
 const LensDisplay kDisplay{.lens_width = 5.5, .slant = -11, .centre = 0.25};
+const LensDisplay kReversed{.lens_width = 5.5, .slant = -11, .centre = 0.25, .reversed = true};
 
 GstCaps* rgb(int width, int height) {
   return gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "RGB", "width", G_TYPE_INT, width, "height",
@@ -39,7 +40,7 @@ class LfLenticular : public testing::Test {
     return gst_harness_push(harness_, buffer);
   }
   // What comes out of a display of this size.
-  void expect_picture(int width, int height) {
+  void expect_picture(int width, int height, const LensDisplay& display = kDisplay) {
     GstBuffer* out = gst_harness_pull(harness_);
     ASSERT_TRUE(out);
     EXPECT_EQ(GST_BUFFER_PTS(out), 5 * GST_SECOND);
@@ -48,7 +49,7 @@ class LfLenticular : public testing::Test {
     ASSERT_EQ(gst_buffer_get_size(out), GST_VIDEO_INFO_SIZE(&info));
     const ptrdiff_t stride = GST_VIDEO_INFO_PLANE_STRIDE(&info, 0);
     std::vector<uint8_t> expected(GST_VIDEO_INFO_SIZE(&info));
-    interleave(kDisplay, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
+    interleave(display, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
     GstMapInfo map;
     ASSERT_TRUE(gst_buffer_map(out, &map, GST_MAP_READ));
     for (int y = 0; y < height; y++)
@@ -65,6 +66,13 @@ TEST_F(LfLenticular, FillsTheDisplayThatIsAskedFor) {
   gst_harness_set_sink_caps(harness_, rgb(83, 41));
   EXPECT_EQ(push(), GST_FLOW_OK);
   expect_picture(83, 41);
+}
+
+TEST_F(LfLenticular, TurnsStripesRound) {
+  g_object_set(harness_->element, "reversed", TRUE, nullptr);
+  gst_harness_set_sink_caps(harness_, rgb(83, 41));
+  EXPECT_EQ(push(), GST_FLOW_OK);
+  expect_picture(83, 41, kReversed);
 }
 
 TEST_F(LfLenticular, IsAsLargeAsAViewWhereNobodyAsks) {
