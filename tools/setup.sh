@@ -24,7 +24,7 @@ packages=(
   gstreamer1.0-plugins-bad                             # jpegparse, WebRTC
   gstreamer1.0-nice gstreamer1.0-plugins-ugly          # WebRTC's network, H.264
   gstreamer1.0-x                                       # windows
-  libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libsoup-3.0-dev libssl-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
+  libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libsoup-3.0-dev libssl-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
   libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev libopencv-videoio-dev
   libegl-dev libgles-dev libegl1 libgl1-mesa-dri       # OpenGL ES, and a driver of it that computes on the CPU
   libbenchmark-dev libgmock-dev libgtest-dev

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/number_text.h"
+#include "image/picture_bytes.h"
 
 namespace lf {
 namespace {
@@ -188,6 +190,15 @@ std::string read_image_file(const std::string& path) {
 }
 
 Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
+  // OpenCV shows what is left of a damaged PNG or JPEG.
+  const std::span coded_bytes(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  if (picture_coding(coded_bytes) != PictureCoding::kOther) {
+    try {
+      return decode_picture(coded_bytes, PixelFamily::kRgb);
+    } catch (const Error& error) {
+      throw Error(path + ": " + error.what());
+    }
+  }
   // The decoder writes to the image's own memory if it finds the size that the header claims.
   Image image(PixelFamily::kRgb, size.width, size.height);
   cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());

@@ -10,9 +10,14 @@
 
 namespace lf::jpeg {
 
-// A JPEG of any kind that libjpeg knows (progressive, several scans, arithmetic coding, any sampling) as I420; its
-// chroma of more than half resolution is averaged, of less repeated. Nothing, and why in *reason, if it is damaged,
-// even in parts, or neither grey nor YCbCr. Takes a frame whose header parse_header() has passed. Thread-safe.
+// Both decode a whole JPEG of any kind that libjpeg reads: progressive, several scans, arithmetic coding, any sampling;
+// grey, YCbCr, RGB, CMYK or YCCK. They return nothing, and the cause in *reason, if any part of the frame is damaged.
+// Thread-safe.
+
+// Decodes to I420. Chroma of more than half resolution is averaged, chroma of less is repeated. The frame's header has
+// passed parse_header().
 std::optional<Image> decode_whole(std::span<const uint8_t> frame, std::string* reason);
+// Decodes to RGB, with libjpeg's interpolation of chroma.
+std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* reason);
 
 }  // namespace lf::jpeg

@@ -19,12 +19,21 @@ void set_huffman(const HuffmanSpec& spec, JHUFF_TBL& table) {
   std::copy(spec.symbols.begin(), spec.symbols.end(), table.huffval);
 }
 
-// Nullptr, or what is wrong.
-const char* colours_refused(const jpeg_decompress_struct& info) {
-  if (info.jpeg_color_space == JCS_RGB) return "RGB inside of JPEG is not supported";
-  if (info.jpeg_color_space != JCS_YCbCr && info.jpeg_color_space != JCS_GRAYSCALE)
-    return "only grey and YCbCr are supported";
-  return nullptr;
+bool has_known_colours(const jpeg_decompress_struct& info) {
+  switch (info.jpeg_color_space) {
+    case JCS_GRAYSCALE:
+    case JCS_YCbCr:
+    case JCS_RGB:
+    case JCS_CMYK:
+    case JCS_YCCK: return true;
+    default: return false;
+  }
+}
+
+// Whether a libjpeg error is about a kind of JPEG that libjpeg does not decode, and not about damage.
+bool is_unsupported(int code) {
+  return code == JERR_BAD_PRECISION || code == JERR_SOF_UNSUPPORTED || code == JERR_ARITH_NOTIMPL ||
+         code == JERR_COMPONENT_COUNT || code == JERR_CONVERSION_NOTIMPL;
 }
 
 // libjpeg's reader of headers, kept from frame to frame. Its tables are ours, since libjpeg keeps what a frame defines
@@ -59,16 +68,20 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Nullptr, or what is wrong; it is valid up to the next call.
+  // Returns null, or what is wrong. The text is valid until the next call.
   const char* read(std::span<const uint8_t> frame, Header& h) {
     reset_tables();
     source_.next_input_byte = frame.data();
     source_.bytes_in_buffer = frame.size();
+    unsupported_ = false;
     const char* const error = read_markers() ? take(h) : text_;
     h.scan = frame.size() - source_.bytes_in_buffer;
     jpeg_abort_decompress(&info_);
     return error;
   }
+
+  // Of the latest frame that read() refused: it may be intact.
+  bool is_unsupported_kind() const { return unsupported_; }
 
  private:
   void reset_tables() {
@@ -84,13 +97,14 @@ class Reader {
   bool read_markers() {
     if (setjmp(errors_.jump)) {
       errors_.manager.format_message(reinterpret_cast<j_common_ptr>(&info_), text_);
+      unsupported_ = is_unsupported(errors_.manager.msg_code);
       return false;
     }
     jpeg_read_header(&info_, TRUE);
     return true;
   }
 
-  const char* take(Header& h) const;
+  const char* take(Header& h);
   bool is_one_baseline_scan(const Header& h) const;
 
   Errors errors_;
@@ -99,14 +113,16 @@ class Reader {
   JQUANT_TBL quant_[4]{};
   JHUFF_TBL dc_[4]{}, ac_[4]{};
   char text_[JMSG_LENGTH_MAX] = "";
+  bool unsupported_ = false;
 };
 
-const char* Reader::take(Header& h) const {
+const char* Reader::take(Header& h) {
   if (info_.image_width > kMaxImageSize || info_.image_height > kMaxImageSize) return "bad image size";
-  if (const char* error = colours_refused(info_)) return error;
+  unsupported_ = !has_known_colours(info_);
+  if (unsupported_) return "only grey, YCbCr, RGB and CMYK are supported";
   h.width = static_cast<int>(info_.image_width);
   h.height = static_cast<int>(info_.image_height);
-  h.components = info_.num_components;
+  h.components = std::min(info_.num_components, 3);
   h.restart_interval = static_cast<int>(info_.restart_interval);
   for (int i = 0; i < h.components; i++) {
     const jpeg_component_info& from = info_.comp_info[i];
@@ -124,6 +140,7 @@ const char* Reader::take(Header& h) const {
   for (int i = 0; i < info_.comps_in_scan; i++) {
     const jpeg_component_info& from = *info_.cur_comp_info[i];
     if (from.dc_tbl_no > 3 || from.ac_tbl_no > 3) return "a table's number is beyond 3";
+    if (from.component_index >= h.components) continue;
     Component& c = h.component[from.component_index];
     c.dc = static_cast<uint8_t>(from.dc_tbl_no);
     c.ac = static_cast<uint8_t>(from.ac_tbl_no);
@@ -141,6 +158,7 @@ const char* Reader::take(Header& h) const {
 }
 
 bool Reader::is_one_baseline_scan(const Header& h) const {
+  if (info_.jpeg_color_space != JCS_YCbCr && info_.jpeg_color_space != JCS_GRAYSCALE) return false;
   if (info_.progressive_mode || info_.arith_code || info_.comps_in_scan != h.components) return false;
   for (int i = 0; i < h.components; i++)
     if (info_.cur_comp_info[i] != &info_.comp_info[i]) return false;
@@ -159,7 +177,7 @@ int Header::blocks_per_mcu() const {
   return blocks;
 }
 
-std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason) {
+std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason, bool* unsupported) {
   thread_local Reader reader;
   std::optional<Header> header(std::in_place);
   const char* error = reader.read(frame, *header);
@@ -173,6 +191,7 @@ std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* 
     error = "too large for a frame that has to be decoded as a whole";
   if (!error) return header;
   if (reason) *reason = error;
+  if (unsupported) *unsupported = reader.is_unsupported_kind();
   return std::nullopt;
 }
 

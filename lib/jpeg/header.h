@@ -21,18 +21,18 @@ struct Component {
 // whereas regions touch no more memory than they cover.
 inline constexpr int kMaxWholePixels = 1 << 26;
 
-// What precedes the entropy-coded bytes of a frame of one or three components, 8 bits a sample, grey or YCbCr.
+// What precedes the entropy-coded bytes of a frame of 8 bits a sample: grey, YCbCr, RGB, CMYK or YCCK.
 struct Header {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize
-  int components = 0;         // 1 (grey) or 3 (Y, Cb, Cr)
+  int components = 0;         // 1 (grey) or 3; of four components, the first three
   Component component[3];
   int h_max = 1, v_max = 1;    // largest h and v: an MCU covers 8 h_max x 8 v_max pixels
   uint16_t quant[4][64] = {};  // quantisation tables, in zigzag order
   HuffmanSpec dc[4], ac[4];    // what the file does not define is as T.81 annex K has it, or empty
   int restart_interval = 0;    // MCUs between restart markers; 0: none
   size_t scan = 0;             // offset of the first scan's entropy-coded bytes
-  // Whether this is one baseline scan of all components with chroma at full or half resolution along each axis, which
-  // is what can be decoded in regions. Else a general decoder has to decode the frame as a whole.
+  // Whether this is one baseline scan of all components of grey or YCbCr with chroma at full or half resolution along
+  // each axis, which is what can be decoded in regions. Else a general decoder has to decode the frame as a whole.
   bool one_baseline_scan = false;
 
   int blocks_per_mcu() const;
@@ -40,8 +40,9 @@ struct Header {
   int mcus_y() const { return (height + 8 * v_max - 1) / (8 * v_max); }
 };
 
-// Reads the marker segments up to the first scan. Nothing, and why in *reason (fit to be shown to a person), if they
-// are damaged or of no kind of JPEG that becomes I420. Makes no allocations but for the reason.
-std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason);
+// Reads the marker segments up to the first scan. Returns nothing, and the cause in *reason (fit to be shown to a
+// person), if they are damaged or of an unsupported kind of JPEG; *unsupported tells which. Allocates only for the
+// reason.
+std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason, bool* unsupported = nullptr);
 
 }  // namespace lf::jpeg

@@ -22,16 +22,18 @@ class McuStream;
 
 // A camera's compressed frame, with what has been decoded of it so far: pixels exist where a view has asked for them.
 // Pixels are what libjpeg's JDCT_ISLOW makes of the file, bit by bit, as I420; chroma of full resolution along an axis
-// is averaged, grey gets chroma of 128. Thread-safe: views may share a frame. A call waits while another one decodes.
+// is averaged, grey gets chroma of 128, RGB and CMYK are converted. Thread-safe: views may share a frame. A call waits
+// while another one decodes.
 //
 // A baseline frame (every Motion JPEG camera's) is decoded in whole MCUs. What lies before them has to be passed over,
 // at a fraction of the cost, from the last restart marker or the start of a row that was met before. Other frames, such
 // as progressive ones, are decoded as a whole when the first region is asked for.
 class JpegFrame {
  public:
-  // Reads the headers and keeps `bytes` alive through `owner` (both may be dropped by the caller). Null, and why in
-  // *reason, fit to be shown to a person, if this is no JPEG that becomes I420: not grey or YCbCr, not 8 bits a sample,
-  // more than kMaxImageSize pixels a side, damaged headers, too few bytes to be the image it says it is.
+  // Reads the headers and keeps `bytes` alive through `owner` (both may be dropped by the caller). Returns null, and
+  // the cause in *reason, fit to be shown to a person, if the headers are damaged, there are too few bytes for the
+  // image's size, or the kind of JPEG is not supported: not 8 bits a sample, lossless, unknown colours, more than
+  // kMaxImageSize pixels a side.
   static std::shared_ptr<JpegFrame> open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes,
                                          std::string* reason = nullptr);
   ~JpegFrame();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <filesystem>
 #include <string_view>
 #include <vector>
 
@@ -142,7 +143,12 @@ class DescriptionReader {
  public:
   explicit DescriptionReader(const std::string& text) : text_(text) {}
 
-  std::optional<std::string> untrusted_part() {
+  bool describes_elements(const Rig& rig, const std::string& source) {
+  std::error_code error;
+  return is_bin_description(source) && !std::filesystem::exists(rig.resolve(source), error);
+}
+
+std::optional<std::string> untrusted_part() {
     bool is_first = true;
     do {
       skip_spaces();

@@ -6,9 +6,14 @@
 
 namespace lf {
 
+struct Rig;
+
 // Whether a camera's `source` describes elements ("libcamerasrc camera-name=a ! video/x-raw,width=640") instead of
 // naming a URI or a file: it has a "!" between spaces, or begins with "NAME PROPERTY=".
 bool is_bin_description(const std::string& source);
+
+// The same, unless a file of that name exists: a file may be called "take ! two.mkv".
+bool describes_elements(const Rig& rig, const std::string& source);
 
 // The first part of a camera's `source` that may do more than give pictures, as text for a message ("filesink");
 // nothing for a file, for a URI other than lf:, and for a description of elements on a short list of sources and

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <string_view>
 #include <unordered_map>
 
 #include "base/error.h"
@@ -95,7 +96,11 @@ bool is_uri(const std::string& path) {
   while (n < path.size() && (is_alpha(path[n]) || (n > 0 && ((path[n] >= '0' && path[n] <= '9') || path[n] == '+' ||
                                                              path[n] == '-' || path[n] == '.'))))
     n++;
-  return n >= 2 && n < path.size() && path[n] == ':';
+  if (n < 2) return false;
+  // A colon alone is common in names of files: "cam-12:30:05.mkv".
+  const std::string_view scheme = std::string_view(path).substr(0, n), rest = std::string_view(path).substr(n);
+  return rest.starts_with("://") || (scheme == "file" && rest.starts_with(":/")) ||
+         ((scheme == "data" || scheme == "testbin") && rest.starts_with(":"));
 }
 
 void relocate(Rig& rig, const std::string& directory) {
@@ -115,7 +120,7 @@ void relocate(Rig& rig, const std::string& directory) {
   };
   for (Camera& camera : rig.cameras) {
     rewrite(camera.image);
-    if (!is_bin_description(camera.source)) rewrite(camera.source);
+    if (!describes_elements(rig, camera.source)) rewrite(camera.source);
   }
   rig.directory = directory;
 }

@@ -57,7 +57,7 @@ struct Rig {
   std::string resolve(const std::string& path) const;
 };
 
-// Whether `path` begins with a scheme ("v4l2:", two characters at least), as gst_uri_is_valid() has it.
+// Whether `path` begins with a scheme of two characters or more and "://" (or is a file:/, data: or testbin: URI).
 bool is_uri(const std::string& path);
 
 // Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one),

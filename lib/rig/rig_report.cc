@@ -3,21 +3,22 @@
 
 #include <algorithm>
 #include <climits>
-#include <filesystem>
+#include <fstream>
 #include <limits>
 #include <map>
+#include <string_view>
 
 #include "base/error.h"
 #include "base/number_text.h"
 #include "image/image_file.h"
-#include "rig/bin_description.h"
+#include "image/picture_bytes.h"
 #include "rig/camera_distances.h"
+#include "rig/camera_source.h"
 #include "rig/mesh.h"
 
 namespace lf {
 namespace {
 
-namespace fs = std::filesystem;
 using Severity = RigFinding::Severity;
 
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
@@ -113,31 +114,85 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
                                                 " triangles are slivers, the worst that of cameras " + worst_text});
 }
 
-void check_files(const Rig& rig, size_t index, std::vector<RigFinding>& findings) {
-  const Camera& camera = rig.cameras[index];
-  const std::string place = "cameras[" + std::to_string(index) + "]";
-  if (!camera.image.empty()) {
+std::vector<uint8_t> bytes_of_file(const std::string& path, std::streamoff from, std::ios::seekdir direction,
+                                   size_t count) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<uint8_t> bytes(count);
+  file.seekg(from, direction);
+  if (!file) file.clear(), file.seekg(0);  // shorter than that
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<size_t>(file.gcount()));
+  return bytes;
+}
+
+// Whether a PNG or JPEG file has no end: the commonest damage, as of a full disk, and found without decoding.
+bool is_cut_off(const std::string& path) {
+  constexpr std::streamoff kTail = 4096;  // some cameras pad JPEG
+  const std::vector<uint8_t> tail = bytes_of_file(path, -kTail, std::ios::end, kTail);
+  const std::string_view text(reinterpret_cast<const char*>(tail.data()), tail.size());
+  const PictureCoding coding = picture_coding(bytes_of_file(path, 0, std::ios::beg, 4));
+  return text.find(coding == PictureCoding::kPng ? "IEND" : "\xff\xd9") == text.npos;
+}
+
+// What is found in the files of one camera.
+class FileChecker {
+ public:
+  FileChecker(const Rig& rig, size_t index, std::vector<RigFinding>& findings, std::vector<std::string>& turned)
+      : rig_(rig), camera_(rig.cameras[index]), findings_(findings), turned_(turned) {
+    place_ = "cameras[" + std::to_string(index) + "]";
+  }
+
+  void check() {
+    check_source(".image", camera_.image, true);
+    check_source(".source", camera_.source, false);
+  }
+
+ private:
+  void find(Severity severity, const char* key, const std::string& text) {
+    findings_.push_back({severity, place_ + key + ": " + text});
+  }
+
+  void check_source(const char* key, const std::string& text, bool is_image) {
+    if (text.empty()) return;
     try {
-      const std::string path = rig.resolve(camera.image);
-      const ImageSize size = load_image_size(path);
-      if (size != ImageSize{camera.width, camera.height})
-        findings.push_back({Severity::kError, place + ".image: " + path + " is " + size_text(size.width, size.height) +
-                                                  ", the camera is " + size_text(camera.width, camera.height)});
-      else
-        load_image(path);  // finds damage that the header does not show
+      const CameraSource source = find_source(rig_, text, is_image);
+      if (source.kind == CameraSource::Kind::kStill) check_picture(key, source.location);
+      if (source.kind == CameraSource::Kind::kSequence) check_sequence(key, source);
     } catch (const Error& e) {
-      findings.push_back({Severity::kError, place + ".image: " + e.what()});
+      find(Severity::kError, key, e.what());
     }
   }
-  // A sequence (film_%03d.png) is known by its folder alone.
-  if (!camera.source.empty() && !is_uri(camera.source) && !is_bin_description(camera.source)) {
-    fs::path file = rig.resolve(camera.source);
-    if (camera.source.find('%') != std::string::npos) file = file.has_parent_path() ? file.parent_path() : ".";
-    std::error_code ignored;
-    if (!fs::exists(file, ignored))
-      findings.push_back({Severity::kError, place + ".source: " + file.string() + " is missing"});
+
+  void check_picture(const char* key, const std::string& path) {
+    const ImageSize size = load_image_size(path);
+    if (size != ImageSize{camera_.width, camera_.height})
+      find(Severity::kError, key, path + " is " + size_text(size.width, size.height) + ", the camera is " +
+                                      size_text(camera_.width, camera_.height));
+    else
+      load_image(path);  // finds damage that the header does not show
+    constexpr size_t kHeaders = 1 << 20;
+    const std::string notice = orientation_notice(exif_orientation(bytes_of_file(path, 0, std::ios::beg, kHeaders)));
+    if (!notice.empty()) turned_.push_back(place_ + key + ": " + path + ": " + notice);
   }
-}
+
+  void check_sequence(const char* key, const CameraSource& sequence) {
+    check_picture(key, sequence_file(sequence, 0));
+    int cut_off = 0;
+    std::string first;
+    for (int i = 0; i < sequence.count; i++)
+      if (const std::string path = sequence_file(sequence, i); is_cut_off(path) && cut_off++ == 0) first = path;
+    if (cut_off > 0)
+      find(Severity::kWarning, key,
+           first + (cut_off > 1 ? " and " + std::to_string(cut_off - 1) + " more are" : " is") +
+               " cut off: without frames there");
+  }
+
+  const Rig& rig_;
+  const Camera& camera_;
+  std::vector<RigFinding>& findings_;
+  std::vector<std::string>& turned_;  // what is said of pictures that EXIF asks to be turned
+  std::string place_;
+};
 
 }  // namespace
 
@@ -162,14 +217,18 @@ std::vector<RigFinding> check_rig(const Rig& rig) {
   std::vector<RigFinding> findings;
   std::map<std::string, size_t> index_of_name;
   std::vector<size_t> blind;
+  std::vector<std::string> turned;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const auto [same, is_new] = index_of_name.emplace(rig.cameras[i].name, i);
     if (!is_new)
       findings.push_back({Severity::kWarning, "cameras[" + std::to_string(i) + "].name: \"" + rig.cameras[i].name +
                                                   "\" is that of cameras[" + std::to_string(same->second) + "] too"});
     if (rig.cameras[i].image.empty() && rig.cameras[i].source.empty()) blind.push_back(i);
-    check_files(rig, i, findings);
+    FileChecker(rig, i, findings, turned).check();
   }
+  if (!turned.empty())
+    findings.push_back({Severity::kWarning,
+                        turned[0] + (turned.size() > 1 ? "; " + std::to_string(turned.size() - 1) + " more" : "")});
   if (!blind.empty())
     findings.push_back({Severity::kWarning,
                         "cameras[" + std::to_string(blind[0]) + "]" +

@@ -47,6 +47,7 @@ void write_rig(const TempDir& dir) {
     save_image(Image(PixelFamily::kRgb, 8, 6), dir / "in/images/" + camera.name + ".png");
   }
   rig.cameras[0].source = "film_%03d.png";
+  save_image(Image(PixelFamily::kRgb, 8, 6), dir / "in/film_000.png");
   rig.cameras[1].source = "v4l2:///dev/video3";
   nlohmann::json original = {{"provenance", {{"by", "hand"}}}, {"cameras", {{{"id", 4}, {"note", "centre"}}}}};
   save_rig(rig, dir / "in/rig.json", &original);

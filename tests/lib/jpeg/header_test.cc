@@ -65,7 +65,6 @@ TEST(JpegHeader, StandardTablesAreLibjpegs) {
 }
 
 TEST(JpegHeader, SaysWhatIsNotSupported) {
-  EXPECT_EQ(reason_for(jpeg_of({.h = 1, .v = 1, .rgb = true})), "RGB inside of JPEG is not supported");
   Bytes jpeg = jpeg_of({});
   const size_t sof = find_marker(jpeg, 0xc0);
   jpeg[sof + 4] = 12;
@@ -75,8 +74,24 @@ TEST(JpegHeader, SaysWhatIsNotSupported) {
   EXPECT_EQ(reason_for(jpeg), "Unsupported JPEG process: SOF type 0xc3");
 }
 
-// As cameras of four inks would send it: a fourth component in the frame and in the scan.
-TEST(JpegHeader, FourComponentsAreNotSupported) {
+TEST(JpegHeader, TellsUnsupportedKindsFromDamage) {
+  Bytes jpeg = jpeg_of({});
+  bool unsupported = true;
+  EXPECT_FALSE(parse_header(std::span(jpeg).first(30), nullptr, &unsupported));
+  EXPECT_FALSE(unsupported);
+  jpeg[find_marker(jpeg, 0xc0) + 4] = 12;
+  EXPECT_FALSE(parse_header(jpeg, nullptr, &unsupported));
+  EXPECT_TRUE(unsupported);
+}
+
+TEST(JpegHeader, RgbIsDecodedAsAWhole) {
+  const auto header = parse_header(jpeg_of({.h = 1, .v = 1, .rgb = true}), nullptr);
+  ASSERT_TRUE(header);
+  EXPECT_FALSE(header->one_baseline_scan);
+}
+
+// CMYK: a fourth component in the frame and in the scan.
+TEST(JpegHeader, FourComponentsAreDecodedAsAWhole) {
   Bytes jpeg = jpeg_of({});
   const auto insert = [&jpeg](size_t at, const Bytes& bytes) {
     jpeg.insert(jpeg.begin() + static_cast<ptrdiff_t>(at), bytes.begin(), bytes.end());
@@ -88,7 +103,9 @@ TEST(JpegHeader, FourComponentsAreNotSupported) {
   jpeg[sof + 3] += 3;
   jpeg[sof + 9] = 4;
   insert(sof + 19, {4, 0x11, 0});
-  EXPECT_EQ(reason_for(jpeg), "only grey and YCbCr are supported");
+  const auto header = parse_header(jpeg, nullptr);
+  ASSERT_TRUE(header);
+  EXPECT_FALSE(header->one_baseline_scan);
 }
 
 // What is in no scan yet says nothing of its tables, and a frame says nothing about the next one.

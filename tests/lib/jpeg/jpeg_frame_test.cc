@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "jpeg/full_decode.h"
 #include "support/jpeg_samples.h"
 
 namespace lf {
@@ -108,6 +109,16 @@ INSTANTIATE_TEST_SUITE_P(JpegFrame, WholeFrames,
                          [](const auto& info) { return info.param.name; });
 
 // Whatever the version of its JFIF marker.
+TEST(JpegFrame, RgbIsConverted) {
+  const auto jpeg = test::encode_jpeg(test::noisy_picture(40, 24, 5), {.h = 1, .v = 1, .rgb = true});
+  const auto frame = test::open_jpeg(jpeg);
+  ASSERT_TRUE(frame);
+  ASSERT_TRUE(frame->ensure({3, 3, 9, 9}));
+  const std::optional<Image> rgb = jpeg::decode_rgb(jpeg, nullptr);
+  ASSERT_TRUE(rgb);
+  EXPECT_TRUE(equal_inside({0, 0, 40, 24}, frame->view(), to_i420(*rgb)));
+}
+
 TEST(JpegFrame, VersionsThatNobodyKnowsAreNoDamage) {
   for (const bool progressive : {false, true}) {
     auto jpeg = test::encode_jpeg(test::noisy_picture(51, 33, 4), {.progressive = progressive});

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/rig_report.h"
 
+#include <filesystem>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +12,8 @@
 
 namespace lf {
 namespace {
+
+namespace fs = std::filesystem;
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -52,12 +56,29 @@ TEST_F(CheckRig, NamesBadImages) {
 TEST_F(CheckRig, NamesMissingSources) {
   dir_.write("film.mkv", "");
   const std::string long_name(300, 'a');
-  const std::string sources[] = {"film.mkv", "none.mkv", "frame_%03d.png", "none/frame_%03d.png", "rtsp://host/x",
-                                 long_name};
+  const std::string sources[] = {"film.mkv",      "none.mkv", "frame_%03d.png", "none/frame_%03d.png",
+                                 "rtsp://host/x", long_name};
   for (size_t i = 0; i < 6; i++) rig_.cameras[i].source = sources[i];
-  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + " is missing",
-                                       "error: cameras[3].source: " + dir_ / "none" + " is missing",
-                                       "error: cameras[5].source: " + dir_ / long_name + " is missing"));
+  const std::string no_sequence = ": no such files (the first number is 0 or 1)";
+  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + ": no such file",
+                                       "error: cameras[2].source: " + dir_ / "frame_%03d.png" + no_sequence,
+                                       "error: cameras[3].source: " + dir_ / "none/frame_%03d.png" + no_sequence,
+                                       "error: cameras[5].source: " + dir_ / long_name + ": no such file"));
+}
+
+TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
+  const auto cut = [&](const std::string& name) { fs::resize_file(dir_ / name, fs::file_size(dir_ / name) / 2); };
+  for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_0.png", "b_2.png", "still.png", "small.png"})
+    save_image(Image(PixelFamily::kRgb, 8, name[0] == 's' && name[1] == 'm' ? 5 : 6), dir_ / name);
+  cut("a_1.png");
+  cut("still.png");
+  const char* const sources[] = {"a_%d.png", "b_%d.png", "still.png", "small.png"};
+  for (size_t i = 0; i < 4; i++) rig_.cameras[i].source = sources[i];
+  EXPECT_THAT(check(rig_),
+              ElementsAre("warning: cameras[0].source: " + dir_ / "a_1.png" + " is cut off: without frames there",
+                          testing::HasSubstr("error: cameras[1].source: " + dir_ / "b_1.png" + ": missing, while"),
+                          testing::HasSubstr("error: cameras[2].source: " + dir_ / "still.png" + ": damaged PNG: "),
+                          "error: cameras[3].source: " + dir_ / "small.png" + " is 8x5, the camera is 8x6"));
 }
 
 TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "image/picture_bytes.h"
+
+#include <csetjmp>
+#include <cstring>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <png.h>
+
+#include "base/error.h"
+#include "jpeg/full_decode.h"
+#include "jpeg/header.h"
+#include "rig/rig.h"
+
+namespace lf {
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+bool begins_with(Bytes bytes, std::string_view magic) {
+  return bytes.size() >= magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
+}
+
+// --- PNG -------------------------------------------------------------------------------------------------------------
+
+struct PngInput {
+  Bytes left;
+  std::jmp_buf jump;
+  char text[128] = "";
+};
+
+[[noreturn]] void fail_png(png_structp png, png_const_charp text) {
+  auto* input = static_cast<PngInput*>(png_get_error_ptr(png));
+  std::strncpy(input->text, text, sizeof input->text - 1);
+  std::longjmp(input->jump, 1);
+}
+
+void read_png_bytes(png_structp png, png_bytep to, size_t count) {
+  auto* input = static_cast<PngInput*>(png_get_io_ptr(png));
+  if (count > input->left.size()) png_error(png, "the file is cut off");
+  std::memcpy(to, input->left.data(), count);
+  input->left = input->left.subspan(count);
+}
+
+// No object with a destructor lives between setjmp() and longjmp(): all are the caller's.
+bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std::vector<uint8_t*>& rows) {
+  if (setjmp(input.jump)) return false;
+  png_set_read_fn(png, &input, read_png_bytes);
+  png_set_user_limits(png, kMaxImageSize, kMaxImageSize);
+  png_read_info(png, info);
+  png_set_expand(png);
+  png_set_strip_16(png);
+  png_set_strip_alpha(png);
+  png_set_gray_to_rgb(png);
+  png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  if (png_get_rowbytes(png, info) != size_t{3} * png_get_image_width(png, info)) png_error(png, "unknown kind of PNG");
+  out = Image(PixelFamily::kRgb, static_cast<int>(png_get_image_width(png, info)),
+              static_cast<int>(png_get_image_height(png, info)));
+  for (int y = 0; y < out.height(); y++) rows.push_back(out.pixel(0, y));
+  png_read_image(png, rows.data());
+  png_read_end(png, nullptr);
+  return true;
+}
+
+Image decode_png(Bytes bytes) {
+  Image out;
+  std::vector<uint8_t*> rows;
+  PngInput input{.left = bytes, .jump = {}};
+  png_structp png =
+      png_create_read_struct(PNG_LIBPNG_VER_STRING, &input, fail_png, [](png_structp, png_const_charp) {});
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  const bool whole = info && read_png(png, info, input, out, rows);
+  png_destroy_read_struct(&png, &info, nullptr);
+  if (!whole) throw Error(std::string("damaged PNG: ") + input.text);
+  return out;
+}
+
+// --- JPEG markers ----------------------------------------------------------------------------------------------------
+
+// Walks over the marker segments of a JPEG. In entropy-coded bytes it goes to the next marker that is no restart
+// marker.
+class JpegMarkers {
+ public:
+  explicit JpegMarkers(Bytes jpeg) : jpeg_(jpeg) {}
+
+  // Moves to the next marker. False behind the last one, and where the bytes end or are no JPEG.
+  bool next() {
+    at_ += 2 + length_;
+    if (in_scan_) skip_scan();
+    while (at_ + 1 < jpeg_.size() && jpeg_[at_] == 0xff && jpeg_[at_ + 1] == 0xff) at_++;  // fill bytes
+    if (at_ + 1 >= jpeg_.size() || jpeg_[at_] != 0xff) return false;
+    const bool stands_alone = marker() == 0xd8 || marker() == 0xd9 || marker() == 0x01;
+    if (!stands_alone && at_ + 3 >= jpeg_.size()) return false;
+    length_ = stands_alone ? 0 : size_t{jpeg_[at_ + 2]} << 8 | jpeg_[at_ + 3];
+    in_scan_ = marker() == 0xda;
+    return true;
+  }
+  uint8_t marker() const { return jpeg_[at_ + 1]; }
+  size_t end() const { return at_ + 2 + length_; }
+  // What the segment holds behind its length.
+  Bytes content() const { return length_ < 2 || end() > jpeg_.size() ? Bytes() : jpeg_.subspan(at_ + 4, length_ - 2); }
+
+ private:
+  void skip_scan() {
+    while (at_ < jpeg_.size()) {
+      const void* found = std::memchr(jpeg_.data() + at_, 0xff, jpeg_.size() - at_);
+      at_ = found ? static_cast<size_t>(static_cast<const uint8_t*>(found) - jpeg_.data()) : jpeg_.size();
+      if (at_ + 1 >= jpeg_.size()) return;
+      const uint8_t after = jpeg_[at_ + 1];
+      if (after != 0x00 && after != 0xff && !(after >= 0xd0 && after <= 0xd7)) return;
+      at_ += after == 0xff ? 1 : 2;
+    }
+  }
+
+  Bytes jpeg_;
+  size_t at_ = 0, length_ = static_cast<size_t>(-2);  // before the first marker
+  bool in_scan_ = false;
+};
+
+// --- EXIF ------------------------------------------------------------------------------------------------------------
+
+// The orientation in a TIFF header, as EXIF holds one.
+int tiff_orientation(Bytes tiff) {
+  const bool big = begins_with(tiff, "MM");
+  if (!big && !begins_with(tiff, "II")) return 1;
+  const auto number = [&](size_t at, size_t size) -> size_t {
+    size_t value = 0;
+    if (at > tiff.size() || tiff.size() - at < size) return 0;
+    for (size_t i = 0; i < size; i++) value = value << 8 | tiff[at + (big ? i : size - 1 - i)];
+    return value;
+  };
+  const size_t directory = number(4, 4), entries = number(directory, 2);
+  for (size_t i = 0; i < entries; i++) {
+    const size_t entry = directory + 2 + 12 * i;
+    if (entry > tiff.size()) break;
+    constexpr size_t kOrientation = 0x0112;
+    const size_t value = number(entry + 8, 2);
+    if (number(entry, 2) == kOrientation) return value >= 1 && value <= 8 ? static_cast<int>(value) : 1;
+  }
+  return 1;
+}
+
+Bytes exif_of_png(Bytes png) {
+  for (size_t at = 8; at + 12 <= png.size();) {
+    const size_t length =
+        size_t{png[at]} << 24 | size_t{png[at + 1]} << 16 | size_t{png[at + 2]} << 8 | size_t{png[at + 3]};
+    if (length > png.size() - at - 12) break;
+    if (begins_with(png.subspan(at + 4), "eXIf")) return png.subspan(at + 8, length);
+    at += 12 + length;
+  }
+  return {};
+}
+
+Bytes exif_of_jpeg(Bytes jpeg) {
+  constexpr std::string_view kExif("Exif\0\0", 6);
+  for (JpegMarkers markers(jpeg); markers.next() && markers.marker() != 0xda;)
+    if (markers.marker() == 0xe1 && begins_with(markers.content(), kExif))
+      return markers.content().subspan(kExif.size());
+  return {};
+}
+
+// Whether the file says that its further pictures belong to the first one (CIPA's multi-picture format).
+bool is_multi_picture(Bytes jpeg) {
+  for (JpegMarkers markers(jpeg); markers.next() && markers.marker() != 0xda;)
+    if (markers.marker() == 0xe2 && begins_with(markers.content(), "MPF")) return true;
+  return false;
+}
+
+}  // namespace
+
+PictureCoding picture_coding(Bytes bytes) {
+  if (begins_with(bytes, "\x89PNG")) return PictureCoding::kPng;
+  return begins_with(bytes, "\xff\xd8\xff") ? PictureCoding::kJpeg : PictureCoding::kOther;
+}
+
+Image decode_picture(Bytes bytes, PixelFamily jpeg_family) {
+  const PictureCoding coding = picture_coding(bytes);
+  if (coding == PictureCoding::kPng) return decode_png(bytes);
+  if (coding == PictureCoding::kOther) throw Error("neither PNG nor JPEG");
+  std::string reason;
+  bool unsupported = false;
+  if (!jpeg::parse_header(bytes, &reason, &unsupported)) throw Error((unsupported ? "" : "damaged JPEG: ") + reason);
+  std::optional<Image> image =
+      jpeg_family == PixelFamily::kRgb ? jpeg::decode_rgb(bytes, &reason) : jpeg::decode_whole(bytes, &reason);
+  if (!image) throw Error("damaged JPEG: " + reason);
+  return std::move(*image);
+}
+
+int exif_orientation(Bytes bytes) {
+  const PictureCoding coding = picture_coding(bytes);
+  return tiff_orientation(coding == PictureCoding::kPng    ? exif_of_png(bytes)
+                          : coding == PictureCoding::kJpeg ? exif_of_jpeg(bytes)
+                                                           : Bytes());
+}
+
+std::string orientation_notice(int orientation) {
+  constexpr const char* kTurns[] = {"mirrored",
+                                    "turned by 180 degrees",
+                                    "mirrored and turned by 180 degrees",
+                                    "mirrored and turned by 270 degrees",
+                                    "turned by 90 degrees",
+                                    "mirrored and turned by 90 degrees",
+                                    "turned by 270 degrees"};
+  if (orientation < 2 || orientation > 8) return "";
+  return std::string("EXIF asks for the picture to be ") + kTurns[orientation - 2] + " (orientation " +
+         std::to_string(orientation) +
+         "). It is shown as stored, as COLMAP reads it. If the calibration was made of turned pictures, turn the files "
+         "(mogrify -auto-orient)";
+}
+
+std::optional<size_t> jpeg_end(Bytes bytes) {
+  bool begun = false;
+  for (JpegMarkers markers(bytes); markers.next();) {
+    if (markers.marker() == 0xd9) return markers.end();
+    if (markers.marker() == 0xd8 && std::exchange(begun, true)) return markers.end() - 2;
+  }
+  return std::nullopt;
+}
+
+bool is_jpeg_stream(Bytes bytes) {
+  const std::optional<size_t> end = jpeg_end(bytes);
+  if (!end || is_multi_picture(bytes.first(*end))) return false;
+  size_t next = *end;
+  while (next < bytes.size() && bytes[next] == 0) next++;  // padding
+  const Bytes rest = bytes.subspan(next);
+  if (picture_coding(rest) != PictureCoding::kJpeg) return false;
+  const auto first = jpeg::parse_header(bytes.first(*end), nullptr), second = jpeg::parse_header(rest, nullptr);
+  return first && second && first->width == second->width && first->height == second->height;
+}
+
+}  // namespace lf

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/camera_source.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+#include <vector>
+
+#include "image/picture_bytes.h"
+#include "rig/bin_description.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+using Kind = CameraSource::Kind;
+using Codec = CameraSource::Codec;
+
+bool exists(const std::string& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
+
+// --- Names -----------------------------------------------------------------------------------------------------------
+
+// "%20" and the like decoded; nothing if there is none, or if one is broken.
+std::optional<std::string> percent_decoded(std::string_view text) {
+  const auto digit = [](char c) {
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+  };
+  std::string decoded;
+  for (size_t i = 0; i < text.size(); i++) {
+    if (text[i] != '%') {
+      decoded += text[i];
+      continue;
+    }
+    if (i + 2 >= text.size() || digit(text[i + 1]) < 0 || digit(text[i + 2]) < 0) return std::nullopt;
+    decoded += static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2]));
+    i += 2;
+  }
+  return decoded;
+}
+
+// What may be wrong with the name of a missing file; begins with a semicolon, or is empty.
+std::string naming_advice(const Rig& rig, const std::string& text) {
+  if (text.starts_with("\xef\xbb\xbf")) return "; the name begins with a byte order mark: remove it";
+  if (std::isspace(static_cast<unsigned char>(text.front())) || std::isspace(static_cast<unsigned char>(text.back())))
+    return "; the name begins or ends with white space: remove it";
+  if (text.find('\\') != std::string::npos) return "; folders are separated by /, not by back-slashes";
+  const auto decoded = percent_decoded(text);
+  if (decoded && *decoded != text && exists(rig.resolve(*decoded)))
+    return "; \"" + *decoded + "\" exists: names of files are not percent-encoded";
+  return "";
+}
+
+std::string path_of_file_uri(const std::string& uri) {
+  std::string_view rest = std::string_view(uri).substr(sizeof("file:") - 1);
+  if (rest.starts_with("//")) rest.remove_prefix(2);
+  if (rest.starts_with("localhost/")) rest.remove_prefix(sizeof("localhost") - 1);
+  const auto path = percent_decoded(rest);
+  if (!path || !path->starts_with('/') || path->find('\0') != std::string::npos)
+    throw Error("source \"" + uri + "\": not a file URI with an absolute path (file:///folder/name, with % as %25)");
+  return *path;
+}
+
+// --- Files -----------------------------------------------------------------------------------------------------------
+
+std::vector<uint8_t> first_bytes(std::ifstream& file, size_t count) {
+  std::vector<uint8_t> bytes(count);
+  file.clear();
+  file.seekg(0);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(count));
+  bytes.resize(static_cast<size_t>(file.gcount()));
+  return bytes;
+}
+
+// Whether a second JPEG picture follows the first one.
+bool has_second_picture(std::ifstream& file, uintmax_t size) {
+  constexpr size_t kHeaders = 1 << 16, kMostBytes = 1 << 26;
+  for (size_t count = 1 << 20; count <= kMostBytes; count *= 2) {
+    const std::vector<uint8_t> bytes = first_bytes(file, count);
+    const std::optional<size_t> end = jpeg_end(bytes);
+    const bool is_all = bytes.size() == size;
+    if (end && *end == size) return false;
+    if (is_all || (end && bytes.size() - *end >= kHeaders)) return is_jpeg_stream(bytes);
+  }
+  return false;
+}
+
+// Throws MissingFile if there is nothing to read.
+std::ifstream open_file(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) throw MissingFile(path + ": no such file");
+  if (!fs::is_regular_file(path, error)) throw MissingFile(path + ": not a file");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw MissingFile(path + ": can't be opened for reading");
+  return file;
+}
+
+CameraSource source_of_file(const std::string& path, bool is_image) {
+  std::ifstream file = open_file(path);
+  const std::vector<uint8_t> magic = first_bytes(file, 4);
+  const PictureCoding coding = picture_coding(magic);
+  std::error_code error;
+  if (coding == PictureCoding::kPng) return {.kind = Kind::kStill, .codec = Codec::kPng, .location = path};
+  if (coding == PictureCoding::kJpeg) {
+    const bool stream = !is_image && has_second_picture(file, fs::file_size(path, error));
+    return {.kind = stream ? Kind::kJpegStream : Kind::kStill, .codec = Codec::kJpeg, .location = path};
+  }
+  if (is_image) return {.kind = Kind::kStill, .location = path};
+  const bool matroska =
+      std::string_view(reinterpret_cast<const char*>(magic.data()), magic.size()) == "\x1a\x45\xdf\xa3";
+  return {.kind = matroska ? Kind::kMatroska : Kind::kFile, .location = path};
+}
+
+// --- Sequences -------------------------------------------------------------------------------------------------------
+
+// How many %d, %4d, %04d `text` holds; nothing if it holds another printf conversion. "%%" is a plain %.
+std::optional<int> count_conversions(const std::string& text) {
+  int count = 0;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '%') continue;
+    if (++i < text.size() && text[i] == '%') continue;
+    const size_t digits = i;
+    while (i < text.size() && std::isdigit(static_cast<unsigned char>(text[i]))) ++i;
+    if (i >= text.size() || text[i] != 'd' || i - digits > 2) return std::nullopt;
+    ++count;
+  }
+  return count;
+}
+
+// `path` with every % doubled: the folder in front of a pattern is no pattern.
+std::string escape_percent(const std::string& path) {
+  std::string escaped;
+  for (const char c : path) escaped.append(c == '%' ? 2 : 1, c);
+  return escaped;
+}
+
+std::string numbered(const std::string& pattern, int number) {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral"
+  const int size = std::snprintf(nullptr, 0, pattern.c_str(), number);  // one %d, as checked by the caller
+  std::string path(static_cast<size_t>(std::max(size, 0)), '\0');
+  std::snprintf(path.data(), path.size() + 1, pattern.c_str(), number);
+#pragma GCC diagnostic pop
+  return path;
+}
+
+// The pattern of a sequence as a path, with the first number; nothing if no file has the numbers 0 and 1.
+std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) {
+  if (is_uri(text) || count_conversions(text) != 1) return std::nullopt;
+  const std::string resolved = rig.resolve(text);
+  const std::string folder = resolved.substr(0, resolved.size() - text.size());
+  CameraSource source{.kind = Kind::kSequence, .location = escape_percent(folder) + text};
+  for (source.first = 0; source.first <= 1; source.first++)
+    if (exists(sequence_file(source, 0))) return source;
+  return std::nullopt;
+}
+
+// Counts the pictures up to the first missing one. Files are not listed: a folder may hold those of all cameras.
+int count_pictures(const CameraSource& sequence) {
+  int count = 1;
+  while (exists(sequence_file(sequence, count))) count++;
+  return count;
+}
+
+// A file that follows a gap behind the last picture, empty if there is none.
+std::string file_behind_gap(const CameraSource& sequence) {
+  constexpr int kLeastLook = 256;
+  for (int ahead = 1; ahead <= std::max(kLeastLook, sequence.count); ahead++)
+    if (std::string file = sequence_file(sequence, sequence.count + ahead); exists(file)) return file;
+  return "";
+}
+
+// A sequence that begins with 1 may have lost number 0. Then it ends with the same number as the other cameras'
+// sequences, which begin with 0. A few of them are looked at, so that the cost does not grow with the array.
+void require_first_picture(const Rig& rig, const std::string& text, const CameraSource& sequence) {
+  if (sequence.first == 0) return;
+  constexpr int kMostOthers = 3;
+  int others = 0;
+  for (const Camera& camera : rig.cameras) {
+    if (others == kMostOthers) return;
+    if (camera.source == text || camera.source.find('%') == std::string::npos) continue;
+    others++;
+    CameraSource other = pattern_of(rig, camera.source).value_or(CameraSource{.first = 1});
+    if (other.first != 0 || !exists(sequence_file(other, sequence.count)) ||
+        exists(sequence_file(other, sequence.count + 1)))
+      continue;
+    CameraSource from_zero = sequence;
+    from_zero.first = 0;
+    throw MissingFile(sequence_file(from_zero, 0) + ": missing, while the other cameras' sequences begin with " +
+                      sequence_file(other, 0) + ": put a picture in its place");
+  }
+}
+
+CameraSource find_sequence(const Rig& rig, const std::string& text) {
+  if (count_conversions(text) != 1)
+    throw Error("source \"" + text +
+                "\": no such file, and an image sequence has exactly one %d (or %04d); a plain % is "
+                "written %%");
+  std::optional<CameraSource> source = pattern_of(rig, text);
+  if (!source)
+    throw MissingFile(rig.resolve(text) + ": no such files (the first number is 0 or 1)" + naming_advice(rig, text));
+  source->count = count_pictures(*source);
+  if (const std::string behind = file_behind_gap(*source); !behind.empty())
+    throw MissingFile(sequence_file(*source, source->count) + ": missing, while " + behind +
+                      " exists: put a picture in its place, or renumber the files of all cameras");
+  require_first_picture(rig, text, *source);
+  const std::string first = sequence_file(*source, 0);
+  source->codec = source_of_file(first, true).codec;
+  if (source->codec == Codec::kOther) throw Error(first + ": an image sequence must be PNG or JPEG files");
+  return *source;
+}
+
+}  // namespace
+
+std::string sequence_file(const CameraSource& sequence, int index) {
+  return numbered(sequence.location, sequence.first + index);
+}
+
+CameraSource find_source(const Rig& rig, const std::string& text, bool is_image) {
+  if (is_uri(text)) {
+    if (text.starts_with("file:")) return source_of_file(path_of_file_uri(text), is_image);
+    return {.kind = Kind::kUri, .location = text};
+  }
+  const std::string path = rig.resolve(text);
+  const bool has_percent = !is_image && text.find('%') != std::string::npos;
+  if (exists(path) && !(has_percent && pattern_of(rig, text))) return source_of_file(path, is_image);
+  if (!is_image && describes_elements(rig, text)) return {.kind = Kind::kBin, .location = text};
+  if (has_percent) return find_sequence(rig, text);
+  throw MissingFile(path + ": no such file" + naming_advice(rig, text));
+}
+
+CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
+  if (!camera.source.empty()) return find_source(rig, camera.source, false);
+  if (!camera.image.empty()) return find_source(rig, camera.image, true);
+  return {};
+}
+
+}  // namespace lf

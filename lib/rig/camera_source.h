@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "base/error.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// A file that a rig names and that is missing; the text names the file.
+class MissingFile : public Error {
+ public:
+  using Error::Error;
+};
+
+// Where the frames of a camera come from.
+struct CameraSource {
+  enum class Kind {
+    kScene,       // the built-in scene; no location
+    kStill,       // one picture that is shown for ever
+    kSequence,    // numbered pictures: `location` is a printf pattern with one %d
+    kJpegStream,  // one file of JPEG pictures, one behind another
+    kMatroska,    // a Matroska file
+    kFile,        // any other file
+    kUri,         // `location` is a URI that is no file
+    kDevice,      // such a URI whose source gives pictures itself, of its own sizes and rates (v4l2:///dev/video0)
+    kBin,         // elements: `location` is a line as gst-launch-1.0 reads it, with one source pad left open
+  };
+  enum class Codec { kOther, kPng, kJpeg };  // of the pictures of kStill and kSequence
+
+  Kind kind = Kind::kScene;
+  Codec codec = Codec::kOther;
+  std::string location;      // a local path, except for kUri, kDevice and kBin
+  int first = 0, count = 0;  // of kSequence: the first number and how many pictures there are
+  bool is_file() const { return kind >= Kind::kStill && kind <= Kind::kFile; }
+};
+
+// The path of picture `index` (0, 1, ...) of a sequence.
+std::string sequence_file(const CameraSource& sequence, int index);
+
+// Resolves the camera's `source`, or else its `image`, or else the built-in scene. The player, the tools and
+// `lf-rig check` all use this function. Files are told apart by their first bytes. An existing file always counts as
+// that file, whatever its name looks like: a URI, a pattern or elements. Returns kUri for every URI that is no file.
+// Throws MissingFile for a missing file or a gap in a sequence, and Error for a pattern that is not one.
+CameraSource find_camera_source(const Rig& rig, const Camera& camera);
+
+// The same for one of the two; `text` is not empty.
+CameraSource find_source(const Rig& rig, const std::string& text, bool is_image);
+
+}  // namespace lf
