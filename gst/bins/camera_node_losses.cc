@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "base/schedule.h"
 #include "bins/grouped_reasons.h"
 #include "bins/lfcameranode_private.h"
 #include "camsrc/lfcamsrc.h"
@@ -65,6 +67,17 @@ void lf_camera_node_check_cameras(LfCameraNode* self) {
   if (lf_camera_node_exchange(self, &self->failed, true)) return;
   GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
                     ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
+}
+
+void lf_camera_node_wait_for_cameras(LfCameraNode* self) {
+  constexpr uint64_t kPatience = 2'000'000'000;
+  const auto is_opening = [](const ElementPtr& camera) {
+    return lf_cam_src_service(LF_CAM_SRC(camera.get())).state() == lf::CameraService::State::kOpening;
+  };
+  const std::vector<ElementPtr> cameras = lf_camera_node_cameras(self);
+  for (const uint64_t end = lf::now_ns() + kPatience; lf::now_ns() < end && std::ranges::any_of(cameras, is_opening);)
+    g_usleep(1000);
+  lf_camera_node_check_cameras(self);  // a loss is noted before it is told
 }
 
 void lf_camera_node_note_found(LfCameraNode* self) { lf_camera_node_exchange(self, &self->none_works, false); }

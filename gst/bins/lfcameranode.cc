@@ -210,6 +210,8 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !lf_camera_node_start_recording(self))
     return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !self->opened->is_live && result == GST_STATE_CHANGE_SUCCESS)
+    lf_camera_node_wait_for_cameras(self);
   if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY ||
       (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_FAILURE))

@@ -30,6 +30,9 @@ void lf_camera_node_check_cameras(LfCameraNode* self);
 // A camera is back. Any thread.
 void lf_camera_node_note_found(LfCameraNode* self);
 // Whether that error has been posted since it was forgotten.
+// Waits, for a limited time, until each camera has a first frame or is lost. Then lf_camera_node_has_failed() tells of
+// an error at the start.
+void lf_camera_node_wait_for_cameras(LfCameraNode* self);
 bool lf_camera_node_has_failed(LfCameraNode* self);
 void lf_camera_node_forget_failure(LfCameraNode* self);
 // A camera that has just been made: what it gives is recorded while there is a recording.

@@ -208,7 +208,11 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(self);
-  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
+  g_atomic_int_set(&self->failed, 0);
+  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
+  // An error that comes while the state still changes fails that change: gst-launch-1.0 waits for ever after an error
+  // that is posted before its loop runs.
+  if (starts && g_atomic_int_get(&self->failed)) result = GST_STATE_CHANGE_FAILURE;
   // A pipeline asks once, unless it is told that there is something new; other runs may have other cameras.
   const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
   if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
@@ -250,6 +254,7 @@ static void lf_view_src_finalize(GObject* object) {
 }
 
 static void lf_view_src_handle_message(GstBin* bin, GstMessage* message) {
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) g_atomic_int_set(&LF_VIEW_SRC(bin)->failed, 1);
   GST_BIN_CLASS(lf_view_src_parent_class)->handle_message(bin, lf::with_port(message));
 }
 

@@ -51,6 +51,8 @@ struct _LfViewSrc {
   LfViewSrcSettings* settings;
   bool by_uri;  // the rig was named by a URI, which may come from anywhere
 
+  gint failed;  // atomic; 1: something inside has posted an error since the last change of state began
+
   GstElement *view, *compositor;  // the viewer of the pad `src`; null where the elements are not installed
   // What is inside, under its own lock, which is taken before any other: bins tell applications of children.
   struct Inside {

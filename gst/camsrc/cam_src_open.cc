@@ -22,8 +22,8 @@ std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
 lf::CameraSource find_source(const lf::Rig& rig, const lf::CamSrcSettings& settings, const lf::Camera& camera,
                              const std::string& place) {
   try {
-    lf::require_trust(camera, settings.rig, settings.trusted);
-    return lf::find_camera_source(rig, camera);
+    if (!lf::find_camera_source(rig, camera).is_file()) lf::require_trust(camera, settings.rig, settings.trusted);
+    return lf::find_playable_source(rig, camera);
   } catch (const lf::MissingFile& error) {
     throw lf::MissingFile(place + ": " + error.what());
   } catch (const lf::Error& error) {
@@ -35,11 +35,6 @@ std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camer
   std::string place = settings.rig + ": camera " + std::to_string(camera.id);
   if (!camera.name.empty()) place += " (" + camera.name + ")";
   return place;
-}
-
-bool is_file(const lf::CameraSource& source) {
-  return source.kind == Kind::kSequence || source.kind == Kind::kMatroska ||
-         (source.kind == Kind::kUri && g_str_has_prefix(source.location.c_str(), "file://"));
 }
 
 // What calls `self` holds no reference: a stream does not outlive its element's children.
@@ -84,9 +79,9 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   std::string place = place_of(settings, camera);
   const lf::CameraSource source = find_source(*rig, settings, camera, place);
   if (!source.location.empty()) place += ": " + lf::location_text(source.location);
-  const bool file = is_file(source);
+  const bool file = source.is_file() && source.kind != Kind::kStill;
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
-  const bool network = device || (source.kind == Kind::kUri && !file);
+  const bool network = device || source.kind == Kind::kUri;
   // Of what comes over HTTP it is known when it has come.
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
@@ -113,7 +108,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .height = camera.height,
                         .time_offset = camera.time_offset,
                         .num_frames = settings.num_frames,
-                        .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska || source.kind == Kind::kUri),
+                        .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska ||
+                                                          source.kind == Kind::kFile || source.kind == Kind::kUri),
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
                         .may_be_lost = may_be_lost,
                         .catches_up = catches_up,

@@ -63,12 +63,15 @@ GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
   const lf::CameraService::Report report = self->service->report();
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::SenderClock> sender = self->run ? self->run->chain.sender : nullptr;
+  const bool is_arrival = self->run && self->run->stream->stamps_arrivals();
+  const guint64 damaged = self->run ? self->run->chain.damaged->load() : 0;
   lock.unlock();
-  const char* capture_time = !sender ? "source" : sender->is_known() ? "sender-reports" : "arrival";
+  const char* capture_time = is_arrival ? "arrival" : "source";
+  if (sender) capture_time = sender->is_known() ? "sender-reports" : "arrival";
   return gst_structure_new(name, "state", G_TYPE_STRING, lf::to_string(report.state), "reason", G_TYPE_STRING,
                            report.reason.c_str(), "losses", G_TYPE_UINT64, report.losses, "retries", G_TYPE_UINT64,
-                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), "capture-time",
-                           G_TYPE_STRING, capture_time, nullptr);
+                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), "damaged",
+                           G_TYPE_UINT64, damaged, "capture-time", G_TYPE_STRING, capture_time, nullptr);
 }
 
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }

@@ -8,6 +8,7 @@
 #include "camsrc/camera_controls.h"
 #include "camsrc/chain_links.h"
 #include "camsrc/described_source.h"
+#include "camsrc/lfpicturesrc.h"
 #include "camsrc/lfscenesrc.h"
 #include "common/common.h"
 
@@ -15,7 +16,6 @@ namespace lf {
 namespace {
 
 using Kind = CameraSource::Kind;
-using Codec = CameraSource::Codec;
 
 // Files are read in few large pieces: a still is one.
 constexpr guint kBlockSize = 1 << 20;
@@ -149,14 +149,22 @@ void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* conve
   g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
 }
 
-GstElement* add_sequence_reader(GstBin* bin, const CameraSource& source, int fps_n, int fps_d, bool loop) {
-  GstElement* reader = add(bin, "multifilesrc");
-  GstCaps* caps = gst_caps_new_simple(source.codec == Codec::kPng ? "image/png" : "image/jpeg", "framerate",
-                                      GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
-  g_object_set(reader, "location", source.location.c_str(), "start-index", source.first, "caps", caps, "loop", loop,
-               nullptr);
-  gst_caps_unref(caps);
-  return reader;
+// What GStreamer's own URI of the file is.
+std::string file_uri(const std::string& path) {
+  g_autoptr(GError) error = nullptr;
+  g_autofree gchar* uri = gst_filename_to_uri(path.c_str(), &error);
+  if (!uri) throw Error(path + ": " + error->message);
+  return uri;
+}
+
+void add_pictures(GstBin* bin, const CameraSource& source, const ChainOptions& options, int fps_n, int fps_d,
+                  GstElement* convert, const std::shared_ptr<std::atomic<guint64>>& damaged) {
+  const bool passes = may_bypass(convert) && source.codec == CameraSource::Codec::kJpeg;
+  if (passes) bypass(convert);
+  GstElement* pictures = new_picture_source(
+      source, {.fps_n = fps_n, .fps_d = fps_d, .loop = options.loop, .decode = !passes, .damaged = damaged});
+  gst_bin_add(bin, pictures);
+  append(pictures, convert);
 }
 
 GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live) {
@@ -165,41 +173,20 @@ GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, b
   return scene;
 }
 
-// multifilesrc knows nothing of the size and would make one up. Whether it is true the frames tell.
-void set_size(GstElement* multifilesrc, const Camera& camera) {
-  GstCaps* caps = nullptr;
-  g_object_get(multifilesrc, "caps", &caps, nullptr);
-  caps = gst_caps_make_writable(caps);
-  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
-  g_object_set(multifilesrc, "caps", caps, nullptr);
-  gst_caps_unref(caps);
-}
-
 // Puts in what feeds `convert`.
 void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
                 int fps_d, GstElement* convert, CameraChain* chain) {
   switch (source.kind) {
     case Kind::kStill:
-      if (source.codec == Codec::kOther) {
-        add_uri_decoder(bin, source.location, options, convert);
-        return;
+      if (source.codec == CameraSource::Codec::kOther) {
+        add_uri_decoder(bin, file_uri(source.location), options, convert);
+        break;
       }
-      append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
-      return;
-    case Kind::kSequence: {
-      GstElement* const files = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
-      GstElement* reader = files;
-      if (may_bypass(convert) && source.codec == Codec::kJpeg) {
-        bypass(convert);
-        set_size(reader, camera);
-      } else {
-        reader = append(reader, add_decoder(bin, source.codec));
-      }
-      append(reader, convert);
-      chain->sequence = files;
-      return;
-    }
+      [[fallthrough]];
+    case Kind::kSequence:
+    case Kind::kJpegStream: add_pictures(bin, source, options, fps_n, fps_d, convert, chain->damaged); break;
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
+    case Kind::kFile: add_uri_decoder(bin, file_uri(source.location), options, convert); break;
     case Kind::kDevice: chain->device = add_device(bin, source.location, camera, options, convert); break;
     case Kind::kBin: chain->device = add_described(bin, source.location, camera, options, convert); break;
     case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
@@ -231,7 +218,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   chain.frames = borrow_pad(chain.tail.back(), "src");
   add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
   if (chain.device) apply_controls(chain.device, options.controls);
-  const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
+  const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kFile || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))
     append_to_tail(add_capsfilter(bin, frame_rate_caps(fps_n, fps_d)));

@@ -3,6 +3,7 @@
 
 #include <gst/gst.h>
 
+#include <atomic>
 #include <memory>
 #include <vector>
 
@@ -32,10 +33,10 @@ inline constexpr int kDefaultFps = 15;
 // Where JPEG is not to be decoded, what is between `decoded` and `frames` is bypassed once it is known to be JPEG:
 //   source ! (decoded) identity [! convert ! formats and size] ! identity (frames) [! videorate] [! clocksync] (out)
 struct CameraChain {
-  GstPad* decoded = nullptr;            // sink pad: pictures as decoded, of whatever size
-  GstPad* frames = nullptr;             // source pad: one buffer for each frame the camera took
-  GstPad* out = nullptr;                // source pad
-  GstElement* sequence = nullptr;       // multifilesrc, of an image sequence
+  GstPad* decoded = nullptr;  // sink pad: pictures as decoded, of whatever size
+  GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took
+  GstPad* out = nullptr;      // source pad
+  std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();  // pictures of files
   GstElement* device = nullptr;         // the element that may have controls; null but for kDevice and kBin
   std::shared_ptr<SenderClock> sender;  // null but for a network camera that may tell its time
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
@@ -50,8 +51,8 @@ class MissingElement : public Error {
 };
 
 // Puts the chain of `camera` into `bin`, in state NULL. It has one streaming thread for each camera wherever the kind
-// of source is known in advance (all but kDevice, kBin, kUri and stills of an unknown type). Throws MissingElement, and
-// Error for a source that no elements can be made of.
+// of source is known in advance (all but kDevice, kBin, kFile, kUri and stills of an unknown type). Throws
+// MissingElement, and Error for a source that no elements can be made of.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 

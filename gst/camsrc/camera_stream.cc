@@ -11,7 +11,7 @@
 #include "base/schedule.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
-#include "jpeg/jpeg_frame.h"
+#include "jpeg/header.h"
 
 namespace lf {
 namespace {
@@ -76,13 +76,13 @@ CameraStream::~CameraStream() {
 
 void CameraStream::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
-  const bool is_parser = options_.seek_to_loop && factory &&
-                         gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
+  const bool is_parser =
+      options_.seek_to_loop && factory && gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
   if (!is_parser && (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element))) return;
   GstPad* sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
-  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER,
-            is_parser ? call<&CameraStream::on_parsed> : call<&CameraStream::on_coded>, weak_from_this());
+  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, is_parser ? call<&CameraStream::on_parsed> : call<&CameraStream::on_coded>,
+            weak_from_this());
   gst_object_unref(sink);
 }
 
@@ -92,11 +92,6 @@ void CameraStream::watch() {
     add_probe(pad, type, callback, weak_from_this());
   };
   probe(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, call<&CameraStream::on_decoded>);
-  if (chain_.sequence) {
-    GstPad* files = gst_element_get_static_pad(chain_.sequence, "src");
-    probe(files, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, call<&CameraStream::on_sequence>);
-    gst_object_unref(files);
-  }
   probe(chain_.frames, kData, call<&CameraStream::on_frame>);
   probe(chain_.out, kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, call<&CameraStream::on_output>);
 }
@@ -112,23 +107,63 @@ void CameraStream::check_size(GstCaps* caps) {
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
   is_jpeg_ = gst_structure_has_name(structure, "image/jpeg");
   gst_structure_get_fraction(structure, "framerate", &fps_n_, &fps_d_);
-  if (!gst_video_info_from_caps(&info, caps) || info.width == 0) return;  // JPEG files: the picture alone knows
+  if (!gst_video_info_from_caps(&info, caps) || info.width == 0) return;  // JPEG: check_jpeg() looks into the picture
   size_is_wrong_ = info.width != options_.width || info.height != options_.height;
   if (size_is_wrong_)
     fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
                                       size_text(options_.width, options_.height));
 }
 
-// Files of a sequence have no caps to say it.
-void CameraStream::check_size_of_jpeg(GstBuffer* buffer) {
-  const auto bytes = std::make_shared<const MappedBuffer>(buffer);
-  const std::shared_ptr<JpegFrame> frame = JpegFrame::open(bytes, bytes->bytes());
-  if (!frame) return;  // damaged: the next one tells
-  size_is_known_ = true;
-  size_is_wrong_ = frame->width() != options_.width || frame->height() != options_.height;
-  if (size_is_wrong_)
-    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(frame->width(), frame->height()) + ", the rig says " +
+// Checks the first JPEG picture that is intact: caps may say nothing of the size, and nothing of the kind of JPEG.
+void CameraStream::check_jpeg(GstBuffer* buffer) {
+  const MappedBuffer bytes(buffer);
+  std::string reason;
+  bool unsupported = false;
+  const auto header = jpeg::parse_header(bytes.bytes(), &reason, &unsupported);
+  if (!header && !unsupported) return;  // damaged: the next one tells
+  is_known_jpeg_ = true;
+  size_is_wrong_ = !header || header->width != options_.width || header->height != options_.height;
+  if (!header) {
+    fail(GST_STREAM_ERROR_FORMAT, reason);
+  } else if (size_is_wrong_) {
+    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(header->width, header->height) + ", the rig says " +
                                       size_text(options_.width, options_.height));
+  }
+}
+
+void CameraStream::stamp_arrivals(GstElement* multipartdemux) {
+  live_ = stamps_arrival_ = true;
+  const GClosureNotify free = [](gpointer data, GClosure*) { delete static_cast<std::weak_ptr<CameraStream>*>(data); };
+  g_signal_connect_data(multipartdemux, "pad-added", G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer stream) {
+                          add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_arrival>,
+                                    *static_cast<std::weak_ptr<CameraStream>*>(stream));
+                        }),
+                        new std::weak_ptr(weak_from_this()), free, GConnectFlags(0));
+}
+
+GstPadProbeReturn CameraStream::on_arrival(GstPad* pad, GstPadProbeInfo* info) {
+  if (!GST_BUFFER_PTS_IS_VALID(GST_PAD_PROBE_INFO_BUFFER(info)))
+    info->data = stamp_arrival(pad, static_cast<GstBuffer*>(info->data));
+  return GST_PAD_PROBE_OK;
+}
+
+// Raw pictures have been turned as the film says (chain_links.cc): nobody behind turns them again.
+GstPadProbeReturn CameraStream::on_tags(GstPadProbeInfo* info) {
+  auto* event = static_cast<GstEvent*>(info->data);
+  GstTagList* tags = nullptr;
+  gst_event_parse_tag(event, &tags);
+  GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
+  if (!gst_video_orientation_from_tag(tags, &turn)) return GST_PAD_PROBE_OK;
+  if (is_jpeg_ && turn != GST_VIDEO_ORIENTATION_IDENTITY)
+    fail(GST_STREAM_ERROR_FORMAT,
+         "it is a film of JPEG pictures that are to be turned, which takes decode=true (or turn them with ffmpeg)");
+  GstTagList* others = gst_tag_list_copy(tags);
+  gst_tag_list_remove_tag(others, GST_TAG_IMAGE_ORIENTATION);
+  GstEvent* without = gst_event_new_tag(others);
+  gst_event_set_seqnum(without, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  info->data = without;
+  return GST_PAD_PROBE_OK;
 }
 
 void CameraStream::stop() {
@@ -136,10 +171,13 @@ void CameraStream::stop() {
   std::lock_guard wait_for_seek(seeking_);
 }
 
-GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {
+GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
-    if (is_jpeg_ && !size_is_known_) check_size_of_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
-    if (counts_time_) info->data = stamp(static_cast<GstBuffer*>(info->data));
+    if (is_jpeg_ && !is_known_jpeg_) check_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
+    if (counts_time_)
+      info->data = stamp(static_cast<GstBuffer*>(info->data));
+    else if (!GST_BUFFER_PTS_IS_VALID(GST_PAD_PROBE_INFO_BUFFER(info)))
+      info->data = stamp_arrival(pad, static_cast<GstBuffer*>(info->data));
     ++pictures_;
     return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
   }
@@ -152,6 +190,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       check_size(caps);
       return GST_PAD_PROBE_OK;
     }
+    case GST_EVENT_TAG: return on_tags(info);
     case GST_EVENT_FLUSH_START:
       return looping ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;  // downstream the stream just goes on
     case GST_EVENT_FLUSH_STOP:
@@ -200,7 +239,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (!live_) {
     taken = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     if (!GST_CLOCK_TIME_IS_VALID(taken)) return GST_PAD_PROBE_OK;
-    taken += film_start_ + capture_offset_;
+    taken += film_start_;
     film_end_ = taken + duration;
   }
   buffer = gst_buffer_make_writable(buffer);
@@ -315,6 +354,7 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
 }
 
 GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
+  has_ended_ = true;
   if (!options_.has_end && is_cut_off_) fail(GST_STREAM_ERROR_FAILED, "its stream ended");
   if (!failed_) listener_.on_end();
   if (!failed_ || !options_.may_be_lost) return GST_PAD_PROBE_OK;

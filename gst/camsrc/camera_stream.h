@@ -69,6 +69,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void watch_element(GstElement* element);
   // Frames come at their time on a clock, which their capture times are to be of. Before data flows.
   void set_live() { live_ = true; }
+  // Pictures come over HTTP one behind another, without stamps, from a multipartdemux: each gets the time at which it
+  // arrives. Before data flows in the chain.
+  void stamp_arrivals(GstElement* multipartdemux);
+  bool stamps_arrivals() const { return stamps_arrival_; }
   // The next frame is no more sent; the stream ends. Any thread.
   void end() { ending_ = true; }
   // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time. Afterwards
@@ -77,6 +81,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // True the first time: an error follows from the one before it and is not worth telling.
   bool first_error() { return !failed_.exchange(true); }
   bool has_failed() const { return failed_; }
+  // It has neither sent a frame nor ended nor failed.
+  bool is_opening() const { return !failed_ && !has_ended_ && frames_out_ == 0; }
   const std::string& place() const { return options_.place; }
   // Frames sent so far.
   uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
@@ -98,12 +104,11 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
   // camera_stream_seek.cc
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
-  GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
-  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
   GstPadProbeReturn on_output_end(GstPad* pad);
   // camera_stream_coded.cc
   GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_parsed(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_arrival(GstPad* pad, GstPadProbeInfo* info);  // camera_stream.cc
   void end_round_as_told();
   std::optional<GstClockTime> taken_at(GstSegment segment, GstClockTime stamp) const;
   void keep_waiting();
@@ -117,9 +122,12 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
-  void check_size_of_jpeg(GstBuffer* buffer);
+  void check_jpeg(GstBuffer* buffer);
+  GstPadProbeReturn on_tags(GstPadProbeInfo* info);
   GstEvent* time_segment(GstEvent* event);
   GstBuffer* stamp(GstBuffer* buffer) const;
+  GstBuffer* stamp_arrival(GstPad* pad, GstBuffer* buffer) const;
+  GstClockTime running_time_now() const;
   bool begin_again(bool flush);
   void seek_to_start(guint32 seqnum, bool flush);
   GstEvent* later_segment(GstEvent* event) const;
@@ -132,17 +140,16 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   const CameraChain chain_;  // holds references to its pads, as probes may be under way when the elements are gone
   const StreamOptions options_;
   const StreamListener listener_;
-  std::atomic<bool> live_ = false;
-  std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
+  std::atomic<bool> live_ = false, stamps_arrival_ = false;
+  std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false, has_ended_ = false;
   std::atomic<gint64> frames_out_ = 0;
   std::atomic<uint64_t> left_out_ = 0;
   std::atomic<GstClockTime> due_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // number of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // somebody else has sought since the latest segment
-  std::atomic<GstClockTime> sequence_starts_at_ = 0;       // time in the film of the next picture of an image sequence
-  // Stream times at which the coded picture of this round begins that is seen last, and ends by what its file says; none:
-  // there is no such picture, or nothing is said.
+  // Stream times at which the coded picture of this round begins that is seen last, and ends by what its file says;
+  // none: there is no such picture, or nothing is said.
   std::atomic<GstClockTime> told_begin_ = GST_CLOCK_TIME_NONE, told_end_ = GST_CLOCK_TIME_NONE;
 
   // What follows belongs to the streaming thread.
@@ -154,13 +161,13 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime round_ = 0;        // how long the latest whole round was
   GstClockTime film_end_ = 0;     // time in the film, over all rounds, at which the newest frame ends
   GstClockTime film_start_ = 0;   // time in the film at which this round began: later than its beginning after a seek
-  GstClockTime capture_offset_ = 0;  // time in the film of the frame that has stream time 0
-  guint64 judged_ = 0;               // frames whose lateness was looked at
-  GstClockTime latency_ = 0;         // latency that the source states
-  guint64 round_frames_ = 0;         // frames since round_start_
+  guint64 judged_ = 0;            // frames whose lateness was looked at
+  GstClockTime latency_ = 0;      // latency that the source states
+  guint64 round_frames_ = 0;      // frames since round_start_
   gint fps_n_ = 0, fps_d_ = 1;
-  bool counts_time_ = false;  // frames have no stamps of their own
-  bool is_jpeg_ = false, size_is_wrong_ = false, size_is_known_ = false, announced_ = false, eos_sent_ = false;
+  bool counts_time_ = false;    // frames have no stamps, and a rate
+  bool is_known_jpeg_ = false;  // a picture's header has been read
+  bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
   bool is_on_time_ = false;        // a stream that catches up has done so
   GstClockTime nearly_since_ = 0;  // running time since when it has been late by a second at most; 0: it is not yet
   bool is_cut_off_ = false;        // more could have been sent when the source came to its end

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "camsrc/camera_stream.h"
+#include "camsrc/chain_links.h"
 #include "common/coded_video.h"
 
 namespace lf {
@@ -17,8 +18,7 @@ std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockT
   const int sign = live_ ? gst_segment_to_running_time_full(&segment, GST_FORMAT_TIME, stamp, &time)
                          : gst_segment_to_stream_time_full(&segment, GST_FORMAT_TIME, stamp, &time);
   if (sign == 0) return std::nullopt;
-  const gint64 taken = (sign < 0 ? -1 : 1) * static_cast<gint64>(time) +
-                       (live_ ? 0 : static_cast<gint64>(film_start_ + capture_offset_));
+  const gint64 taken = (sign < 0 ? -1 : 1) * static_cast<gint64>(time) + (live_ ? 0 : static_cast<gint64>(film_start_));
   return static_cast<GstClockTime>(std::max<gint64>(taken, 0));
 }
 
@@ -26,7 +26,7 @@ std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockT
 GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
-  if (!caps || !find_coded_video(caps)) return GST_PAD_PROBE_OK;
+  if (!caps || !find_coded_video(caps) || is_turned(pad)) return GST_PAD_PROBE_OK;
   const std::lock_guard lock(keeping_);
   if (!coded_pad_) coded_pad_ = GST_PAD(gst_object_ref(pad));
   g_autoptr(GstEvent) event = pad == coded_pad_ ? gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0) : nullptr;

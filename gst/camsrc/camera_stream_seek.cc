@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Where a camera that is read from files is in its film: seeks, rounds, and the stamps of image sequences, so that
+// Where a camera that is read from files is in its film: seeks, rounds, and stamps where a source has none, so that
 // capture times stay those of the film, whatever the source is.
 #include <algorithm>
-#include <filesystem>
 #include <string>
 #include <utility>
 
@@ -12,45 +11,6 @@
 #include "common/common.h"
 
 namespace lf {
-namespace {
-
-struct Rate {
-  gint n = 0, d = 1;
-  GstClockTime time(guint64 frame) const {
-    return gst_util_uint64_scale(frame, GST_SECOND * static_cast<guint64>(d), static_cast<guint64>(n));
-  }
-};
-
-Rate rate_of(GstElement* multifilesrc) {
-  Rate rate;
-  GstCaps* caps = nullptr;
-  g_object_get(multifilesrc, "caps", &caps, nullptr);
-  gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &rate.n, &rate.d);
-  gst_caps_unref(caps);
-  return rate;
-}
-
-bool has_file(const std::string& pattern, guint64 index) {
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wformat-nonliteral"
-  g_autofree gchar* path = g_strdup_printf(pattern.c_str(), static_cast<gint>(index));  // one %d, see camera_source.cc
-#pragma GCC diagnostic pop
-  std::error_code error;
-  return std::filesystem::exists(path, error);
-}
-
-// How many files there are, numbered without a gap; at least 1.
-guint64 count_files(const std::string& pattern, guint64 first) {
-  guint64 least = 1, beyond = 2;
-  while (has_file(pattern, first + beyond - 1)) least = std::exchange(beyond, beyond * 2);
-  while (beyond - least > 1) {
-    const guint64 middle = (least + beyond) / 2;
-    (has_file(pattern, first + middle - 1) ? least : beyond) = middle;
-  }
-  return least;
-}
-
-}  // namespace
 
 GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
@@ -66,10 +26,6 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   const std::lock_guard lock(seeking_);
   if (failed_ || stopping_) return GST_PAD_PROBE_DROP;  // nothing comes any more
   sought_ = true;
-  if (chain_.sequence) {
-    seek_sequence(static_cast<guint64>(start), flags, seqnum);
-    return GST_PAD_PROBE_DROP;
-  }
   if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
   // What is in a later round of a film that loops is come to from the beginning.
   gint64 duration = 0;
@@ -78,41 +34,6 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   gst_event_set_seqnum(there, seqnum);
   // Here, because it and the one back to the beginning have to follow each other, and that is not done once it is.
   return gst_pad_push_event(chain_.decoded, there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
-}
-
-// multifilesrc knows bytes alone, but counts files by time where it is sought. What it gives then has times from 0 on.
-void CameraStream::seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum) {
-  g_autofree gchar* pattern = nullptr;
-  gint first = 0;
-  gboolean loop = FALSE;
-  g_object_get(chain_.sequence, "location", &pattern, "start-index", &first, "loop", &loop, nullptr);
-  const Rate rate = rate_of(chain_.sequence);
-  if (rate.n <= 0) return;
-  const guint64 count = count_files(pattern, static_cast<guint64>(first));
-  guint64 frame = gst_util_uint64_scale(time, static_cast<guint64>(rate.n), GST_SECOND * static_cast<guint64>(rate.d));
-  if (!loop) frame = std::min(frame, count - 1);
-  sequence_starts_at_ = rate.time(frame);
-  const guint64 file = static_cast<guint64>(first) + frame % count;
-  GstEvent* seek = gst_event_new_seek(1, GST_FORMAT_BYTES, flags, GST_SEEK_TYPE_SET,
-                                      static_cast<gint64>(rate.time(file) + 1), GST_SEEK_TYPE_NONE, -1);
-  gst_event_set_seqnum(seek, seqnum);
-  GstPad* src = gst_element_get_static_pad(chain_.sequence, "src");
-  gst_pad_send_event(src, seek);
-  gst_object_unref(src);
-}
-
-GstPadProbeReturn CameraStream::on_sequence(GstPad* /*pad*/, GstPadProbeInfo* info) {
-  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-  if (GST_EVENT_TYPE(event) != GST_EVENT_SEGMENT) return GST_PAD_PROBE_OK;
-  capture_offset_ = sequence_starts_at_;
-  pictures_ = 0;
-  GstSegment from_zero;
-  gst_segment_init(&from_zero, GST_FORMAT_BYTES);
-  GstEvent* segment = gst_event_new_segment(&from_zero);
-  gst_event_set_seqnum(segment, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  info->data = segment;
-  return GST_PAD_PROBE_OK;
 }
 
 // Behind the end of a segment the stream goes on without a flush. Only behind EOS, which ends what has begun without a
@@ -163,7 +84,7 @@ void CameraStream::end_round_as_told() {
 bool CameraStream::begin_again(bool flush) {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
   if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
-  if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
+  if (stamps_arrival_ || live_latency(chain_.decoded)) return false;  // no beginning to seek back to
 
   // A film that is cut off, or whose last frames were dropped, has none for the rest of its round, so that those after
   // it are in step with the others'.
@@ -214,7 +135,7 @@ GstEvent* CameraStream::later_segment(GstEvent* event) const {
   return later;
 }
 
-// Files of a sequence are stretches of bytes to GStreamer until a decoder gives them times. Takes and gives a
+// JPEG files that elements read one by one (multifilesrc) are stretches of bytes without times. Takes and gives a
 // reference.
 GstEvent* CameraStream::time_segment(GstEvent* event) {
   const GstSegment* segment = nullptr;
@@ -227,6 +148,24 @@ GstEvent* CameraStream::time_segment(GstEvent* event) {
   gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
   gst_event_unref(event);
   return timed;
+}
+
+// The running time now; 0 before PLAYING, while a first frame waits there.
+GstClockTime CameraStream::running_time_now() const {
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  return GST_CLOCK_TIME_IS_VALID(now) ? now : 0;
+}
+
+// Gives a picture that has no stamp the time at which it arrives. Takes and gives a reference.
+GstBuffer* CameraStream::stamp_arrival(GstPad* pad, GstBuffer* buffer) const {
+  g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  const GstSegment* segment = nullptr;
+  if (event) gst_event_parse_segment(event, &segment);
+  if (!segment || segment->format != GST_FORMAT_TIME) return buffer;
+  buffer = gst_buffer_make_writable(buffer);
+  GST_BUFFER_PTS(buffer) = gst_segment_position_from_running_time(segment, GST_FORMAT_TIME, running_time_now());
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  return buffer;
 }
 
 GstBuffer* CameraStream::stamp(GstBuffer* buffer) const {

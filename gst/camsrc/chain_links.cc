@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/chain_links.h"
 
+#include <vector>
+
 #include "camsrc/camera_chain.h"
 #include "common/common.h"
 
@@ -24,8 +26,7 @@ GstElement* append(GstElement* tail, GstElement* next) {
   return next;
 }
 
-GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec) {
-  if (codec == CameraSource::Codec::kPng) return add(bin, "pngdec");
+GstElement* add_jpeg_decoder(GstBin* bin) {
   GstElement* decoder = add(bin, "jpegdec");
   gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
   g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
@@ -73,15 +74,57 @@ bool takes_pictures(GstElement* before, GstPad* pad) {
   return takes;
 }
 
-// Links pictures that are on a card with `head` by way of what fetches them.
-void link_fetched(GstElement* decoder, GstPad* pad, GstElement* head) {
+// Calls f(pad) for each source pad inside of the bin.
+template <typename F>
+void for_each_source_pad(GstBin* bin, F f) {
+  const GstElementForeachPadFunc call_f = [](GstElement*, GstPad* pad, gpointer data) -> gboolean {
+    (*static_cast<F*>(data))(pad);
+    return TRUE;
+  };
+  GstIterator* elements = gst_bin_iterate_recurse(bin);
+  GValue item = G_VALUE_INIT;
+  GstIteratorResult next = GST_ITERATOR_OK;
+  while ((next = gst_iterator_next(elements, &item)) == GST_ITERATOR_OK || next == GST_ITERATOR_RESYNC) {
+    if (next == GST_ITERATOR_RESYNC) {
+      gst_iterator_resync(elements);
+      continue;
+    }
+    gst_element_foreach_src_pad(GST_ELEMENT(g_value_get_object(&item)), call_f, &f);
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(elements);
+}
+
+// Demuxers say it before their first picture.
+GstVideoOrientationMethod turn_of_film(GstBin* bin) {
+  GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
+  for_each_source_pad(bin, [&turn](GstPad* pad) {
+    if (turn == GST_VIDEO_ORIENTATION_IDENTITY) turn = turn_of(pad);
+  });
+  return turn;
+}
+
+// Links pictures with `head`: those on a card by way of gldownload, those that are to be turned by way of videoflip.
+void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_card) {
   GstObject* bin = gst_element_get_parent(head);
   if (!bin) return;  // being taken apart
   try {
-    GstElement* fetch = add(GST_BIN(bin), "gldownload");
-    append(fetch, head);
-    gst_element_sync_state_with_parent(fetch);
-    link_new_pad(pad, fetch);
+    const GstVideoOrientationMethod turn = turn_of_film(GST_BIN(bin));
+    std::vector<GstElement*> between;
+    if (on_card) between.push_back(add(GST_BIN(bin), "gldownload"));
+    if (turn != GST_VIDEO_ORIENTATION_IDENTITY) {
+      between.push_back(add(GST_BIN(bin), "videoconvert"));
+      between.push_back(add(GST_BIN(bin), "videoflip"));
+      g_object_set(between.back(), "video-direction", turn, nullptr);
+    }
+    GstElement* next = head;
+    for (auto element = between.rbegin(); element != between.rend(); ++element) {
+      append(*element, next);
+      gst_element_sync_state_with_parent(*element);
+      next = *element;
+    }
+    link_new_pad(pad, next);
   } catch (const MissingElement& missing) {
     GST_ELEMENT_ERROR(decoder, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
   }
@@ -118,10 +161,10 @@ void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
   const bool is_raw = is_media(pad, "video/x-raw"), on_card = is_raw && is_on_card(pad);
   const bool passes = may_bypass(head) && (on_card ? takes_pictures(head, pad) : is_media(pad, "image/jpeg"));
   if (passes) bypass(head);
-  if (on_card && !passes)
-    link_fetched(decoder, pad, head);
-  else if (passes || is_raw)
+  if (passes)
     link_new_pad(pad, head);
+  else if (is_raw)
+    link_decoded(decoder, pad, head, on_card);
 }
 
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
@@ -135,7 +178,7 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   GstElement* decoder = nullptr;
   try {
     if (is_media(pad, "image/jpeg")) {
-      decoder = add_decoder(GST_BIN(bin), CameraSource::Codec::kJpeg);
+      decoder = add_jpeg_decoder(GST_BIN(bin));
       append(decoder, GST_ELEMENT(head));
     } else {
       decoder = add(GST_BIN(bin), "decodebin");
@@ -149,25 +192,21 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   gst_object_unref(bin);
 }
 
+GstVideoOrientationMethod turn_of(GstPad* pad) {
+  GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
+  for (guint i = 0; turn == GST_VIDEO_ORIENTATION_IDENTITY; i++) {
+    g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, i);
+    if (!event) break;
+    GstTagList* tags = nullptr;
+    gst_event_parse_tag(event, &tags);
+    gst_video_orientation_from_tag(tags, &turn);
+  }
+  return turn;
+}
+
 bool has_sound(GstBin* bin) {
   bool found = false;
-  const GstElementForeachPadFunc look = [](GstElement*, GstPad* pad, gpointer sound) -> gboolean {
-    *static_cast<bool*>(sound) |= is_media(pad, "audio/");
-    return TRUE;
-  };
-  GstIterator* elements = gst_bin_iterate_recurse(bin);
-  GValue item = G_VALUE_INIT;
-  GstIteratorResult next = GST_ITERATOR_OK;
-  while ((next = gst_iterator_next(elements, &item)) == GST_ITERATOR_OK || next == GST_ITERATOR_RESYNC) {
-    if (next == GST_ITERATOR_RESYNC) {
-      gst_iterator_resync(elements);
-      continue;
-    }
-    gst_element_foreach_src_pad(GST_ELEMENT(g_value_get_object(&item)), look, &found);
-    g_value_reset(&item);
-  }
-  g_value_unset(&item);
-  gst_iterator_free(elements);
+  for_each_source_pad(bin, [&found](GstPad* pad) { found |= is_media(pad, "audio/"); });
   return found;
 }
 

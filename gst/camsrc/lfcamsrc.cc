@@ -5,9 +5,10 @@
  * @title: lfcamsrc
  * @short_description: one camera of a rig as a source of video
  *
- * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, any other
- * GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc camera-name=a ! video/x-raw,width=640`), else
- * its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats stay as decoded
+ * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, a file of JPEG
+ * pictures one behind another, any other GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc
+ * camera-name=a ! video/x-raw,width=640`), else its `image` (a still), else the built-in scene, seen with the camera's
+ * pose and lens. Formats stay as decoded
  * wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera; anything else is an
  * error. With `decode=false` JPEG video comes as it is, and pictures in a graphics card's memory do where these are
  * taken.
@@ -27,6 +28,13 @@
  * A camera behind RTSP says in its sender reports when frames were taken, by its clock, which has to be that of this
  * machine (NTP): these times are believed unless they can't be true. Without them, as in the first seconds, a frame was
  * taken when it came. `stats` say which.
+ *
+ * Motion JPEG over HTTP (`http://HOST/stream`, multipart/x-mixed-replace) is live; a frame was taken when it came.
+ *
+ * Films are turned as they ask for (the matrix of an MP4). EXIF orientations of pictures are not followed, as COLMAP
+ * does not: a warning tells. A damaged still is an error. A damaged picture of an image sequence has no frame and is
+ * counted
+ * (`damaged` in `stats`); a missing one is an error.
  *
  * With `retry` a camera that fails (or is not there, or ends though it should not) is no error: it is opened again,
  * with a quarter of the time it has been out between attempts, half a second at least and ten at most. Downstream there
@@ -51,8 +59,10 @@
 #include <memory>
 #include <string>
 
+#include "base/schedule.h"
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
+#include "camsrc/lfpicturesrc.h"
 #include "camsrc/message_secrets.h"
 #include "common/common.h"
 
@@ -170,10 +180,19 @@ static void lf_cam_src_begin(LfCamSrc* self) {
   }
 }
 
+// Whether a source that is no device fails before its first frame. Waits for either, for a limited time: an error that
+// is posted while the state changes must fail that change, and gst-launch-1.0 overlooks one that comes just behind it.
+static bool fails_at_start(LfCamSrc* self) {
+  constexpr uint64_t kPatience = 2'000'000'000;
+  const lf::CameraStream& stream = *self->run->stream;
+  for (const uint64_t end = lf::now_ns() + kPatience; lf::now_ns() < end && stream.is_opening();) g_usleep(1000);
+  return stream.has_failed();
+}
+
 static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
   LfCamSrc* self = LF_CAM_SRC(element);
   if (!prepare(self, transition)) return GST_STATE_CHANGE_FAILURE;
-  const GstStateChangeReturn result = change_children(self, transition);
+  GstStateChangeReturn result = change_children(self, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
     // A live child gives no frame before PLAYING, so that this comes in time.
     if (result == GST_STATE_CHANGE_NO_PREROLL) {
@@ -181,6 +200,13 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
       if (self->run) self->run->stream->set_live();
     }
     if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
+    const bool may_wait = result == GST_STATE_CHANGE_SUCCESS && self->run && !lf_cam_src_may_be_lost(self);
+    if (may_wait && fails_at_start(self)) {
+      prepare(self, GST_STATE_CHANGE_PAUSED_TO_READY);
+      change_children(self, GST_STATE_CHANGE_PAUSED_TO_READY);
+      self->service->stop();
+      result = GST_STATE_CHANGE_FAILURE;
+    }
   }
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
@@ -211,6 +237,8 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   message = lf::hide_secrets(message);
   if (lf::take_decoder_message(bin, message)) return;
+  // Of films over HTTP. To an array, which may have many, it is no reason to pause.
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_BUFFERING) return gst_message_unref(message);
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   const std::string wanted = self->run ? self->run->wanted : "";
@@ -224,6 +252,14 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
   const bool is_warning = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
+  if (is_warning && stream && lf::is_picture_source(GST_MESSAGE_SRC(message))) {
+    g_autoptr(GError) warning = nullptr;
+    g_autofree gchar* debug = nullptr;
+    gst_message_parse_warning(message, &warning, &debug);
+    lf_cam_src_post(self, GST_MESSAGE_WARNING,
+                    {warning->domain, warning->code, stream->place() + ": " + without_period(warning->message), debug});
+    return gst_message_unref(message);
+  }
   if (!(is_error && stream) && !(lf_cam_src_may_be_lost(self) && (is_error || is_warning))) {
     GST_BIN_CLASS(lf_cam_src_parent_class)->handle_message(bin, message);
     return;
@@ -246,6 +282,11 @@ static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElemen
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   lock.unlock();
+  GstElementFactory* factory = gst_element_get_factory(child);
+  if (stream && factory && g_str_equal(GST_OBJECT_NAME(factory), "multipartdemux")) {
+    self->live = true;
+    stream->stamp_arrivals(child);
+  }
   if (stream) stream->watch_element(child);  // before what the shedder leaves out
   (*self->shedder)->watch(child);
   GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
@@ -296,7 +337,8 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   lf::Properties<settings_of, stats_of>::install(
       object_class,
       "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-      "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
+      "dropped: frames left undecoded because this machine can't decode all, damaged: pictures of files that can't be "
+      "shown, and capture-time: how it is known "
       "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none); "
       "controls: what the camera has of them and of those in the rig (a number, auto, or FALSE: not taken), and "
       "control-values: their numbers now");

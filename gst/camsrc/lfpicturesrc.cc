@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/lfpicturesrc.h"
+
+#include <gst/base/gstpushsrc.h>
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/file.h"
+#include "base/schedule.h"
+#include "common/common.h"
+#include "common/pixel_family.h"
+#include "image/picture_bytes.h"
+#include "jpeg/header.h"
+
+namespace {
+
+using Bytes = std::vector<uint8_t>;
+
+Bytes read_picture_file(const std::string& path) {
+  const std::string bytes = lf::read_file(path);
+  return {bytes.begin(), bytes.end()};
+}
+
+// The pictures of a JPEG stream. Their places are found as far as they are asked for.
+class JpegStream {
+ public:
+  explicit JpegStream(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
+
+  // Nothing behind the last one.
+  std::optional<Bytes> read(guint64 index) {
+    while (begins_.size() <= index && find_next()) {
+    }
+    if (index >= begins_.size()) return std::nullopt;
+    return bytes_at(begins_[index], ends_[index] - begins_[index]);
+  }
+  // How many there are; nothing while that is not known.
+  std::optional<guint64> count() const { return is_complete_ ? std::optional<guint64>(begins_.size()) : std::nullopt; }
+
+ private:
+  Bytes bytes_at(uint64_t place, size_t size) {
+    Bytes bytes(size);
+    file_.clear();
+    file_.seekg(static_cast<std::streamoff>(place));
+    file_.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
+    bytes.resize(static_cast<size_t>(file_.gcount()));
+    return bytes;
+  }
+
+  static size_t find_start(const Bytes& bytes, size_t from) {
+    constexpr uint8_t kStart[] = {0xff, 0xd8, 0xff};
+    return static_cast<size_t>(
+        std::search(bytes.begin() + static_cast<ptrdiff_t>(from), bytes.end(), kStart, kStart + sizeof kStart) -
+        bytes.begin());
+  }
+
+  // A picture without an end reaches up to the next one.
+  bool find_next() {
+    if (is_complete_) return false;
+    constexpr size_t kLeast = 1 << 18, kMost = 1 << 26;
+    const uint64_t from = ends_.empty() ? 0 : ends_.back();
+    for (size_t size = std::max(kLeast, likely_size_);; size *= 2) {
+      const Bytes bytes = bytes_at(from, size);
+      const bool is_rest = bytes.size() < size;
+      const size_t begin = find_start(bytes, 0);
+      if (begin == bytes.size() && is_rest) break;
+      std::optional<size_t> length;
+      if (begin < bytes.size()) length = lf::jpeg_end(std::span(bytes).subspan(begin));
+      if (!length && !is_rest && size < kMost) continue;
+      if (!length) length = find_start(bytes, std::min(begin + 3, bytes.size())) - begin;
+      begins_.push_back(from + begin);
+      ends_.push_back(from + begin + *length);
+      likely_size_ = 2 * *length;
+      return true;
+    }
+    is_complete_ = true;
+    return false;
+  }
+
+  std::string path_;
+  std::ifstream file_;
+  std::vector<uint64_t> begins_, ends_;
+  size_t likely_size_ = 0;
+  bool is_complete_ = false;
+};
+
+// The pictures of any source, by their index.
+class Pictures {
+ public:
+  explicit Pictures(const lf::CameraSource& source) : source_(source) {
+    if (source.kind == lf::CameraSource::Kind::kJpegStream) stream_.emplace(source.location);
+  }
+
+  bool is_still() const { return source_.kind == lf::CameraSource::Kind::kStill; }
+  std::optional<guint64> count() const {
+    if (stream_) return stream_->count();
+    return is_still() ? 1 : static_cast<guint64>(source_.count);
+  }
+  // Nothing behind the last picture. Throws Error where one can't be read.
+  std::optional<Bytes> read(guint64 index) {
+    if (stream_) return stream_->read(index);
+    if (index >= *count()) return std::nullopt;
+    return read_picture_file(file_of(index));
+  }
+  // What the picture is called in messages about the source.
+  std::string name_of(guint64 index) const {
+    if (is_still()) return "";
+    return stream_ ? "picture " + std::to_string(index) + ": " : file_of(index) + ": ";
+  }
+
+ private:
+  std::string file_of(guint64 index) const {
+    return is_still() ? source_.location : lf::sequence_file(source_, static_cast<int>(index));
+  }
+
+  lf::CameraSource source_;
+  std::optional<JpegStream> stream_;
+};
+
+// A picture that is no error of the stream, but has no frame.
+class BadPicture : public lf::Error {
+ public:
+  using Error::Error;
+};
+
+}  // namespace
+
+G_DECLARE_FINAL_TYPE(LfPictureSrc, lf_picture_src, LF, PICTURE_SRC, GstPushSrc)
+
+struct _LfPictureSrc {
+  GstPushSrc parent;
+  Pictures* pictures;
+  lf::PictureSourceOptions* options;
+  // These belong to the streaming thread.
+  guint64 next;        // number of the next frame, over all rounds
+  guint64 bad_in_row;  // pictures before it that have no frame
+  bool has_warned, has_looked_at_exif;
+  GstVideoInfo info;  // of the latest frame; coded frames have only the size
+};
+
+G_DEFINE_TYPE(LfPictureSrc, lf_picture_src, GST_TYPE_PUSH_SRC)
+
+static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ RGB, I420 }") "; image/jpeg"));
+
+static lf::Schedule schedule_of(LfPictureSrc* self) { return {self->options->fps_n, self->options->fps_d}; }
+
+// The caps are those of the first picture.
+static gboolean lf_picture_src_negotiate(GstBaseSrc*) { return TRUE; }
+
+static gboolean lf_picture_src_start(GstBaseSrc* base) {
+  LfPictureSrc* self = LF_PICTURE_SRC(base);
+  self->next = self->bad_in_row = 0;
+  self->has_warned = self->has_looked_at_exif = false;
+  gst_video_info_init(&self->info);
+  return TRUE;
+}
+
+static gboolean lf_picture_src_is_seekable(GstBaseSrc*) { return TRUE; }
+
+// A seek goes to the picture that is shown at the time.
+static gboolean lf_picture_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
+  LfPictureSrc* self = LF_PICTURE_SRC(base);
+  if (segment->rate <= 0) return FALSE;
+  self->next = schedule_of(self).index_at(segment->position);
+  const std::optional<guint64> count = self->pictures->count();
+  if (!self->options->loop && count) self->next = std::min(self->next, *count - 1);
+  self->bad_in_row = 0;
+  segment->start = segment->time = segment->position = schedule_of(self).instant(self->next);
+  return TRUE;
+}
+
+static gboolean lf_picture_src_query(GstBaseSrc* base, GstQuery* query) {
+  LfPictureSrc* self = LF_PICTURE_SRC(base);
+  GstFormat format = GST_FORMAT_UNDEFINED;
+  if (GST_QUERY_TYPE(query) != GST_QUERY_DURATION)
+    return GST_BASE_SRC_CLASS(lf_picture_src_parent_class)->query(base, query);
+  gst_query_parse_duration(query, &format, nullptr);
+  const std::optional<guint64> count = self->pictures->count();
+  if (format != GST_FORMAT_TIME || !count || self->options->loop) return FALSE;
+  gst_query_set_duration(query, format, static_cast<gint64>(schedule_of(self).instant(*count)));
+  return TRUE;
+}
+
+// Viewers that follow EXIF turn such a picture. The first camera of the process tells; there may be hundreds.
+static void tell_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
+  if (self->has_looked_at_exif) return;
+  self->has_looked_at_exif = true;
+  constexpr uint64_t kQuiet = 10'000'000'000;
+  static std::atomic<uint64_t> told = 0;
+  const std::string notice = lf::orientation_notice(lf::exif_orientation(bytes));
+  if (notice.empty()) return;
+  const uint64_t now = lf::now_ns(), before = told.exchange(now);
+  if (before != 0 && now - before < kQuiet) return;
+  GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("%s%s", name.c_str(), notice.c_str()),
+                      ("other cameras with such pictures are not named"));
+}
+
+static bool set_caps(LfPictureSrc* self, const char* media, GstVideoFormat format, int width, int height) {
+  if (self->info.width == width && self->info.height == height) return true;
+  gst_video_info_set_format(&self->info, format, static_cast<guint>(width), static_cast<guint>(height));
+  self->info.fps_n = self->options->fps_n;
+  self->info.fps_d = self->options->fps_d;
+  lf::set_system_colorimetry(self->info);
+  GstCaps* caps = media
+                      ? gst_caps_new_simple(media, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height,
+                                            "framerate", GST_TYPE_FRACTION, self->info.fps_n, self->info.fps_d, nullptr)
+                      : gst_video_info_to_caps(&self->info);
+  const bool taken = gst_base_src_set_caps(GST_BASE_SRC(self), caps);
+  gst_caps_unref(caps);
+  return taken;
+}
+
+static GstBuffer* buffer_of(const lf::Image& image, const GstVideoInfo& info) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&info), nullptr);
+  GstVideoFrame frame;
+  if (!buffer || !gst_video_frame_map(&frame, &info, buffer, GST_MAP_WRITE)) {
+    gst_clear_buffer(&buffer);
+    throw lf::Error("no memory for a frame");
+  }
+  const lf::ImageView view = image.view();
+  for (guint plane = 0; plane < GST_VIDEO_FRAME_N_PLANES(&frame); plane++) {
+    auto* row = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, plane));
+    const int height = GST_VIDEO_FRAME_COMP_HEIGHT(&frame, plane);
+    for (int y = 0; y < height; y++, row += GST_VIDEO_FRAME_PLANE_STRIDE(&frame, plane))
+      std::memcpy(row, view.plane[plane] + y * view.stride[plane], static_cast<size_t>(view.stride[plane]));
+  }
+  gst_video_frame_unmap(&frame);
+  return buffer;
+}
+
+// JPEG that stays as it is: whether all of it is intact shows where it is decoded.
+static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {
+  std::string reason;
+  bool unsupported = false;
+  const auto header = lf::jpeg::parse_header(bytes, &reason, &unsupported);
+  if (!header && unsupported) throw lf::Error(reason);
+  if (!header) throw BadPicture("damaged JPEG: " + reason);
+  if (!set_caps(self, "image/jpeg", GST_VIDEO_FORMAT_I420, header->width, header->height))
+    return GST_FLOW_NOT_NEGOTIATED;
+  *out = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  return GST_FLOW_OK;
+}
+
+static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {
+  lf::Image image;
+  try {
+    image = lf::decode_picture(bytes, lf::PixelFamily::kI420);
+  } catch (const lf::Error& error) {
+    throw BadPicture(error.what());
+  }
+  const bool rgb = image.family() == lf::PixelFamily::kRgb;
+  if (!set_caps(self, nullptr, rgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420, image.width(), image.height()))
+    return GST_FLOW_NOT_NEGOTIATED;
+  *out = buffer_of(image, self->info);
+  return GST_FLOW_OK;
+}
+
+// The picture with this index as a buffer. EOS behind the last one.
+static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer** out) {
+  std::optional<Bytes> bytes;
+  try {
+    bytes = self->pictures->read(index);
+  } catch (const lf::Error& error) {
+    throw BadPicture(error.what());
+  }
+  if (!bytes) return GST_FLOW_EOS;
+  tell_orientation(self, *bytes, self->pictures->name_of(index));
+  const bool coded = !self->options->decode && lf::picture_coding(*bytes) == lf::PictureCoding::kJpeg;
+  return coded ? make_coded(self, *bytes, out) : make_raw(self, *bytes, out);
+}
+
+// Notes a picture that has no frame. False after posting an error, if no picture has one.
+static bool pass_bad_picture(LfPictureSrc* self, guint64 index, const char* reason) {
+  const std::optional<guint64> count = self->pictures->count();
+  if (self->options->damaged) ++*self->options->damaged;
+  self->bad_in_row++;
+  self->next++;
+  if (count && self->bad_in_row >= *count) {
+    GST_ELEMENT_ERROR(self, STREAM, DECODE, ("%s%s", self->pictures->name_of(index).c_str(), reason),
+                      ("none of %" G_GUINT64_FORMAT " pictures can be shown", *count));
+    return false;
+  }
+  if (!self->has_warned)
+    GST_ELEMENT_WARNING(self, STREAM, DECODE,
+                        ("%s%s: the frame is left out", self->pictures->name_of(index).c_str(), reason),
+                        ("further ones are counted in stats"));
+  self->has_warned = true;
+  return true;
+}
+
+static GstFlowReturn make_frame(LfPictureSrc* self, GstBuffer** out) {
+  const lf::Schedule schedule = schedule_of(self);
+  for (;;) {
+    std::optional<guint64> count = self->pictures->count();
+    const guint64 index = self->options->loop && count && *count > 0 ? self->next % *count : self->next;
+    try {
+      const GstFlowReturn flow = make_picture(self, index, out);
+      count = self->pictures->count();
+      // A JPEG stream has ended, and how long it is shows now.
+      if (flow == GST_FLOW_EOS && self->options->loop && count && *count > 0) continue;
+      if (flow != GST_FLOW_OK) return flow;
+      break;
+    } catch (const BadPicture& bad) {
+      if (!pass_bad_picture(self, index, bad.what())) return GST_FLOW_ERROR;
+    }
+  }
+  GST_BUFFER_PTS(*out) = schedule.instant(self->next);
+  GST_BUFFER_DURATION(*out) = schedule.instant(self->next + 1) - schedule.instant(self->next);
+  self->next++;
+  self->bad_in_row = 0;
+  return GST_FLOW_OK;
+}
+
+static GstFlowReturn lf_picture_src_create(GstPushSrc* push, GstBuffer** out) {
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return make_frame(LF_PICTURE_SRC(push), out); });
+}
+
+static void lf_picture_src_finalize(GObject* object) {
+  delete LF_PICTURE_SRC(object)->pictures;
+  delete LF_PICTURE_SRC(object)->options;
+  G_OBJECT_CLASS(lf_picture_src_parent_class)->finalize(object);
+}
+
+static void lf_picture_src_class_init(LfPictureSrcClass* klass) {
+  G_OBJECT_CLASS(klass)->finalize = lf_picture_src_finalize;
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Light field picture source", "Source/Video",
+                                        "Stills, image sequences and JPEG streams from files", "gst-lightfield");
+  GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
+  base_class->negotiate = lf_picture_src_negotiate;
+  base_class->start = lf_picture_src_start;
+  base_class->is_seekable = lf_picture_src_is_seekable;
+  base_class->do_seek = lf::callback<lf_picture_src_do_seek>;
+  base_class->query = lf::callback<lf_picture_src_query>;
+  GST_PUSH_SRC_CLASS(klass)->create = lf_picture_src_create;
+}
+
+static void lf_picture_src_init(LfPictureSrc* self) { gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME); }
+
+namespace lf {
+
+GstElement* new_picture_source(const CameraSource& source, const PictureSourceOptions& options) {
+  auto* self = LF_PICTURE_SRC(g_object_new(lf_picture_src_get_type(), nullptr));
+  self->pictures = new Pictures(source);
+  self->options = new PictureSourceOptions(options);
+  return GST_ELEMENT(self);
+}
+
+bool is_picture_source(gpointer object) { return LF_IS_PICTURE_SRC(object); }
+
+}  // namespace lf
