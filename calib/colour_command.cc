@@ -61,8 +61,10 @@ struct Frame {
   lf::Image image;
 };
 
-// A folder's image sequence left_%04d.png.
-bool is_sequence(const std::string& source) { return source.find('%') != std::string::npos && !lf::is_uri(source); }
+// Whether a path is that of an image sequence left_%04d.png. A file's own name may hold a %, too.
+bool is_sequence(const std::string& source) {
+  return source.find('%') != std::string::npos && !lf::is_uri(source) && !fs::exists(source);
+}
 
 // The time from place to place, seconds: what recordings show is spread over the longest of them. 0 where lengths are
 // not known: every frame is a place then.

@@ -44,7 +44,8 @@ struct Video {
 // Of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
 Video video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-  return {"uridecodebin uri=\"" + uri + "\"", uri, uri.starts_with("file:")};
+  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto", uri,
+          uri.starts_with("file:")};
 }
 
 // Of a rig's camera, opened as the light field opens it: in its size, with its controls.
@@ -56,7 +57,7 @@ Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   const std::string& source = read.cameras[*index].source;
   const std::string name = rig + ": camera " + std::to_string(camera);
   if (source.empty()) throw lf::Error(name + ": has no source; name images or a video of the board");
-  const bool file = !lf::is_bin_description(source) && (!lf::is_uri(source) || source.starts_with("file:"));
+  const bool file = !lf::describes_elements(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
   return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name, file};
 }
 

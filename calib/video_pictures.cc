@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "posted_error.h"
+#include "rig/rig.h"
 
 namespace {
 
@@ -32,11 +33,11 @@ class Pipeline {
     if (std::filesystem::exists(place, ignored) && !std::filesystem::is_regular_file(place, ignored))
       throw lf::Error(place + ": is not a regular file");
     GError* error = nullptr;
-    gchar* uri =
-        gst_uri_is_valid(place.c_str()) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
+    gchar* uri = lf::is_uri(place) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
     GstElement* made = gst_parse_launch(
-        (std::string("uridecodebin name=source ! videoconvert ! video/x-raw,format=") +
-         (format == VideoFormat::kGrey ? "GRAY8" : "RGB") + " ! appsink name=sink sync=false max-buffers=4")
+        (std::string("uridecodebin name=source ! videoconvert ! videoflip video-direction=auto ! videoconvert ! ") +
+         "video/x-raw,format=" + (format == VideoFormat::kGrey ? "GRAY8" : "RGB") +
+         " ! appsink name=sink sync=false max-buffers=4")
             .c_str(),
         &error);
     if (error || !uri) {

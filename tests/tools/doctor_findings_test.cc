@@ -99,6 +99,16 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
       {[](CameraExam& c) { c.times.backwards = 2; }, "2 frames have stamps", "clock"},
       {[](CameraExam& c) { c.times.jitter = 0.008; }, "its stamps are uneven by 8.0 ms", "seen double"},
       {[](CameraExam& c) { c.stamps = "arrival"; }, "dated by when its packets arrive", "sender reports"},
+      {[](CameraExam& c) {
+         c.looked_at = c.damaged = 4;
+         c.damage = "no end";
+       },
+       "error: camera 1 (cam_00_01): its pictures can't be decoded: no end", "another way"},
+      {[](CameraExam& c) {
+         c.looked_at = 4;
+         c.damaged = 1;
+       },
+       "warning: camera 1 (cam_00_01): 1 of 4 pictures are damaged", "cable"},
       {[](CameraExam& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lid"},
       {[](CameraExam& c) { c.brightest = c.darkest = 255; }, "is white", "less exposure"},
       {[](CameraExam& c) { c.darkest = 80; }, "brightness moves, 80 to 100", "lf-rig lock"},

@@ -24,6 +24,8 @@ struct Watch {
   std::vector<double> taken, delays;
   double first = NAN, looked = -INFINITY, began = NAN;
   uint64_t bytes = 0;
+  size_t looked_at = 0, damaged = 0;
+  std::string damage;
   double brightness = NAN, darkest = NAN, brightest = NAN;
 
   void see(const CameraFrame& frame) {
@@ -34,10 +36,13 @@ struct Watch {
     delays.push_back(frame.came - frame.taken);
     if (frame.came - looked < kLookEvery) return;
     looked = frame.came;
+    looked_at++;
     try {
       brightness = brightness_of(rgb_of(frame.sample));
-    } catch (const Error&) {
-      return;  // a damaged frame
+    } catch (const Error& error) {
+      damaged++;
+      damage = error.what();
+      return;
     }
     darkest = std::isnan(darkest) ? brightness : std::min(darkest, brightness);
     brightest = std::isnan(brightest) ? brightness : std::max(brightest, brightness);
@@ -73,6 +78,9 @@ CameraExam result_of(const RigCameras& cameras, CameraIndex index, Watch& watch,
   exam.times = measure_frame_times(watch.taken);
   exam.delay = watch.delays.empty() ? 0 : median(watch.delays);
   exam.bytes_per_second = static_cast<double>(cameras.source_bytes(index) - bytes) / duration;
+  exam.looked_at = watch.looked_at;
+  exam.damaged = watch.damaged;
+  exam.damage = watch.damage;
   exam.brightness = watch.brightness;
   exam.darkest = watch.darkest;
   exam.brightest = watch.brightest;

@@ -18,13 +18,15 @@ namespace lf::cameras {
 struct CameraExam {
   CameraIndex camera = 0;
   Attachment attachment;
-  std::string problem;        // why it did not work, as the light field says it; "": it did
-  FrameTimes times;           // times of capture
-  double delay = 0;           // median seconds from capture until a frame is here
-  double phase = NAN;         // seconds that the camera is behind the others
-  std::string format;         // what the source gives: "JPEG", "YUY2"; "": not known
-  std::string stamps;         // how capture times are known: "source", "sender-reports", "arrival"
-  size_t left_undecoded = 0;  // frames left undecoded, as this machine can't decode all
+  std::string problem;                // why it did not work, as the light field says it; "": it did
+  FrameTimes times;                   // times of capture
+  double delay = 0;                   // median seconds from capture until a frame is here
+  double phase = NAN;                 // seconds that the camera is behind the others
+  std::string format;                 // what the source gives: "JPEG", "YUY2"; "": not known
+  std::string stamps;                 // how capture times are known: "source", "sender-reports", "arrival"
+  size_t left_undecoded = 0;          // frames left undecoded, as this machine can't decode all
+  size_t looked_at = 0, damaged = 0;  // pictures that were decoded for their brightness, and those that could not be
+  std::string damage;                 // of the latest damaged one
   double bytes_per_second = 0;
   double brightness = NAN, darkest = NAN, brightest = NAN;  // means of pictures, 0..255: the last one, and over time
   Controls controls;                                        // settings that the camera has; nothing: automatic

@@ -93,6 +93,13 @@ void look_at_frames(const CameraExam& exam, double usual_rate, Findings& finding
 }
 
 void look_at_picture(const CameraExam& exam, Findings& findings) {
+  const std::string remedy =
+      "look at its cable and power, take fewer or smaller frames; or have it code its pictures in another way";
+  if (exam.damaged > 0 && exam.damaged == exam.looked_at)
+    return findings.error(exam, "its pictures can't be decoded: " + exam.damage, remedy);
+  if (exam.damaged > 0)
+    findings.warning(exam, format_text("%zu of %zu pictures are damaged: ", exam.damaged, exam.looked_at) + exam.damage,
+                     remedy);
   if (exam.brightest < kBlack)
     findings.error(exam, format_text("is black (brightness %.0f of 255)", exam.brightest),
                    "take the lid off, or more exposure");

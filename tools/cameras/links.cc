@@ -143,7 +143,7 @@ Attachment find_attachment(const Rig& rig, const Camera& camera, const std::stri
     found.link = network_to(address, sys);
     // A stream of one name may be watched by many; twice in a rig it is one camera in two places.
     found.device = address;
-  } else if (is_bin_description(source)) {
+  } else if (describes_elements(rig, source)) {
     if (source.find("aravissrc") != std::string::npos)
       found.link = {
           .kind = Link::Kind::kNetwork, .name = "GigE Vision (1000 Mbit/s)", .capacity = 125e6 * kEthernetPictures};
