@@ -124,8 +124,8 @@ uint64_t RequestGuard::refused() const {
 
 void RequestGuard::add_stats(GstStructure* stats) const {
   const std::lock_guard lock(mutex_);
-  constexpr const char* kNames[] = {"refused-pixels", "refused-aperture", "refused-trials", "refused-rate",
-                                    "refused-views"};
+  constexpr const char* kNames[] = {"refused-pixels", "refused-aperture", "refused-trials",
+                                    "refused-rate",   "refused-views",    "refused-lens"};
   static_assert(std::size(kNames) == RequestGate::kNumRefusals);
   uint64_t all = 0;
   for (size_t i = 0; i < std::size(kNames); i++) {

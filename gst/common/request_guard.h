@@ -54,7 +54,7 @@ class RequestGuard {
   // Sets the numbers of refused requests to 0.
   void clear();
   uint64_t refused() const;
-  // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views.
+  // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views, -lens.
   void add_stats(GstStructure* stats) const;
 
  private:

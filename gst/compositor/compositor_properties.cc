@@ -71,7 +71,7 @@ void lf_compositor_install_properties(GObjectClass* klass) {
       "card-pictures: made on a graphics card), "
       "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
       "(refused, "
-      "and of these refused-pixels, -aperture, -trials, -rate, -views), "
+      "and of these refused-pixels, -aperture, -trials, -rate, -views, -lens), "
       "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
       "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
       "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "

@@ -65,7 +65,7 @@ void lf_fragment_install_properties(GObjectClass* object_class) {
       "Counts of requests, answers, of these skipped (too late to be shown), drawn by OpenGL and made together with "
       "others of their set of views (together), cameras' frames that were drawn from a card's memory without leaving "
       "it (card-frames), what renders and why (renderer), requests refused for one of the "
-      "limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, "
+      "limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views, -lens), fragments, bytes, "
       "frames that were missing (of these stale: farther than max-skew) and frames that were damaged; the largest skew "
       "of a frame; what waiting for frames, decoding, rendering and encoding took: the latest answer's time and p50, "
       "p95, p99 over the latest 1024, and of all of them together (answer-ns; nanoseconds)");

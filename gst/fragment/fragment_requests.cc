@@ -256,6 +256,21 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
 
 static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, GstPad* src, GstBuffer* buffer) {
   Requester& requester = Requester::of(pad);
+// Of the answer to a request, see lf::planned_work().
+static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes, const lf::wire::AnyRequest& request) {
+  const auto array = self->state->node.inputs().array();
+  const size_t cameras = array->rig ? array->rig->cameras.size() : 0;
+  double work = lf::planned_work(lf::wire::peek_request_cost(bytes), cameras);
+  if (const auto* const warp = std::get_if<lf::wire::WarpCommand>(&request))
+    for (const lf::FacePlan& face : warp->warp.faces)
+      work += static_cast<double>(face.rect.width()) * face.rect.height();
+  // Another mesh takes about as long as so many pixels for each camera.
+  constexpr double kMeshCamera = 512;
+  const auto* const view = std::get_if<lf::ViewRequest>(&request);
+  if (view && !view->out_of_service.empty()) work += kMeshCamera * static_cast<double>(cameras);
+  return work;
+}
+
   const lf::MappedBuffer mapped(buffer);
   if (!lf_fragment_is_to_be_answered(self, requester, mapped.bytes())) return GST_FLOW_OK;
   std::string reason;
@@ -267,9 +282,9 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
   }
   lf_fragment_follow_requests(self, pad, lf::wire::head_of(*request));
   lf_fragment_tell_delay(self, pad);
-  const auto job = std::make_shared<Job>(
-      Job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.look(src),
-          lf::WorkEstimate::kAnyAnswer + lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))});
+  const double work = lf::WorkEstimate::kAnyAnswer + lf_fragment_work(self, mapped.bytes(), *request);
+  const auto job = std::make_shared<Job>(Job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer),
+                                             requester.compositor.look(src), work});
   if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, job);
   return lf_fragment_answer(self, pad, src, {&job, 1}, requester.kept, lf_fragment_workers(self));
 }

@@ -270,7 +270,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
       "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units (not "
       "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
       "behind them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, -trials, "
-      "-rate, -views)");
+      "-rate, -views, -lens)");
   lf::RequestGuard::install(object_class, kFirstLimit);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;

@@ -100,19 +100,62 @@ std::optional<Vec2> Lens::distort(const Vec2& u) const {
               u.y * radial + p1_ * (r2 + 2 * u.y * u.y) + 2 * p2_ * u.x * u.y);
 }
 
-std::optional<Vec2> Lens::undistort(const Vec2& distorted) const {
+namespace {
+
+// Finds out that an iteration has come back to an earlier state (Brent 1980). Rounding makes Newton's method end in a
+// cycle of a few numbers where it can't reach its tolerance, and all later steps go round in it.
+template <typename State>
+class CycleFinder {
+ public:
+  // Steps that remain to be done of the `left` ones, in order to end in the same state as all of them would.
+  int left_of(int left, const State& state) {
+    if (found_) return left;
+    since_++;
+    if (state == saved_) {
+      found_ = true;
+      return left % since_;
+    }
+    if (since_ == power_) {
+      saved_ = state;
+      power_ *= 2;
+      since_ = 0;
+    }
+    return left;
+  }
+
+ private:
+  State saved_{};
+  int since_ = 0, power_ = 1;
+  bool found_ = false;
+};
+
+struct Bracket {
+  double r, low, high;
+  bool operator==(const Bracket&) const = default;
+};
+
+}  // namespace
+
+std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   if (!has_distortion()) return distorted;
-  // Radial part alone first: r (1 + k1 r^2 + k2 r^4) grows on [0, max_radius], so bracketed Newton always converges.
   const double target = glm::length(distorted);
   const auto radial = [&](double r) { return r * (1 + r * r * (k1_ + r * r * k2_)); };
+  const bool has_tangential = p1_ != 0 || p2_ != 0;
+  // Tangential distortion adds at most 3 |p| r^2. The slack is far above rounding and the tolerance of the result.
+  const double reach =
+      radial(max_radius_) + (has_tangential ? 3 * std::hypot(p1_, p2_) * max_radius_ * max_radius_ : 0);
+  if (std::isfinite(max_radius_) && target > reach + 1e-9 * (1 + target + reach)) return std::nullopt;
+
+  // Radial part alone first: r (1 + k1 r^2 + k2 r^4) grows on [0, max_radius], so bracketed Newton always converges.
   double low = 0, high = max_radius_;
   if (std::isinf(high))
     for (high = 1 + target; radial(high) < target; high *= 2) {
     }
-  const bool has_tangential = p1_ != 0 || p2_ != 0;
   if (!has_tangential && radial(high) < target) return std::nullopt;
   double r = std::min(target, high);
-  for (int i = 0; i < 100; i++) {
+  CycleFinder<Bracket> brackets;
+  for (int left = kMaxRadialSteps; left > 0;) {
+    if (steps) ++*steps;
     const double value = radial(r) - target;
     (value > 0 ? high : low) = r;
     const double slope = 1 + r * r * (3 * k1_ + 5 * k2_ * r * r);
@@ -120,11 +163,15 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted) const {
     if (!(next >= low && next <= high)) next = (low + high) / 2;
     if (std::abs(next - r) <= 1e-16 * (1 + r)) break;
     r = next;
+    left = brackets.left_of(left - 1, {r, low, high});
   }
   Vec2 u = target > 0 ? distorted * (r / target) : Vec2(0, 0);
   if (!has_tangential) return u;
-  // Full Newton with the analytic Jacobian of distort().
-  for (int i = 0; i < 50; i++) {
+
+  // Full Newton with the analytic Jacobian of distort(). It converges within a few steps where the lens has an inverse.
+  CycleFinder<Vec2> cycle;
+  for (int left = kMaxNewtonSteps; left > 0;) {
+    if (steps) ++*steps;
     const double r2 = glm::dot(u, u), g = 1 + r2 * (k1_ + r2 * k2_), dg = 2 * k1_ + 4 * k2_ * r2;
     const Vec2 f(u.x * g + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x) - distorted.x,
                  u.y * g + p1_ * (r2 + 2 * u.y * u.y) + 2 * p2_ * u.x * u.y - distorted.y);
@@ -136,10 +183,23 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted) const {
     const Vec2 step((yy * f.x - xy * f.y) / det, (xx * f.y - xy * f.x) / det);
     u -= step;
     if (glm::dot(step, step) <= 1e-32 * (1 + glm::dot(u, u))) break;
+    left = cycle.left_of(left - 1, u);
   }
   const std::optional<Vec2> check = distort(u);
   if (!check || !(glm::length(*check - distorted) <= 1e-12 * (1 + target))) return std::nullopt;
   return u;
+}
+
+double Lens::mean_steps(int width, int height) const {
+  if (!has_distortion()) return 0;
+  constexpr int kPlaces = 8;  // in each direction
+  int steps = 0;
+  for (int j = 0; j < kPlaces; j++)
+    for (int i = 0; i < kPlaces; i++) {
+      const Vec2 pixel((i + 0.5) / kPlaces * width - 0.5, (j + 0.5) / kPlaces * height - 0.5);
+      undistort(Vec2((pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_), &steps);
+    }
+  return 1 + static_cast<double>(steps) / (kPlaces * kPlaces);
 }
 
 std::optional<Vec2> Lens::project(const Vec3& x) const {

@@ -15,11 +15,13 @@ namespace {
 
 class ViewTask : public SumTask {
  public:
-  ViewTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
-      : SumTask(rig, ViewPlan(rig, mesh, shown_view(request)), request.quality, own), gains_(request.gains) {
+  ViewTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
+           const ParallelFor& parallel)
+      : SumTask(rig, ViewPlan(rig, mesh, shown_view(request), parallel), request.quality, own, parallel),
+        gains_(request.gains) {
     if (gains_.ask) compare(rig, mesh, request, own);
     if (request.trials.empty()) return;
-    trial_job_.emplace(rig, mesh, trial_view(request.view), own);
+    trial_job_.emplace(rig, mesh, trial_view(request.view), own, parallel);
     for (const Trial& trial : request.trials) trials_.push_back(trial_levels(request.view, trial));
   }
 
@@ -110,8 +112,8 @@ std::unique_ptr<PendingAnswer> SumTask::begin(const wire::AnswerHeader& header, 
 }
 
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
-                                      std::span<const CameraIndex> own) {
-  return std::make_unique<ViewTask>(rig, mesh, request, own);
+                                      std::span<const CameraIndex> own, const ParallelFor& parallel) {
+  return std::make_unique<ViewTask>(rig, mesh, request, own, parallel);
 }
 
 }  // namespace lf

@@ -76,8 +76,8 @@ class AnswerTask {
 // The sum of what a node's cameras give for a view.
 class SumTask : public AnswerTask {
  public:
-  SumTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
-      : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
+  SumTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own, const ParallelFor& parallel)
+      : rig_(rig), job_(std::move(plan), own, parallel), quality_(quality) {}
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override;
   bool takes_card_images() const override { return true; }
@@ -93,8 +93,9 @@ class SumTask : public AnswerTask {
 };
 
 // The task of a view request: its sum, and the moments and the brightness that it asks for. `own`: indices of the
-// node's cameras, ascending. `rig` must outlive the task. Throws Error for what does not fit the rig.
+// node's cameras, ascending. `rig` must outlive the task. `parallel`: plans the view. Throws Error for what does not
+// fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
-                                      std::span<const CameraIndex> own);
+                                      std::span<const CameraIndex> own, const ParallelFor& parallel = serial_for);
 
 }  // namespace lf

@@ -13,10 +13,11 @@ const CameraAccess* CameraAccess::of(Access access) {
 }
 
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
-                                      std::span<const CameraIndex> own) {
-  if (const CameraAccess* access = CameraAccess::of(wire::access_of(request))) return access->task(rig, request, own);
+                                      std::span<const CameraIndex> own, const ParallelFor& parallel) {
+  if (const CameraAccess* access = CameraAccess::of(wire::access_of(request)))
+    return access->task(rig, request, own, parallel);
   const auto& view = std::get<ViewRequest>(request);
-  return make_task(rig, mesh.get(rig, view.out_of_service), view, own);
+  return make_task(rig, mesh.get(rig, view.out_of_service), view, own, parallel);
 }
 
 }  // namespace lf

@@ -25,7 +25,8 @@ class CameraAccess {
   virtual Blending blending(const Blending& asked) const { return asked; }
   // The task that such a command asks for, see make_task().
   virtual std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command,
-                                           std::span<const CameraIndex> own) const = 0;
+                                           std::span<const CameraIndex> own,
+                                           const ParallelFor& parallel = serial_for) const = 0;
 };
 
 // Cameras that know their lens alone: each is told triangles, and the matrix of the focal plane, and gives its part of
@@ -37,6 +38,6 @@ const CameraAccess& pixel_access();
 // The task of a request of any kind: `own` are indices of the node's cameras, ascending. `rig` must outlive the task;
 // for commands only the lenses and sizes of `own` are looked at. Throws Error for what does not fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
-                                      std::span<const CameraIndex> own);
+                                      std::span<const CameraIndex> own, const ParallelFor& parallel = serial_for);
 
 }  // namespace lf

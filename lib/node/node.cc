@@ -132,7 +132,7 @@ static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of
 // depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
 // that their neighbours close the gap (see out_of_mesh()).
 Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requester& requester,
-                           const std::vector<CameraIndex>& own, FoundFrames& frames) {
+                           const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames) {
   ViewRequest request = view;
   const CameraRanges named(view.out_of_service);
   CameraRanges gone;
@@ -150,7 +150,7 @@ Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requeste
       request.out_of_service = out.cameras();
     }
     const uint64_t begun = now_ns();
-    plan.task = make_task(*array.rig, requester.mesh, request, own);
+    plan.task = make_task(*array.rig, requester.mesh, request, own, parallel);
     plan.ns += now_ns() - begun;
     missing.clear();
     for (const CameraIndex camera : plan.task->cameras())
@@ -168,12 +168,19 @@ std::vector<Node::Plan> Node::make_plans(std::span<const wire::AnyRequest* const
   const auto* const first = std::get_if<ViewRequest>(requests.front());
   if (!live && first && has_all(own, first->out_of_service, array.rig->cameras.size())) {
     for (size_t i = 0; i < plans.size(); i++)
-      plans[i] = make_plan(std::get<ViewRequest>(*requests[i]), array, requester, own, frames);
+      plans[i] = make_plan(std::get<ViewRequest>(*requests[i]), array, requester, own, parallel, frames);
     return plans;
   }
   const uint64_t begun = now_ns();
-  if (plans.size() == 1) {
-    plans.front().task = make_task(*array.rig, requester.mesh, *requests.front(), own);
+  // The pixels of distorted views and the weights of blended ones are shared out among threads, so that other views
+  // need not wait for the end of a plan. Other plans take little: one is one task.
+  const bool takes_long = std::ranges::any_of(requests, [](const wire::AnyRequest* request) {
+    const auto* const view = std::get_if<ViewRequest>(request);
+    return !view || view->view.lens.has_distortion() || !view->view.blending.is_mesh();
+  });
+  if (plans.size() == 1 || takes_long) {
+    for (size_t i = 0; i < plans.size(); i++)
+      plans[i].task = make_task(*array.rig, requester.mesh, *requests[i], own, parallel);
   } else {
     const Mesh& mesh = requester.mesh.get(*array.rig, first->out_of_service);
     parallel(plans.size(),

@@ -86,7 +86,7 @@ class Node {
                             const Options& options, std::span<const wire::AnswerHeader> headers,
                             const TakeMemory& memory, uint64_t waited);
   static Plan make_plan(const ViewRequest& view, const Array& array, Requester& requester,
-                        const std::vector<CameraIndex>& own, FoundFrames& frames);
+                        const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames);
   static std::vector<Plan> make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
                                       Requester& requester, const std::vector<CameraIndex>& own, bool live,
                                       const ParallelFor& parallel, FoundFrames& frames);

@@ -120,8 +120,8 @@ class PixelAccess : public CameraAccess {
       command.regions.push_back({camera, needed_pixels(plan, camera, rig.cameras[camera])});
     return command;
   }
-  std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command,
-                                   std::span<const CameraIndex> own) const override {
+  std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command, std::span<const CameraIndex> own,
+                                   const ParallelFor&) const override {
     return std::make_unique<PixelTask>(rig, std::get<wire::PixelCommand>(command), own);
   }
 };

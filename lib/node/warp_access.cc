@@ -23,10 +23,11 @@ class WarpAccess : public CameraAccess {
     return wire::WarpCommand{request, view_warp(rig, ViewPlan(rig, mesh, view))};
   }
   Blending blending(const Blending&) const override { return {}; }  // triangles are the mesh's
-  std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command,
-                                   std::span<const CameraIndex> own) const override {
+  std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command, std::span<const CameraIndex> own,
+                                   const ParallelFor& parallel) const override {
     const auto& warp = std::get<wire::WarpCommand>(command);
-    return std::make_unique<WarpTask>(rig, ViewPlan(warp.warp, rig.cameras.size()), warp.quality, own);
+    return std::make_unique<WarpTask>(rig, ViewPlan(warp.warp, rig.cameras.size(), parallel), warp.quality, own,
+                                      parallel);
   }
 };
 

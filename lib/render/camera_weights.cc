@@ -221,17 +221,27 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
   }
 }
 
-std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan) {
+std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
+                                                 const ParallelFor& parallel) {
   const View& view = plan.view();
   auto grid = std::make_shared<BlendGrid>(view.width, view.height, rig.cameras.size());
-  CameraWeights weights(rig, mesh, view);
-  std::vector<BlendGrid::Share> shares;
-  for (int j = 0; j < grid->rows(); j++)
-    for (int i = 0; i < grid->columns(); i++) {
-      const Vec2 pixel = Vec2(i, j) * double{BlendGrid::kStep}, ray = ray_at(view.lens, pixel);
-      weights.at(ray, focus_along(plan, ray, pixel), shares);
-      grid->add_point(shares);
-    }
+  const CameraWeights weights(rig, mesh, view);
+  // A part of the points at a time bounds the memory of their shares.
+  constexpr int kRowsAtOnce = 16;
+  std::vector<std::vector<BlendGrid::Share>> shares(static_cast<size_t>(grid->columns()) * kRowsAtOnce);
+  for (int top = 0; top < grid->rows(); top += kRowsAtOnce) {
+    const int rows = std::min(grid->rows() - top, kRowsAtOnce);
+    parallel(static_cast<size_t>(rows), [&](size_t row) {
+      CameraWeights own = weights;
+      for (int i = 0; i < grid->columns(); i++) {
+        const Vec2 pixel = Vec2(i, top + static_cast<int>(row)) * double{BlendGrid::kStep},
+                   ray = ray_at(view.lens, pixel);
+        own.at(ray, focus_along(plan, ray, pixel),
+               shares[row * static_cast<size_t>(grid->columns()) + static_cast<size_t>(i)]);
+      }
+    });
+    for (size_t i = 0; i < static_cast<size_t>(rows * grid->columns()); i++) grid->add_point(shares[i]);
+  }
   return grid;
 }
 

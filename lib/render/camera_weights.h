@@ -132,6 +132,7 @@ class CameraWeights {
 };
 
 // The weights of a view that is not blended by its mesh, at the points of a grid over it. Cost: points x cameras.
-std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan);
+std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
+                                                 const ParallelFor& parallel = serial_for);
 
 }  // namespace lf

@@ -225,24 +225,41 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
 
 }  // namespace
 
-OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region)
-    : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
-  if (region_.empty()) region_ = {};
-  struct Found {
-    int y, x0, x1;
-    int32_t face;
-  };
+// The runs of all faces in a part of the region, face by face.
+std::vector<OwnerRuns::Found> OwnerRuns::find(const ViewPlan& plan, const Rect& band) const {
   std::vector<Found> found;
-  found.reserve(4 * static_cast<size_t>(region_.height()) * 8);
-  rows_.resize(static_cast<size_t>(region_.height()));
+  found.reserve(4 * static_cast<size_t>(band.height()) * 8);
   for (size_t i = 0; i < plan.faces().size(); i++) {
-    const Rect rect = intersect(plan.faces()[i].rect, region_);
+    const Rect rect = intersect(plan.faces()[i].rect, band);
     if (rect.empty()) continue;
     find_runs(plan, plan.faces()[i], rect, [&](int y, int x0, int x1) {
       found.push_back({y, x0, x1, static_cast<int32_t>(i)});
-      rows_[static_cast<size_t>(y - region_.y0)].count++;
     });
   }
+  return found;
+}
+
+OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel)
+    : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
+  if (region_.empty()) region_ = {};
+  // In small parts where pixels are looked at one by one, or might be. Else the rows of a face are found together.
+  constexpr int kBandRows = 32;
+  constexpr size_t kManyPixels = size_t{1} << 22;
+  size_t pixels = 0;
+  for (const FacePlan& face : plan.faces()) {
+    const Rect rect = intersect(face.rect, region_);
+    if (!rect.empty()) pixels += static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
+  }
+  const bool in_bands = !plan.rays().separable() || pixels > kManyPixels;
+  const int height = in_bands ? kBandRows : std::max(region_.height(), 1);
+  std::vector<std::vector<Found>> bands(static_cast<size_t>((region_.height() + height - 1) / height));
+  parallel(bands.size(), [&](size_t i) {
+    const int top = region_.y0 + static_cast<int>(i) * height;
+    bands[i] = find(plan, {region_.x0, top, region_.x1, std::min(top + height, region_.y1)});
+  });
+  rows_.resize(static_cast<size_t>(region_.height()));
+  for (const std::vector<Found>& band : bands)
+    for (const Found& f : band) rows_[static_cast<size_t>(f.y - region_.y0)].count++;
   // Each run that lower-numbered ones cut leaves at most one more piece than it has cuts, and n disjoint runs make at
   // most n + 1 of them: 2 n are enough for a row.
   uint32_t begin = 0;
@@ -252,16 +269,17 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region)
     row.count = 0;
   }
   runs_.resize(begin);
-  for (const Found& f : found) {
-    Row& row = rows_[static_cast<size_t>(f.y - region_.y0)];
-    OwnerRun* const end = runs_.data() + row.begin + row.count;
-    if (row.count == 0 || (end - 1)->x1 <= f.x0) {
-      *end = {f.x0, f.x1, f.face};
-      row.count++;
-    } else {
-      insert(row, f.x0, f.x1, f.face);
+  for (const std::vector<Found>& band : bands)
+    for (const Found& f : band) {
+      Row& row = rows_[static_cast<size_t>(f.y - region_.y0)];
+      OwnerRun* const end = runs_.data() + row.begin + row.count;
+      if (row.count == 0 || (end - 1)->x1 <= f.x0) {
+        *end = {f.x0, f.x1, f.face};
+        row.count++;
+      } else {
+        insert(row, f.x0, f.x1, f.face);
+      }
     }
-  }
 }
 
 // Faces come in ascending order: what is there already stays.

@@ -26,7 +26,8 @@ struct OwnerRun {
 // pixels says, to the last bit: the result for a pixel does not depend on the region.
 class OwnerRuns {
  public:
-  OwnerRuns(const ViewPlan& plan, const Rect& region);
+  // `parallel`: looks at the pixels of distorted views, one by one.
+  OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel = serial_for);
 
   const Rect& region() const { return region_; }
   // The runs of a row, ascending and disjoint; pixels between them have no owner. y inside region().
@@ -41,6 +42,11 @@ class OwnerRuns {
   struct Row {
     uint32_t begin = 0, count = 0;
   };
+  struct Found {
+    int y, x0, x1;
+    int32_t face;
+  };
+  std::vector<Found> find(const ViewPlan& plan, const Rect& band) const;
   void insert(Row& row, int x0, int x1, int32_t face);
 
   Rect region_;

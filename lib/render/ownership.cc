@@ -62,11 +62,12 @@ Rect region(const ViewPlan& plan, const std::vector<CameraIndex>& cameras) {
 
 }  // namespace
 
-RenderJob::RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
-    : RenderJob(ViewPlan(rig, mesh, view), own) {}
+RenderJob::RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own,
+                     const ParallelFor& parallel)
+    : RenderJob(ViewPlan(rig, mesh, view, parallel), own, parallel) {}
 
-RenderJob::RenderJob(ViewPlan plan, std::span<const CameraIndex> own)
-    : plan_(std::move(plan)), cameras_(contributing(plan_, own)), runs_(plan_, region(plan_, cameras_)) {}
+RenderJob::RenderJob(ViewPlan plan, std::span<const CameraIndex> own, const ParallelFor& parallel)
+    : plan_(std::move(plan)), cameras_(contributing(plan_, own)), runs_(plan_, region(plan_, cameras_), parallel) {}
 
 const OwnerMap& RenderJob::owners() const {
   std::call_once(owners_made_, [this] { owners_.emplace(runs_); });

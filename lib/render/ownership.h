@@ -88,8 +88,9 @@ class RenderJob {
  public:
   // `own`: indices of the node's cameras, ascending. `mesh` must not hold cameras that the view counts as out of
   // service.
-  RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
-  RenderJob(ViewPlan plan, std::span<const CameraIndex> own);
+  RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own,
+            const ParallelFor& parallel = serial_for);
+  RenderJob(ViewPlan plan, std::span<const CameraIndex> own, const ParallelFor& parallel = serial_for);
 
   const ViewPlan& plan() const { return plan_; }
   // The owners of pixels, row by row; they cover the (chroma-aligned) rectangles of cameras().

@@ -3,17 +3,71 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
+#include <mutex>
 
 namespace lf {
 
-Rays::Rays(const Lens& lens, int width, int height)
+namespace {
+
+// The tables of distorted lenses that were used last. A view keeps its lens from picture to picture, and a node and a
+// compositor in one process need the same table. Thread-safe.
+class RayTables {
+ public:
+  using Table = std::shared_ptr<const Vec2[]>;
+
+  Table find(const Lens& lens, int width, int height) {
+    const std::lock_guard lock(mutex_);
+    for (const Entry& entry : entries_)
+      if (entry.width == width && entry.height == height && entry.lens == lens) return entry.table;
+    return nullptr;
+  }
+  void keep(const Lens& lens, int width, int height, const Table& table) {
+    const std::lock_guard lock(mutex_);
+    entries_.push_front({lens, width, height, table});
+    size_t pixels = 0, kept = 0;
+    for (const Entry& entry : entries_) {
+      pixels += static_cast<size_t>(entry.width) * static_cast<size_t>(entry.height);
+      if (pixels > kMostPixels) break;
+      kept++;
+    }
+    entries_.resize(kept);
+  }
+
+ private:
+  static constexpr size_t kMostPixels = size_t{1} << 22;  // 64 MiB
+  struct Entry {
+    Lens lens;
+    int width, height;
+    Table table;
+  };
+  std::mutex mutex_;
+  std::deque<Entry> entries_;
+};
+
+RayTables& ray_tables() {
+  static RayTables tables;
+  return tables;
+}
+
+}  // namespace
+
+Rays::Rays(const Lens& lens, int width, int height, const ParallelFor& parallel)
     : width_(width), height_(height), cx_(lens.cx()), cy_(lens.cy()), inv_fx_(1 / lens.fx()), inv_fy_(1 / lens.fy()) {
   if (!lens.has_distortion()) return;
+  table_ = ray_tables().find(lens, width, height);
+  if (table_) return;
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  table_.reserve(static_cast<size_t>(width) * height);
-  for (int y = 0; y < height; y++)
-    for (int x = 0; x < width; x++) table_.push_back(lens.unproject(Vec2(x, y)).value_or(Vec2(kNone, kNone)));
+  const auto table = std::make_shared_for_overwrite<Vec2[]>(static_cast<size_t>(width) * static_cast<size_t>(height));
+  const auto make_row = [&](size_t y) {
+    Vec2* const row = &table[y * static_cast<size_t>(width)];
+    for (int x = 0; x < width; x++)
+      row[x] = lens.unproject(Vec2(x, static_cast<double>(y))).value_or(Vec2(kNone, kNone));
+  };
+  parallel(static_cast<size_t>(height), make_row);
+  table_ = table;
+  ray_tables().keep(lens, width, height, table_);
 }
 
 Vec2 Rays::at_centre_of_four(int x, int y) const {
@@ -25,6 +79,7 @@ Vec2 Rays::at_centre_of_four(int x, int y) const {
 namespace {
 
 constexpr int kTileSize = 16;    // pixels
+constexpr int kBlockTiles = 8;   // tiles of a block in each direction
 constexpr double kSlack = 1e-9;  // of a half-plane's largest value in the view: far above rounding, far below a pixel
 constexpr double kPixelSlack = 1e-6;  // pixels
 
@@ -32,23 +87,66 @@ double value(const Vec3& h, const Vec2& ray) { return h.x * ray.x + h.y * ray.y 
 
 }  // namespace
 
-RegionBounds::RegionBounds(const Rays& rays, const Lens& lens, int width, int height)
+RegionBounds::RegionBounds(const Rays& rays, const Lens& lens, int width, int height, const ParallelFor& parallel)
     : width_(width), height_(height), fx_(lens.fx()), fy_(lens.fy()), cx_(lens.cx()), cy_(lens.cy()) {
   if (rays.separable()) return;
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  for (int y0 = 0; y0 < height; y0 += kTileSize)
-    for (int x0 = 0; x0 < width; x0 += kTileSize) {
-      const Rect rect = intersect({x0, y0, x0 + kTileSize, y0 + kTileSize}, {0, 0, width, height});
-      Tile tile{rect, Vec2(kInf, kInf), Vec2(-kInf, -kInf)};
-      for (int y = rect.y0; y < rect.y1; y++)
-        for (int x = rect.x0; x < rect.x1; x++) {
-          const Vec2 ray = rays.at(x, y);
-          if (std::isnan(ray.x)) continue;
-          tile.low = {std::min(tile.low.x, ray.x), std::min(tile.low.y, ray.y)};
-          tile.high = {std::max(tile.high.x, ray.x), std::max(tile.high.y, ray.y)};
-        }
-      if (tile.low.x <= tile.high.x) tiles_.push_back(tile);
-    }
+  constexpr int kBlockSize = kTileSize * kBlockTiles;
+  const auto tile_of = [&](const Rect& rect) {
+    Tile tile{rect, Vec2(kInf, kInf), Vec2(-kInf, -kInf)};
+    for (int y = rect.y0; y < rect.y1; y++)
+      for (int x = rect.x0; x < rect.x1; x++) {
+        const Vec2 ray = rays.at(x, y);
+        if (std::isnan(ray.x)) continue;
+        tile.low = {std::min(tile.low.x, ray.x), std::min(tile.low.y, ray.y)};
+        tile.high = {std::max(tile.high.x, ray.x), std::max(tile.high.y, ray.y)};
+      }
+    return tile;
+  };
+  const int columns = (width + kBlockSize - 1) / kBlockSize, rows = (height + kBlockSize - 1) / kBlockSize;
+  std::vector<std::vector<Tile>> tiles(static_cast<size_t>(columns) * static_cast<size_t>(rows));
+  parallel(tiles.size(), [&](size_t i) {
+    const int left = static_cast<int>(i) % columns * kBlockSize, top = static_cast<int>(i) / columns * kBlockSize;
+    const Rect block = intersect({left, top, left + kBlockSize, top + kBlockSize}, {0, 0, width, height});
+    for (int y0 = block.y0; y0 < block.y1; y0 += kTileSize)
+      for (int x0 = block.x0; x0 < block.x1; x0 += kTileSize) {
+        const Tile tile = tile_of(intersect({x0, y0, x0 + kTileSize, y0 + kTileSize}, block));
+        if (tile.low.x <= tile.high.x) tiles[i].push_back(tile);
+      }
+  });
+  for (const std::vector<Tile>& of_block : tiles) {
+    if (of_block.empty()) continue;
+    Block block{of_block.front(), tiles_.size(), tiles_.size() + of_block.size()};
+    for (const Tile& tile : of_block) block.whole.add(tile);
+    tiles_.insert(tiles_.end(), of_block.begin(), of_block.end());
+    blocks_.push_back(block);
+  }
+}
+
+void RegionBounds::Tile::add(const Tile& other) {
+  rect = unite(rect, other.rect);
+  low = {std::min(low.x, other.low.x), std::min(low.y, other.low.y)};
+  high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y)};
+}
+
+// The largest value of a linear function over a box is at a corner.
+bool RegionBounds::Tile::may_hold(std::span<const Vec3> half_planes) const {
+  return std::ranges::all_of(half_planes, [this](const Vec3& h) {
+    const double u = h.x > 0 ? high.x : low.x, v = h.y > 0 ? high.y : low.y;
+    const double slack = kSlack * (std::abs(h.x * u) + std::abs(h.y * v) + std::abs(h.z));
+    return value(h, {u, v}) >= -slack;
+  });
+}
+
+// Rounding is monotonic, and the slack of a block is at least that of each of its tiles: a block never says no where
+// one of its tiles says yes.
+bool RegionBounds::Block::may_hold(std::span<const Vec3> half_planes) const {
+  const Vec2 &low = whole.low, &high = whole.high;
+  const double u = std::max(std::abs(low.x), std::abs(high.x)), v = std::max(std::abs(low.y), std::abs(high.y));
+  return std::ranges::none_of(half_planes, [&](const Vec3& h) {
+    const double slack = kSlack * (std::abs(h.x) * u + std::abs(h.y) * v + std::abs(h.z));
+    return value(h, {h.x > 0 ? high.x : low.x, h.y > 0 ? high.y : low.y}) < -slack;
+  });
 }
 
 Rect RegionBounds::bound(std::span<const Vec3> half_planes) const {
@@ -103,15 +201,11 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
 
 Rect RegionBounds::bound_tiles(std::span<const Vec3> half_planes) const {
   Rect rect;
-  for (const Tile& tile : tiles_) {
-    bool may_hold = true;
-    for (const Vec3& h : half_planes) {
-      // The largest value of a linear function over a box is at a corner.
-      const double u = h.x > 0 ? tile.high.x : tile.low.x, v = h.y > 0 ? tile.high.y : tile.low.y;
-      const double slack = kSlack * (std::abs(h.x * u) + std::abs(h.y * v) + std::abs(h.z));
-      may_hold = may_hold && value(h, {u, v}) >= -slack;
-    }
-    if (may_hold) rect = unite(rect, tile.rect);
+  const auto adds = [&rect](const Tile& tile) { return intersect(rect, tile.rect) != tile.rect; };
+  for (const Block& block : blocks_) {
+    if (!adds(block.whole) || !block.may_hold(half_planes)) continue;
+    for (size_t i = block.first; i < block.past; i++)
+      if (adds(tiles_[i]) && tiles_[i].may_hold(half_planes)) rect = unite(rect, tiles_[i].rect);
   }
   return rect;
 }

@@ -88,8 +88,8 @@ FacePlan whole_view(const Vec3& in_front, const Rect& rect) {
 
 }  // namespace
 
-ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
-    : view_(view), rays_(view.lens, view.width, view.height), camera_rects_(rig.cameras.size()) {
+ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel)
+    : view_(view), rays_(view.lens, view.width, view.height, parallel), camera_rects_(rig.cameras.size()) {
   const Plane& plane = view.focus.map ? view.focus.map->from : view.focus.plane;
   focal_normal_ = glm::transpose(view.pose.rotation()) * plane.normal;
   focal_offset_ = -plane.signed_distance(view.pose.position);
@@ -101,14 +101,14 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
 
   if (!view.blending.is_mesh()) {
-    blend_ = make_blend_grid(rig, mesh, *this);
+    blend_ = make_blend_grid(rig, mesh, *this, parallel);
     for (CameraIndex i = 0; i < camera_rects_.size(); i++) camera_rects_[i] = blend_->camera_rect(i);
     faces_.push_back(whole_view(in_front, {0, 0, view.width, view.height}));
     return;
   }
 
   const CamerasInView cameras(rig, view.pose);
-  const RegionBounds bounds(rays_, view.lens, view.width, view.height);
+  const RegionBounds bounds(rays_, view.lens, view.width, view.height, parallel);
   for (uint32_t i = 0; i < mesh.faces.size(); i++) {
     FacePlan face = plan_face(cameras, mesh.faces[i], i);
     if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // without area: never contains anything
@@ -123,8 +123,8 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
   }
 }
 
-ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras)
-    : rays_(warp.lens, warp.width, warp.height),
+ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel)
+    : rays_(warp.lens, warp.width, warp.height, parallel),
       faces_(warp.faces),
       camera_rects_(num_cameras),
       focal_normal_(warp.in_front),

@@ -36,12 +36,13 @@ struct FacePlan {
 // threads. Cost: O(faces of the mesh) in place of O(pixels); not blended by the mesh: see make_blend_grid().
 class ViewPlan {
  public:
-  // `rig`, `mesh`: only read during the call. The view must be valid (see validate()).
-  ViewPlan(const Rig& rig, const Mesh& mesh, const View& view);
+  // `rig`, `mesh`: only read during the call. The view must be valid (see validate()). `parallel`: does what takes
+  // long, the rays of distorted lenses and the weights of views that are not blended by the mesh.
+  ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel = serial_for);
   // The plan that somebody else has made, who knows the rig of `num_cameras` cameras: the same to the last bit. Throws
   // Error for cameras beyond that. `warp` must be valid (see validate()); the view has no pose then, and no focal
   // plane.
-  ViewPlan(const ViewWarp& warp, size_t num_cameras);
+  ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel = serial_for);
 
   const View& view() const { return view_; }
   const Rays& rays() const { return rays_; }

@@ -15,6 +15,8 @@ RequestGate::Refusal check_cost(const RequestCost& cost, const RequestLimits& li
     return RequestGate::kPixels;
   const double widest = limits.aperture > 0 ? limits.aperture : extent;
   if (widest > 0 && cost.aperture > widest) return RequestGate::kAperture;
+  if (static_cast<double>(pixels) * cost.lens_steps > static_cast<double>(limits.pixels) * RequestLimits::kLensSteps)
+    return RequestGate::kLens;
   return cost.trials > limits.trials ? RequestGate::kTrials : RequestGate::kNone;
 }
 
@@ -22,11 +24,20 @@ std::string metres(double value) { return format_text("%.4g m", value); }
 
 }  // namespace
 
-double planned_work(const RequestCost& cost) {
+double planned_work(const RequestCost& cost, size_t cameras) {
   // By an aperture many cameras make a pixel; a trial is looked at for every 4 x 4 or more of them.
   constexpr double kByAperture = 16, kTrial = 1.0 / 16;
-  const double pixels = static_cast<double>(cost.width) * cost.height;
-  return pixels * ((cost.aperture > 0 ? kByAperture : 1) + kTrial * cost.trials);
+  // A step of the lens takes about as long as two pixels, and finding the face of a pixel of a distorted view as two
+  // more. Where views are not blended by the mesh, each of the points of a grid of 16 x 16 pixels looks at all cameras.
+  constexpr double kLensStep = 2, kCameraOfPoint = 4.0 / (16 * 16);
+  // Each request passes once over the array's cameras and faces.
+  constexpr double kCamera = 16;
+  const double pixels = static_cast<double>(cost.width) * cost.height, all = static_cast<double>(cameras);
+  const bool blended = cost.aperture > 0 || cost.by_angle;
+  double per_pixel = (blended ? kByAperture : 1) + kTrial * cost.trials;
+  if (cost.lens_steps > 0) per_pixel += kLensStep * (cost.lens_steps + 1);
+  if (blended) per_pixel += kCameraOfPoint * all;
+  return pixels * per_pixel + kCamera * all;
 }
 
 double array_extent(const Rig& rig) {
@@ -78,6 +89,10 @@ std::string refusal_text(RequestGate::Refusal refusal, const RequestCost& cost, 
              " times a second of max-requests-per-second";
     case RequestGate::kViews:
       return "is one more than the " + std::to_string(limits.views) + " views at a time of max-views";
+    case RequestGate::kLens:
+      return "has a lens whose distortion takes " + format_text("%.0f", cost.lens_steps) +
+             " steps a pixel to undo, at " + size_text(cost.width, cost.height) +
+             " pixels more than max-pixels allows: ask for a smaller view or a lens with less distortion";
     case RequestGate::kNumRefusals:
     case RequestGate::kNone: break;
   }

@@ -19,6 +19,9 @@ struct RequestLimits {
   unsigned requests_per_second = 500;       // requests of one view a second; 0: any number
   unsigned views = 64;                      // views that are served at a time
   static constexpr uint64_t kOfSet = 4;
+  // Steps per pixel that the lens of the largest view may take (Lens::mean_steps()). A calibrated lens takes 5 to 10.
+  // The lens of a smaller view may take more.
+  static constexpr double kLensSteps = 16;
   bool operator==(const RequestLimits&) const = default;
 };
 
@@ -28,12 +31,14 @@ struct RequestCost {
   double aperture = 0;        // metres; 0: the view is not blended by one
   unsigned trials = 0;
   int columns = 1, rows = 1;  // views of its set, whose pictures make one
+  double lens_steps = 0;      // Lens::mean_steps() of the view's lens
+  bool by_angle = false;      // blended by angle: each grid point of the view looks at all cameras
   bool operator==(const RequestCost&) const = default;
 };
 
 // How much work answering a request is, about, in a unit that is the same for all requests: the time that it takes is a
-// multiple of this, which a node learns.
-double planned_work(const RequestCost& cost);
+// multiple of this, which a node learns. `cameras`: of the array.
+double planned_work(const RequestCost& cost, size_t cameras = 0);
 
 // How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart
 // than.
@@ -43,7 +48,7 @@ double array_extent(const Rig& rig);
 // view come in a second, and by how many views ask at a time. Its memory is that of as many views. Not thread-safe.
 class RequestGate {
  public:
-  enum Refusal { kPixels, kAperture, kTrials, kRate, kViews, kNumRefusals, kNone };
+  enum Refusal { kPixels, kAperture, kTrials, kRate, kViews, kLens, kNumRefusals, kNone };
   static constexpr uint64_t kViewQuiet = 2'000'000'000;  // nanoseconds without a request, after which a view is gone
 
   // Whether a request of a view may be served that comes at `now` (nanoseconds of any clock). `extent`: of the array,

@@ -16,7 +16,7 @@ constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
 constexpr uint8_t kLayers = 5;     // kind of trial, reserved
 constexpr int kBlendingShift = 4;  // of its kind, in the same byte
-constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8;
+constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8, kInFrontBytes = 3 * 8;
 
 constexpr size_t kSetBytes = 4;
 
@@ -266,11 +266,19 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
   Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
   RequestHeader head;
   std::tie(cost.width, cost.height) = get_request_head(in, unit->flags, head);
-  if (unit->type != kViewRequestType) return cost;
-  const std::optional<LensModel> lens = lens_model_from_code(in.get<uint8_t>());
-  const uint8_t surface = in.get<uint8_t>(), blending = in.get<uint8_t>() >> kBlendingShift;
-  if (!lens) return cost;
-  in.get_bytes(kPoseBytes + 8 * static_cast<size_t>(lens_model_num_params(*lens)) + kPlaneBytes);
+  const bool is_view = unit->type == kViewRequestType;
+  if (!is_view && unit->type != kWarpCommandType) return cost;
+  const uint8_t model = in.get<uint8_t>(), surface = in.get<uint8_t>(), blending = in.get<uint8_t>() >> kBlendingShift;
+  in.get_bytes(is_view ? kPoseBytes : kInFrontBytes);
+  try {
+    const Lens lens = read_lens(in, model);
+    if (cost.width > 0 && cost.height > 0) cost.lens_steps = lens.mean_steps(cost.width, cost.height);
+  } catch (const Error&) {
+    return cost;
+  }
+  if (!is_view) return cost;
+  cost.by_angle = blending == static_cast<uint8_t>(Blending::Kind::kAngle);
+  in.get_bytes(kPlaneBytes);
   in.get_bytes(2 * size_t{in.get<uint32_t>()});
   if (surface == kFocalMap) {
     in.get_bytes(kPlaneBytes + 8 + 8 + 1);

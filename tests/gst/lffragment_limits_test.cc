@@ -117,6 +117,42 @@ TEST_F(FragmentLimitsTest, StripsAreOfAsManyPixelsAsAllowed) {
   EXPECT_EQ(strips, 8u) << "128 rows of 128 pixels, 16 a strip";
 }
 
+TEST_F(FragmentLimitsTest, LensesThatTakeTooLongAreRefused) {
+  set("max-pixels", "10000");
+  ViewRequest strange = asked(2);
+  strange.view.width = strange.view.height = 90;
+  strange.view.lens = Lens(LensModel::kOpenCv, {1, 1, 45, 45, 1e12, -1e12, 1e9, 1e9});
+  EXPECT_FALSE(is_answered(strange));
+  strange.view.width = strange.view.height = 20;
+  EXPECT_TRUE(is_answered(strange)) << "few pixels take little, whatever their lens is";
+  EXPECT_EQ(stat(element_.get(), "refused-lens"), 1u);
+  const std::vector<std::string> told = warnings();
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_THAT(told[0], HasSubstr("distortion"));
+}
+
+// Where another view takes long to plan, as of a strange lens, an ordinary one goes before the rest of the plan.
+TEST_F(FragmentLimitsTest, OthersGoBeforeTheRestOfAStrangeLens) {
+  gst_harness_set_live(harness_.get(), TRUE);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  for (int i = 0; i < 5; i++) {  // the node learns how long answers of this view take
+    EXPECT_EQ(request(asked(1)), GST_FLOW_OK);
+    pull();
+  }
+  for (int i = 0; i < 3; i++) {
+    ViewRequest strange = asked(2);
+    strange.view.width = 1800;
+    strange.view.height = 1100;
+    strange.view.lens = Lens(LensModel::kOpenCv, {1, 1, 900.0 + i, 550, 1e12, -1e12, 1e9, 1e9});
+    EXPECT_EQ(request(strange), GST_FLOW_OK);
+    EXPECT_EQ(request(asked(1)), GST_FLOW_OK);
+    EXPECT_EQ(pull().view_id, 1u) << i;
+    EXPECT_EQ(pull().view_id, 2u) << i;
+  }
+}
+
 TEST_F(FragmentLimitsTest, MoreViewsThanAllowedAreRefused) {
   set("max-views", "3");
   for (const uint32_t view : {5, 6, 7}) EXPECT_TRUE(is_answered(asked(view)));

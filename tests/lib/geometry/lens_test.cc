@@ -56,6 +56,34 @@ TEST(Lens, FoldRadiusIsWhereRadialDistortionStopsGrowing) {
   }
 }
 
+// Foreign lenses may have any numbers. What a pixel costs is bounded, and known before all pixels are looked at.
+TEST(Lens, StepsAreBoundedAndCounted) {
+  using enum LensModel;
+  constexpr int kWidth = 4096, kHeight = 2304;
+  const auto steps_of = [](const Lens& lens) { return lens.mean_steps(kWidth, kHeight); };
+  EXPECT_EQ(steps_of(Lens::from_fov_y(50, kWidth, kHeight)), 0);
+  const Lens ordinary[] = {Lens(kRadial, {3300, 2048, 1152, -0.1, 0.02}),
+                           Lens(kRadial, {2048, 2048, 1152, -0.25, 0.05}),
+                           Lens(kOpenCv, {3300, 3300, 2048, 1152, -0.1, 0.02, 1e-3, -5e-4})};
+  for (const Lens& lens : ordinary) {
+    EXPECT_GE(steps_of(lens), 2);
+    EXPECT_LE(steps_of(lens), 10) << "rounding does not make an iteration go on and on";
+  }
+  // Nothing falls on most pixels of the first two: they are rejected without iterations.
+  EXPECT_LT(steps_of(Lens(kRadial, {4915, 2048, 1152, -1e3, 0})), 2);
+  EXPECT_LT(steps_of(Lens(kOpenCv, {30, 30, 2048, 1152, -5, 3, 0.7, -0.9})), 2);
+  EXPECT_GT(steps_of(Lens(kOpenCv, {1, 1, 2048, 1152, 1e12, -1e12, 1e9, 1e9})), 30);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> exponent(-8, 12), sign(-1, 1);
+  for (int i = 0; i < 20'000; i++) {
+    const auto any = [&] { return std::copysign(std::pow(10, exponent(random)), sign(random)); };
+    const Lens lens(kOpenCv, {std::abs(any()), std::abs(any()), any(), any(), any(), any(), any(), any()});
+    int steps = 0;
+    lens.undistort({any(), any()}, &steps);
+    ASSERT_LE(steps, Lens::kMaxRadialSteps + Lens::kMaxNewtonSteps);
+  }
+}
+
 TEST(Lens, UndistortInvertsDistort) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> angle(0, 2 * M_PI), share(0, 1);

@@ -53,6 +53,40 @@ TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
 
 INSTANTIATE_TEST_SUITE_P(Lenses, RegionBoundsTest, testing::Values(0.0, -0.2, 0.3));
 
+// Groups of tiles are passed over where none of them holds a pixel: each tile alone says the same.
+TEST(RegionBounds, GroupsOfTilesChangeNothing) {
+  constexpr int kWide = 400, kTall = 300, kTile = 16;
+  const Lens lens(LensModel::kRadial, {150, 180, 140, -0.3, 0.05});
+  const Rays rays(lens, kWide, kTall);
+  const RegionBounds bounds(rays, lens, kWide, kTall);
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> normal(-1, 1);
+  int smaller = 0;
+  for (int i = 0; i < 1000; i++) {
+    std::vector<Vec3> half_planes;
+    for (int k = 0; k < 1 + i % 4; k++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
+    Rect by_tiles;
+    for (int y = 0; y < kTall; y += kTile)
+      for (int x = 0; x < kWide; x += kTile) {
+        const Rect tile = intersect({x, y, x + kTile, y + kTile}, {0, 0, kWide, kTall});
+        Vec2 low(INFINITY), high(-INFINITY);
+        for (int py = tile.y0; py < tile.y1; py++)
+          for (int px = tile.x0; px < tile.x1; px++)
+            if (const Vec2 ray = rays.at(px, py); !std::isnan(ray.x)) {
+              low = glm::min(low, ray);
+              high = glm::max(high, ray);
+            }
+        const auto may_hold = [&](const Vec3& h) {
+          return h.x * (h.x > 0 ? high.x : low.x) + h.y * (h.y > 0 ? high.y : low.y) + h.z >= -1e-12;
+        };
+        if (low.x <= high.x && std::ranges::all_of(half_planes, may_hold)) by_tiles = unite(by_tiles, tile);
+      }
+    ASSERT_EQ(bounds.bound(half_planes), by_tiles) << i;
+    smaller += by_tiles != Rect{0, 0, kWide, kTall};
+  }
+  EXPECT_GT(smaller, 500);
+}
+
 TEST(RegionBounds, NoHalfPlanesIsTheWholeView) {
   const Lens lens = Lens::pinhole(60, 34.5, 24.5);
   const Rays rays(lens, kWidth, kHeight);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/rays.h"
 
+#include <cstring>
+
 #include <gtest/gtest.h>
 
 namespace lf {
@@ -34,6 +36,38 @@ TEST(Rays, PixelsBeyondTheFoldHaveNone) {
   const Rays rays(lens, 64, 64);
   EXPECT_TRUE(std::isnan(rays.at(0, 0).x));
   EXPECT_FALSE(std::isnan(rays.at(32, 32).x));
+}
+
+// A table of a large view takes seconds: it is made in parts, which others may go between.
+TEST(Rays, TablesAreMadeInParts) {
+  const Lens lens(LensModel::kRadial, {300, 99.5, 70.25, -0.21, 0.0417});
+  size_t parts = 0;
+  const Rays in_parts(lens, 200, 141, [&parts](size_t count, const std::function<void(size_t)>& task) {
+    parts += count;
+    for (size_t i = count; i-- > 0;) task(i);
+  });
+  EXPECT_GE(parts, 100u);
+  for (int y = 0; y < 141; y++)
+    for (int x = 0; x < 200; x++) {
+      const Vec2 ray = in_parts.at(x, y), alone = *lens.unproject({x, y});
+      ASSERT_EQ(std::memcmp(&ray, &alone, sizeof ray), 0) << x << ", " << y;
+    }
+}
+
+TEST(Rays, TheTableOfALensIsMadeOnce) {
+  const Lens lens(LensModel::kRadial, {301, 99.5, 70.25, -0.21, 0.0417}), other = lens.shifted({1, 0});
+  size_t made = 0;
+  const ParallelFor counted = [&made](size_t count, const std::function<void(size_t)>& task) {
+    made++;
+    serial_for(count, task);
+  };
+  const Rays first(lens, 64, 48, counted);
+  const Rays again(lens, 64, 48, counted);
+  EXPECT_EQ(made, 1u);
+  const Rays larger(lens, 65, 48, counted), beside(other, 64, 48, counted);
+  EXPECT_EQ(made, 3u);
+  EXPECT_EQ(first.at(20, 30), again.at(20, 30));
+  EXPECT_NE(first.at(20, 30), beside.at(20, 30));
 }
 
 TEST(Rays, ChromaOfTheLastOddPixelIsThatPixels) {

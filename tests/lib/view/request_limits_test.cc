@@ -30,6 +30,22 @@ TEST(RequestGate, HoldsCostsAgainstLimits) {
   EXPECT_EQ(check({65535, 65535, 0, 0, 255, 255}), RequestGate::kPixels);
 }
 
+// The lens of a view decides how much work each of its pixels is.
+TEST(RequestGate, BoundsTheWorkOfTheLens) {
+  RequestGate gate;
+  const RequestLimits limits;
+  const auto check = [&](int width, int height, double steps) {
+    return gate.check(1, {.width = width, .height = height, .lens_steps = steps}, limits, 0, kSecond);
+  };
+  EXPECT_EQ(check(4096, 2304, 16), RequestGate::kNone);
+  EXPECT_EQ(check(4096, 2304, 16.1), RequestGate::kLens);
+  EXPECT_EQ(check(2048, 1152, 60), RequestGate::kNone) << "a quarter of the pixels";
+  EXPECT_EQ(check(2048, 1152, 70), RequestGate::kLens);
+  EXPECT_THAT(refusal_text(RequestGate::kLens, {.width = 4096, .height = 2304, .lens_steps = 55.3}, limits, 0),
+              testing::AllOf(testing::HasSubstr("55 steps"), testing::HasSubstr("4096x2304"),
+                             testing::HasSubstr("max-pixels")));
+}
+
 TEST(RequestGate, BoundsTheRateOfEachView) {
   RequestGate gate;
   RequestLimits limits;
@@ -86,6 +102,16 @@ TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
   EXPECT_GT(planned_work({640, 480, 0.1, 0}), 5 * planned_work({640, 480, 0, 0}));
   EXPECT_GT(planned_work({640, 480, 0, 8}), planned_work({640, 480, 0, 0}));
   EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}), 4 * planned_work({640, 480, 0, 0}));
+  const RequestCost plain{.width = 640, .height = 480};
+  RequestCost distorted = plain, strange = plain, by_angle = plain;
+  distorted.lens_steps = 6;
+  strange.lens_steps = 60;
+  by_angle.by_angle = true;
+  EXPECT_GT(planned_work(distorted), 5 * planned_work(plain));
+  EXPECT_GT(planned_work(strange), 5 * planned_work(distorted));
+  EXPECT_GT(planned_work(by_angle), planned_work(plain));
+  EXPECT_GT(planned_work(by_angle, 10'000), 5 * planned_work(by_angle, 100)) << "each grid point looks at all cameras";
+  EXPECT_GT(planned_work(plain, 65'000), planned_work(plain, 100));
 }
 
 // A view is only held to a rate once it is known to be live.

@@ -434,8 +434,12 @@ TEST(RequestCodec, CostsAreThoseOfTheRequest) {
     const ViewRequest request = random_request(random);
     const std::vector<uint8_t> bytes = encode_request(request);
     EXPECT_EQ(peek_request_cost(bytes),
-              (RequestCost{request.view.width, request.view.height, request.view.blending.aperture,
-                           static_cast<unsigned>(request.trials.size())}));
+              (RequestCost{.width = request.view.width,
+                           .height = request.view.height,
+                           .aperture = request.view.blending.aperture,
+                           .trials = static_cast<unsigned>(request.trials.size()),
+                           .lens_steps = request.view.lens.mean_steps(request.view.width, request.view.height),
+                           .by_angle = request.view.blending.kind == Blending::Kind::kAngle}));
     for (size_t size = 0; size < bytes.size(); size += 7) peek_request_cost(std::span(bytes).first(size));
   }
   ViewRequest wide = golden_request();
