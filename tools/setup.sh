@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
 # Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything. With --tests
-# it installs, too, what only running the tests needs: a browser, tshark, Janus, coturn, nginx, pictures for calibration.
+# it installs, too, what only running the tests needs: a browser, tshark, Janus, coturn, nginx, pictures for calibration,
+# a clock that can be set, other languages.
 set -euo pipefail
 
 for_tests=false
@@ -33,7 +34,7 @@ packages=(
 )
 
 if $for_tests; then
-  packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0)
+  packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

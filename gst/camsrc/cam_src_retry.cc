@@ -7,6 +7,7 @@
 #include <atomic>
 #include <utility>
 
+#include "base/number_text.h"
 #include "base/schedule.h"
 #include "camsrc/camera_controls.h"
 #include "camsrc/camera_states.h"
@@ -130,14 +131,16 @@ void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
 }
 
 void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing) {
-  const auto seconds = [](GstClockTime time) { return static_cast<double>(time) / GST_SECOND; };
+  const auto seconds = [](GstClockTime time) {
+    return lf::format_text("%.2f", static_cast<double>(time) / GST_SECOND);
+  };
   lf::ObjectLock lock(self);
   const std::string place = self->run ? self->run->stream->place() : "";
   lock.unlock();
   GST_ELEMENT_WARNING(
       self, STREAM, DECODE,
-      ("%s: is cut off: it ends after %.2f of %.2f s. %s, each time it loops", place.c_str(), seconds(lasted),
-       seconds(lasted + missing),
+      ("%s: is cut off: it ends after %s of %s s. %s, each time it loops", place.c_str(), seconds(lasted).c_str(),
+       seconds(lasted + missing).c_str(),
        self->live ? "It gives nothing for the rest" : "For the rest its picture that is nearest in time stands"),
       (nullptr));
 }

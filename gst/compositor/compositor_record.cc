@@ -3,6 +3,7 @@
 // What is said of a picture that is put out, or left out.
 #include <utility>
 
+#include "base/number_text.h"
 #include "compositor/lfcompositor_private.h"
 
 using lf::CompositorStats;
@@ -53,18 +54,19 @@ static void note_unseen(LfCompositor* self, double coverage) {
       return;
     }
   }
+  const std::string across = lf::format_text("%.2f", state.extent.load());
   if (state.current->place.count() > 1) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
                         ("No camera sees anything of some of the %d views of view %u: their eyes are outside of the "
-                         "array, which is %.2f m across. A smaller eye-distance or view-cone keeps them inside.",
-                         state.current->place.count(), state.current->view_id, state.extent.load()),
+                         "array, which is %s m across. A smaller eye-distance or view-cone keeps them inside.",
+                         state.current->place.count(), state.current->view_id, across.c_str()),
                         (nullptr));
     return;
   }
   GST_ELEMENT_WARNING(self, STREAM, FAILED,
                       ("No camera sees anything of view %u: the eye, or all that it looks at, is outside of the array, "
-                       "which is %.2f m across. Such pictures are counted as unseen in stats.",
-                       state.current->view_id, state.extent.load()),
+                       "which is %s m across. Such pictures are counted as unseen in stats.",
+                       state.current->view_id, across.c_str()),
                       (nullptr));
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/compositor_settings.h"
 
+#include "base/number_text.h"
 #include "fragment/lffragment.h"
 
 GType lf_compositor_incomplete_get_type(void) {
@@ -59,8 +60,8 @@ std::string CompositorSettings::without_effect() const {
   const auto say = [&text](bool idle, const std::string& why) {
     if (idle) text += (text.empty() ? "" : " ") + why;
   };
-  g_autofree gchar* range = g_strdup_printf("focus-near is %g m and focus-far %g m", focus_near, focus_far);
-  say(!has_focus_range(), std::string(range) + ": the near end must be nearer. Both are left out, and the surface is " +
+  const std::string range = format_text("focus-near is %g m and focus-far %g m", focus_near, focus_far);
+  say(!has_focus_range(), range + ": the near end must be nearer. Both are left out, and the surface is " +
                               "looked for as the scene asks.");
   say(partial && focus == FocusMode::kSurface,
       "focus: inside a tree (partial) no surface is looked for; set it at the tree's root.");

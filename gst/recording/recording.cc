@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "common/common.h"
 #include "rig/rig_json.h"
 
@@ -109,8 +110,8 @@ std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime cap
 void Recording::tell_set_back(gint64 nanoseconds) {
   if (has_told_set_back_.exchange(true)) return;
   GST_ELEMENT_WARNING(owner_, CORE, CLOCK,
-                      ("%s: the clock was set back by %.1f s: the recording goes on right behind what it has.",
-                       folder_.c_str(), static_cast<double>(nanoseconds) / GST_SECOND),
+                      ("%s: the clock was set back by %s s: the recording goes on right behind what it has.",
+                       folder_.c_str(), format_text("%.1f", static_cast<double>(nanoseconds) / GST_SECOND).c_str()),
                       (nullptr));
 }
 

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -47,8 +48,8 @@ void check_tracks(const Tracks& tracks, const std::string& name) {
                       std::abs(o.pixel.y - camera.height / 2.0) <= camera.height;
     if (!near)
       fail("observations", i,
-           "(" + std::to_string(o.pixel.x) + ", " + std::to_string(o.pixel.y) + ") is far outside of camera " +
-               std::to_string(camera.id) + "'s image");
+           format_text("(%f, %f)", o.pixel.x, o.pixel.y) + " is far outside of camera " + std::to_string(camera.id) +
+               "'s image");
     if (!seen.insert({o.camera, o.position, o.light}).second)
       fail("observations", i, "camera " + std::to_string(camera.id) + " sees the same light twice");
   }
@@ -113,11 +114,10 @@ std::string tracks_to_json(const Tracks& tracks) {
   json cameras = json::array();
   for (const Tracks::Camera& c : tracks.cameras)
     cameras.push_back({{"id", c.id}, {"width", c.width}, {"height", c.height}});
-  std::string text = "{\n \"format\": \"" + std::string(kTracksFormat) +
-                     "\",\n \"version\": " + std::to_string(kTracksVersion) +
-                     ",\n \"bar\": " + (tracks.bar ? "true" : "false") +
-                     ",\n \"ordered\": " + (tracks.ordered ? "true" : "false") + ",\n \"cameras\": " + cameras.dump() +
-                     ",\n \"positions\": [\n";
+  std::string text =
+      "{\n \"format\": \"" + std::string(kTracksFormat) + "\",\n \"version\": " + std::to_string(kTracksVersion) +
+      ",\n \"bar\": " + (tracks.bar ? "true" : "false") + ",\n \"ordered\": " + (tracks.ordered ? "true" : "false") +
+      ",\n \"cameras\": " + cameras.dump() + ",\n \"positions\": [\n";
   for (size_t i = 0; i < positions.size(); i++)
     text += "  {\"observations\": " + positions[i].dump() + (i + 1 < positions.size() ? "},\n" : "}\n");
   return text + " ]\n}\n";
@@ -130,6 +130,7 @@ namespace fs = std::filesystem;
 using Table = std::vector<std::vector<double>>;
 
 Table read_table(const fs::path& path) {
+  const NumbersWithPoint numbers;
   Table table;
   std::istringstream text(read_text_file(path.string()));
   size_t number = 0;
@@ -155,6 +156,7 @@ Table read_table(const fs::path& path) {
 }
 
 Lens read_rad(const fs::path& path, double first_pixel) {
+  const NumbersWithPoint numbers;
   std::map<std::string, double> values;
   std::istringstream text(read_text_file(path.string()));
   for (std::string line; std::getline(text, line);) {

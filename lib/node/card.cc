@@ -2,17 +2,14 @@
 #include "node/card.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
+
+#include "base/number_text.h"
 
 namespace lf {
 namespace {
 
-std::string per_pixel(double nanoseconds) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f", nanoseconds);
-  return text;
-}
+std::string per_pixel(double nanoseconds) { return format_text("%.2f", nanoseconds); }
 
 }  // namespace
 
@@ -47,7 +44,7 @@ bool Card::is_open(RendererChoice choice, std::string& news) {
   if (!drawer_ && tried_ != drivers && tried_ != gl::Context::Drivers::kAny) {
     tried_ = drivers;
     drawer_ = open_(drivers, why_);
-    if (!drawer_ && choice == RendererChoice::kGl) 
+    if (!drawer_ && choice == RendererChoice::kGl)
       news = "no OpenGL ES 3.1 to render with, the CPU does: " + why_ +
              " (a card needs its driver's EGL, and whoever uses it the right to open /dev/dri/renderD* or its like)";
   }

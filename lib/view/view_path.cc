@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "view/navigator.h"
 
 namespace lf {
@@ -56,8 +57,7 @@ std::string numbered(size_t i) {
 
 void require_range(const FocusRange& focus) {
   if (!(focus.near > 0 && focus.near <= focus.far && std::isfinite(focus.far)))
-    throw Error("focus: must be 0 < near <= far, is " + std::to_string(focus.near) + " and " +
-                std::to_string(focus.far));
+    throw Error("focus: must be 0 < near <= far, is " + number_text(focus.near) + " and " + number_text(focus.far));
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/gl/sum_shader.h"
 
+#include <concepts>
 #include <string_view>
 
+#include "base/number_text.h"
 #include "image/correction.h"
 #include "render/camera_weights.h"
 #include "render/gl/adding_shader-inl.h"
@@ -181,8 +183,16 @@ void main() {
 // Four of them, and what else is added to them, are finite in 16 bits and beyond all sums.
 constexpr double kFloatDoubt = 8192;
 
-void define(std::string& text, std::string_view name, auto value) {
+void define(std::string& text, std::string_view name, std::integral auto value) {
   text += "#define " + std::string(name) + " " + std::to_string(value) + "\n";
+}
+
+void define(std::string& text, std::string_view name, double value) {
+  text += "#define " + std::string(name) + " " + format_text("%f", value) + "\n";
+}
+
+void declare(std::string& text, std::string_view name, double value, std::string_view times = "") {
+  text += "const highp float " + std::string(name) + " = " + format_text("%f", value) + std::string(times) + ";\n";
 }
 
 std::string head(const SumProgram& program) {
@@ -238,12 +248,12 @@ std::string head(const SumProgram& program) {
   define(text, "SHARPENING", kSharpeningFactor);
   define(text, "DOUBT", kDoubt);
   define(text, "CHROMA_DOUBT", kChromaDoubt);
-  text += "const highp float OWNERS = " + std::to_string(kMixedOwners) + ".0;\n";
-  text += "const highp float MAX_POSITION_ERROR = " + std::to_string(kMaxPositionError) + ";\n";
-  text += "const highp float FLOAT_ROUNDING = " + std::to_string(kFloatRounding * 1e6) + " * 1e-6;\n";
-  text += "const highp float MAX_WEIGHT_ERROR = " + std::to_string(kMaxWeightError) + ";\n";
-  text += "const highp float EYE_DOUBT = " + std::to_string(kEyeDoubt) + ";\n";
-  text += "const highp float FLOAT_DOUBT = " + std::to_string(kFloatDoubt) + ";\n";
+  declare(text, "OWNERS", kMixedOwners);
+  declare(text, "MAX_POSITION_ERROR", kMaxPositionError);
+  declare(text, "FLOAT_ROUNDING", kFloatRounding * 1e6, " * 1e-6");
+  declare(text, "MAX_WEIGHT_ERROR", kMaxWeightError);
+  declare(text, "EYE_DOUBT", kEyeDoubt);
+  declare(text, "FLOAT_DOUBT", kFloatDoubt);
   return text;
 }
 

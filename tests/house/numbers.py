@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Checks that numbers are written and read with a point, whatever the user's locale is.
+
+An application that loads the plugin or the library may have called setlocale(LC_ALL, ""). Then printf(), strtod() and what is
+made of them use a comma in many countries: shaders, caps, files and messages to other programs break. Code in lib/ and gst/
+writes numbers by number_text() and format_text(), and reads them by std::from_chars() or while a NumbersWithPoint lives.
+Programs never choose a locale. Prints each offending line; exits 1 if there is one.
+
+    numbers.py SOURCE_ROOT
+"""
+import pathlib
+import re
+import sys
+
+FLOAT_FORMAT = r'"[^"]*%[-+ #0]*(?:\*|\d+)?(?:\.(?:\*|\d+))?l?[aefgAEFG][^"]*"'
+PRINTING = re.compile(
+    r"\b(?:std::)?(?:f|s|sn|v|vsn|d|as)?printf\(|\bg_(?:strdup_|string_append_|string_|snprintf|print(?:err|f)?)\w*\(|"
+    r"\bGST_(?:ELEMENT_)?(?:ERROR|WARNING|INFO)\w*\(")
+READING = re.compile(r"\b(?:std::)?(?:strtod|strtof|strtold|stod|stof|stold|atof)\(")
+SCANNING = re.compile(r"\b(?:std::)?[fs]?scanf\(")
+LOCALES = re.compile(r"\bsetlocale\(|\bstd::locale\(\"|\bstd::locale::global\(")
+GUARD = "NumbersWithPoint"
+DECLARED = re.compile(r"\b(?:double|float|gdouble|gfloat)\s+((?:\w+(?:\s*=[^,;(){}]*)?\s*,\s*)*\w+)")
+INTEGERS = re.compile(r"\b(?:auto|bool|char|int|long|short|unsigned|size_t|s?size_t|g?u?int\d*(?:_t)?|\w+Index|\w+Time)\s+"
+                      r"((?:\w+(?:\s*=[^,;(){}]*)?\s*,\s*)*\w+)")
+# Of the project itself: what writes and reads with a point.
+OURS = {"lib/base/number_text.h"}
+
+
+def argument(text, begin):
+    """The text up to the bracket that closes the one before `begin`."""
+    depth, at = 1, begin
+    while depth and at < len(text):
+        depth += {"(": 1, ")": -1}.get(text[at], 0)
+        at += 1
+    return text[begin:at - 1]
+
+
+def names(pattern, text):
+    return {re.match(r"\w+", part.strip())[0] for match in pattern.finditer(text) for part in match[1].split(",")
+            if re.match(r"\w+", part.strip())}
+
+
+def function_before(text, at):
+    """The text of the function up to `at`: since the last line that begins at the margin."""
+    return text[max(text.rfind("\n}", 0, at), text.rfind("\nnamespace", 0, at), 0):at]
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    texts = {}
+    for folder in "lib", "gst", "tools", "calib":
+        for path in sorted((root / folder).rglob("*")):
+            if path.suffix in (".cc", ".h"):
+                texts[str(path.relative_to(root))] = re.sub(r"//[^\n]*", "", path.read_text())
+    floats = set().union(*(names(DECLARED, text) for text in texts.values()))
+    integers = set().union(*(names(INTEGERS, text) for text in texts.values()))
+    wrong = []
+    for name, text in texts.items():
+        if name in OURS:
+            continue
+        own, own_integers = names(DECLARED, text), names(INTEGERS, text)
+
+        def report(at, what):
+            wrong.append(f"{name}:{text.count(chr(10), 0, at) + 1}: {what}")
+
+        for match in re.finditer(r"std::to_string\(", text):
+            of = argument(text, match.end())
+            last = "" if of.endswith(")") else (re.findall(r"[A-Za-z_]\w*", of) or [""])[-1]  # not of what a call gives
+            is_float = re.search(r"\d\.\d|\d[eE][-+]?\d|\b(?:double|float)\b|\.[xyz]\b", of) or (
+                last in own - own_integers or last in floats - integers)
+            if is_float:
+                report(match.start(), f"std::to_string({of}) of a floating point number: use number_text() or format_text()")
+        for match in LOCALES.finditer(text):
+            report(match.start(), "nothing here chooses a locale")
+        if not name.startswith(("lib/", "gst/")):
+            continue
+        for match in PRINTING.finditer(text):
+            if re.search(FLOAT_FORMAT, re.sub(r"format_text\([^()]*", "", argument(text, match.end()))):
+                report(match.start(), f"{match[0]}...) writes numbers by the locale: use format_text()")
+        for match in READING.finditer(text):
+            if GUARD not in function_before(text, match.start()):
+                report(match.start(), f"{match[0]}...) reads numbers by the locale: use std::from_chars() or {GUARD}")
+        for match in SCANNING.finditer(text):
+            if re.search(FLOAT_FORMAT, argument(text, match.end())) and GUARD not in function_before(text, match.start()):
+                report(match.start(), f"{match[0]}...) reads numbers by the locale: use std::from_chars() or {GUARD}")
+    print(*wrong, sep="\n", end="\n" if wrong else "")
+    return 1 if wrong else 0
+
+
+sys.exit(main())
