@@ -74,6 +74,9 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
   GstElement* gate = add_element(bin, "lfrtpgate", name + "_gate");
   added->push_back(gate);
   g_object_set(gate, "key-file", text_or_null(admission.key_file), "peers", text_or_null(admission.peers), nullptr);
+  // A viewer seals a request once for all of its hosts.
+  const bool has_copies = is_group(from.host) || std::strcmp(encoding, "X-LIGHTFIELD-REQUEST") == 0;
+  g_object_set(gate, "copies", has_copies, nullptr);
   GstElement* depay = add_element(bin, "rtplfdepay", name + "_depay");
   added->push_back(depay);
   if (!gst_element_link_many(udp, gate, depay, nullptr)) throw Error("udpsrc can't be linked with rtplfdepay");

@@ -6,7 +6,8 @@
  *
  * With #lfrtpgate:key-file those may who have the same secret: #element-lfrtpseal has put their packets under a key,
  * this takes them out, each once. What is not sealed, forged, damaged, cut short, sent again or more than a minute old
- * is dropped. Senders may begin anew at any time, and several may share a port.
+ * is dropped. Senders may begin anew at any time, and several may share a port. A packet passes one gate of a process,
+ * once, unless #lfrtpgate:copies is set. Gates of other processes with the same key take the packet, too.
  *
  * Without a key those may who send from an address of #lfrtpgate:peers, which keeps out who is elsewhere by mistake,
  * but not who forges addresses; where nobody is named, the first address of loopback that sends. With a key peers count
@@ -45,6 +46,7 @@ using lf::rtp::SealOpener;
 
 struct Settings {
   std::string key_file, peers;
+  bool copies = false;
 
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {
@@ -55,6 +57,10 @@ struct Settings {
             lf::kWhileReady, "peers", "Peers",
             "Names, addresses and networks (10.0.0.0/24) that packets may come from, with commas between (none: of "
             "those who have the key, or, without a key, of the first address of loopback)"),
+        lf::property<&Settings::copies>(
+            lf::kWhileReady, "copies", "Copies",
+            "Whether other gates of this process receive the same sealed packets, as those of a multicast group do "
+            "(false: a packet passes one of them, once)"),
     };
     return table;
   }
@@ -91,7 +97,8 @@ struct _LfRtpGate {
 
   // From PAUSED on.
   std::shared_ptr<const lf::rtp::RtpKey>* key;  // null without a file
-  lf::Peers* peers;                             // null: all that have the key
+  bool copies;
+  lf::Peers* peers;  // null: all that have the key
   // Streaming thread.
   SealOpener* opener;
   gint64 warned;  // monotonic time
@@ -166,7 +173,11 @@ static gboolean take_caps(LfRtpGate* self, GstCaps* caps) {
   gst_structure_set_name(structure, "application/x-rtp");
   const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
   delete std::exchange(self->opener, nullptr);
-  if (*self->key) self->opener = new SealOpener(*self->key, encoding ? encoding : "");
+  if (*self->key) {
+    const std::string purpose = encoding ? encoding : "";
+    self->opener =
+        new SealOpener(*self->key, purpose, self->copies ? nullptr : lf::rtp::OpenedPackets::of(**self->key, purpose));
+  }
   const gboolean done = gst_pad_push_event(self->src, gst_event_new_caps(caps));
   gst_caps_unref(caps);
   return done;
@@ -185,6 +196,7 @@ static gboolean lf_rtp_gate_event(GstPad* pad, GstObject* parent, GstEvent* even
 static bool prepare(LfRtpGate* self) {
   lf::ObjectLock lock(self);
   const std::string path = self->settings->key_file, peers = self->settings->peers;
+  self->copies = self->settings->copies;
   std::fill_n(self->counts, guint{kNumFates}, 0);
   self->streams = 0;
   lock.unlock();
@@ -192,7 +204,7 @@ static bool prepare(LfRtpGate* self) {
   try {
     if (!path.empty()) {
       *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      SealOpener(*self->key, "");  // says here that there is no srtpdec
+      SealOpener(*self->key, "", nullptr);  // says here that there is no srtpdec
     }
     what = "peers";
     if (path.empty() || !peers.empty()) self->peers = new lf::Peers(peers);

@@ -52,9 +52,44 @@ GstBuffer* to_buffer(std::span<const uint8_t> bytes) { return gst_buffer_new_mem
 
 }  // namespace
 
-SealOpener::SealOpener(std::shared_ptr<const RtpKey> key, const std::string& purpose)
+std::shared_ptr<OpenedPackets> OpenedPackets::of(const RtpKey& key, std::string_view purpose) {
+  // Told apart by a key of 1970, which opens nothing.
+  using Id = std::array<uint8_t, kMasterKeyBytes>;
+  static std::mutex mutex;
+  static std::map<Id, std::shared_ptr<OpenedPackets>> all;
+  const std::lock_guard lock(mutex);
+  const uint32_t now = this_minute();
+  std::erase_if(all, [now](const auto& item) {
+    item.second->forget_old(now);
+    return item.second.use_count() == 1 && item.second->empty();
+  });
+  std::shared_ptr<OpenedPackets>& opened = all[key.session(purpose, {}).key];
+  if (!opened) opened = std::make_shared<OpenedPackets>();
+  return opened;
+}
+
+std::shared_ptr<OpenedNumbers> OpenedPackets::of_stream(const KeyName& name) {
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<OpenedNumbers>& numbers = streams_[{name.minute, name.ssrc, name.nonce}];
+  if (!numbers) numbers = std::make_shared<OpenedNumbers>();
+  return numbers;
+}
+
+void OpenedPackets::forget_old(uint32_t minute) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(streams_, [minute](const auto& item) { return !is_of_now(item.first[0], minute); });
+}
+
+bool OpenedPackets::empty() const {
+  const std::lock_guard lock(mutex_);
+  return streams_.empty();
+}
+
+SealOpener::SealOpener(std::shared_ptr<const RtpKey> key, const std::string& purpose,
+                       std::shared_ptr<OpenedPackets> opened)
     : key_(std::move(key)),
       purpose_(purpose),
+      shared_(std::move(opened)),
       srtpdec_(make_srtpdec(), "rtp_sink", "rtp_src", "application/x-srtp", [this](GstBuffer* opened) {
         gst_buffer_replace(&opened_, nullptr);
         opened_ = opened;
@@ -76,8 +111,9 @@ GstCaps* SealOpener::request_key(GstElement*, guint, gpointer self) {
 }
 
 void SealOpener::forget_old(uint32_t minute) {
+  if (shared_) shared_->forget_old(minute);
   std::erase_if(streams_, [&](const auto& item) {
-    const bool old = item.second->minute + kMinutesOff < minute;
+    const bool old = !is_of_now(item.second->minute, minute);
     if (old) g_signal_emit_by_name(srtpdec_.get(), "remove-key", item.first);
     return old;
   });
@@ -87,8 +123,9 @@ SealOpener::Result SealOpener::open_known(Stream& stream, guint16 sequence, GstB
   srtpdec_.push(gst_buffer_make_writable(packet));  // of GStreamer 1.22.0, which opens a copy and passes on the other
   *opened = std::exchange(opened_, nullptr);
   if (!*opened) return Result::kForged;
-  stream.seen.set(sequence);
-  return Result::kOpened;
+  if (stream.seen->add(sequence)) return Result::kOpened;
+  gst_clear_buffer(opened);  // another gate has opened the packet meanwhile
+  return Result::kReplayed;
 }
 
 SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
@@ -101,7 +138,7 @@ SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
   if (!header) return refuse(Result::kMalformed);
   const KeyName name = name_of(header->ssrc, header->mki);
   const uint32_t now = this_minute();
-  if (name.minute + kMinutesOff < now || name.minute > now + kMinutesOff) {
+  if (!is_of_now(name.minute, now)) {
     // All bytes name a minute, hardly ever one of these days; only who has the key makes the check that belongs to it.
     const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
     return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
@@ -109,7 +146,7 @@ SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
   if (const auto known = streams_.find(name.ssrc); known != streams_.end()) {
     Stream& stream = *known->second;
     if (stream.mki != header->mki) return refuse(Result::kForged);
-    if (stream.seen[header->sequence]) return refuse(Result::kReplayed);
+    if (stream.seen->has(header->sequence)) return refuse(Result::kReplayed);
     return open_known(stream, header->sequence, packet, opened);
   }
 
@@ -117,7 +154,9 @@ SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
   if (session.mki != header->mki) return refuse(Result::kForged);
   forget_old(now);
   if (streams_.size() >= kMostStreams) return refuse(Result::kForged);
-  auto stream = std::make_unique<Stream>(Stream{name.minute, session.mki, {}});
+  auto stream = std::make_unique<Stream>(
+      Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<OpenedNumbers>()});
+  if (stream->seen->has(header->sequence)) return refuse(Result::kReplayed);
   offered_ = &session;
   const Result result = open_known(*stream, header->sequence, packet, opened);
   offered_ = nullptr;

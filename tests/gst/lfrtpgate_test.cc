@@ -140,6 +140,41 @@ TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(50, 30))), 1u);
 }
 
+// What was sent to one gate is of no use at another one of this process, nor after a gate has been started again.
+TEST_F(LfRtpGateTest, APacketPassesOneGateOfAProcess) {
+  std::vector<Bytes> sent;
+  for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));
+  RtpElement beside(gate(key_).c_str(), kRtpAnswerCaps);
+  for (size_t i = 0; i < sent.size(); i++) EXPECT_EQ(passed(i % 2 ? gate_ : beside, sent[i]), 1u) << i;
+  Bytes damaged = sent[0];
+  damaged[40] ^= 1;
+  RtpElement later(gate(key_).c_str(), kRtpAnswerCaps);
+  EXPECT_EQ(passed(later, damaged), 0u);
+  for (RtpElement* each : {&gate_, &beside, &later})
+    for (const Bytes& packet : sent) EXPECT_EQ(passed(*each, packet), 0u);
+  EXPECT_EQ(stat(later.element(), "replayed"), 51u);
+  EXPECT_EQ(passed(later, sealed(rtp_packet(50, 30))), 1u);
+
+  for (const GstState state : {GST_STATE_NULL, GST_STATE_PLAYING})
+    ASSERT_EQ(gst_element_set_state(gate_.h()->element, state), GST_STATE_CHANGE_SUCCESS);
+  gst_harness_set_src_caps_str(gate_.h(), kRtpAnswerCaps);
+  for (const Bytes& packet : sent) EXPECT_EQ(passed(gate_, packet), 0u);
+  EXPECT_EQ(passed(gate_, sealed(rtp_packet(51, 30))), 1u);
+}
+
+// A request is sealed once and sent to many hosts, whose gates may be in one process.
+TEST_F(LfRtpGateTest, CopiesPassEachGateOnce) {
+  const std::string with_copies = gate(key_) + " copies=true";
+  RtpElement first(with_copies.c_str(), kRtpAnswerCaps), second(with_copies.c_str(), kRtpAnswerCaps);
+  for (uint16_t i = 0; i < 20; i++) {
+    const Bytes packet = sealed(rtp_packet(i, 30));
+    for (RtpElement* each : {&first, &second}) {
+      EXPECT_EQ(passed(*each, packet), 1u);
+      EXPECT_EQ(passed(*each, packet), 0u);
+    }
+  }
+}
+
 TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
   const Bytes whole = sealed(rtp_packet(0, 40));
   for (const bool known : {false, true}) {
@@ -168,7 +203,7 @@ TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
 
 // A packet of plain SRTP with the key of that minute, as lib/rtp/spec.md has it.
 Bytes sealed_by_others(const std::string& path, uint32_t minute) {
-  const lf::rtp::SessionKey session = lf::rtp::RtpKey(path).session("X-LIGHTFIELD-ANSWER", {7, minute, 5});
+  const lf::rtp::SessionKey session = lf::rtp::RtpKey(path).session("X-LIGHTFIELD-ANSWER", {7, minute, g_random_int()});
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
   const BufferPtr key(gst_buffer_new_memdup(session.key.data(), session.key.size())),
       mki(gst_buffer_new_memdup(session.mki.data(), session.mki.size()));
