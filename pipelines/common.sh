@@ -43,9 +43,9 @@ send() { # HOST:PORT
   printf '%s\n' udpsink "host=${1%:*}" "port=${1##*:}" sync=false async=false
 }
 
-# Runs a pipeline under the clock that all hosts share (chrony or PTP keep it so), after printing it as a command that
-# can be pasted.
+# Runs a pipeline after printing it as a command that can be pasted. Its elements bring along the clock that all hosts
+# share: the time of day, which chrony or PTP keeps equal.
 launch() {
-  printf 'gst-launch-1.0 -m clockselect. \\( clock-id=realtime %s \\)\n' "$(printf '%q ' "$@")"
-  exec gst-launch-1.0 -m clockselect. '(' clock-id=realtime "$@" ')'
+  printf 'gst-launch-1.0 -m %s\n' "$(printf '%q ' "$@")"
+  exec gst-launch-1.0 -m "$@"
 }

@@ -37,6 +37,7 @@
 #include "bins/lfcameranode.h"
 #include "bins/property_copy.h"
 #include "bins/rtp_link.h"
+#include "common/day_clock.h"
 #include "common/guard.h"
 #include "common/properties.h"
 #include "common/requested_pads.h"
@@ -301,7 +302,7 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
 static void lf_node_sink_init(LfNodeSink* self) {
   self->settings = new Settings;
   self->links = new Links;
-  self->realtime = lf::new_realtime_clock();
+  self->realtime = lf::new_day_clock();
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->pay = gst_element_factory_make("rtplfpay", nullptr);
   if (self->pay) gst_object_ref_sink(self->pay);

@@ -75,6 +75,7 @@
 #include "bins/lfviewsrc_private.h"
 #include "bins/rtp_link.h"
 #include "common/common.h"
+#include "common/day_clock.h"
 #include "common/guard.h"
 #include "rig/bin_description.h"
 
@@ -189,7 +190,7 @@ static bool prepare(LfViewSrc* self) {
 static GstClock* hosts_clock(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
   if (!self->inside->hosts.any()) return nullptr;
-  if (!self->inside->realtime) self->inside->realtime = lf::new_realtime_clock();
+  if (!self->inside->realtime) self->inside->realtime = lf::new_day_clock();
   return GST_CLOCK(gst_object_ref(self->inside->realtime));
 }
 

@@ -117,9 +117,4 @@ GstMessage* with_port(GstMessage* message) {
   return better;
 }
 
-GstClock* new_realtime_clock() {
-  gpointer clock = g_object_new(GST_TYPE_SYSTEM_CLOCK, "clock-type", GST_CLOCK_TYPE_REALTIME, nullptr);
-  return GST_CLOCK(gst_object_ref_sink(clock));
-}
-
 }  // namespace lf

@@ -42,7 +42,4 @@ void follow_limits(GstBin* bin, GstElement* element);
 // why. Takes and gives a reference.
 GstMessage* with_port(GstMessage* message);
 
-// The machine's time of day, by which hosts name capture times. Owned by the caller.
-GstClock* new_realtime_clock();
-
 }  // namespace lf

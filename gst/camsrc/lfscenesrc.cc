@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "base/schedule.h"
 #include "common/common.h"
+#include "common/day_clock.h"
 #include "scene/scene.h"
 
 G_DECLARE_FINAL_TYPE(LfSceneSrc, lf_scene_src, LF, SCENE_SRC, GstPushSrc)
@@ -19,6 +21,7 @@ struct _LfSceneSrc {
   double time_offset;  // seconds
   GstVideoInfo info;
   guint64 next;  // number of the next frame
+  GstClockTimeDiff day_offset;
 };
 
 G_DEFINE_TYPE(LfSceneSrc, lf_scene_src, GST_TYPE_PUSH_SRC)
@@ -58,14 +61,16 @@ static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Goes on to the next frame that is not over already. Returns the clock time of running time 0; 0 where there is no
+// Goes on to the next frame that is not over already. Returns the time of day of running time 0; 0 where there is no
 // clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return 0;
-  const GstClockTime now = gst_clock_get_time(clock);
+  const GstClockTimeDiff offset = lf::day_offset(clock);
+  const GstClockTime now = gst_clock_get_time(clock) + offset;
   gst_object_unref(clock);
-  const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
+  const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self)) + offset;
+  if (std::exchange(self->day_offset, offset) != offset) self->next = 0;  // the clock of this machine was set
   self->next = std::max<guint64>(self->next, schedule.index_at(std::max(now, base_time)) + 1);
   return base_time;
 }

@@ -4,6 +4,7 @@
 // beside the other (FairAnswers); else the requests' own thread does, one after the other.
 #include "base/schedule.h"
 #include "common/capture_delay.h"
+#include "common/day_clock.h"
 #include "fragment/lffragment_private.h"
 #include "wire/request_codec.h"
 
@@ -118,6 +119,7 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   options.max_skew = settings.max_skew;
   options.resampling = settings.resampling;
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
+  options.day_offset = lf::day_offset(GST_ELEMENT(self));
   options.in_process = compositor.is_there;
   options.group = compositor.group;
   if (settings.renderer != lf::RendererChoice::kCpu) move_card(self, settings.renderer, compositor);
@@ -254,8 +256,6 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
   return flow;
 }
 
-static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, GstPad* src, GstBuffer* buffer) {
-  Requester& requester = Requester::of(pad);
 // Of the answer to a request, see lf::planned_work().
 static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes, const lf::wire::AnyRequest& request) {
   const auto array = self->state->node.inputs().array();
@@ -271,6 +271,8 @@ static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes,
   return work;
 }
 
+static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, GstPad* src, GstBuffer* buffer) {
+  Requester& requester = Requester::of(pad);
   const lf::MappedBuffer mapped(buffer);
   if (!lf_fragment_is_to_be_answered(self, requester, mapped.bytes())) return GST_FLOW_OK;
   std::string reason;

@@ -15,7 +15,9 @@
  * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
  * and none with `sync=false`.)
  *
- * A compositor behind this element is behind a link: nodes with `codec=auto` compress.
+ * A compositor behind this element is behind a link: nodes with `codec=auto` compress. Hosts name capture times by the
+ * time of day: the element offers its pipeline a clock that shows the time of day and goes on steadily when somebody
+ * sets the machine's clock.
  *
  * ## Answers of a node
  * |[
@@ -30,6 +32,7 @@
 #include <gst/rtp/gstrtpbuffer.h>
 
 #include "common/buffer_ptr.h"
+#include "common/day_clock.h"
 #include "common/gst_wire.h"
 #include "common/in_process.h"
 #include "common/properties.h"
@@ -62,6 +65,7 @@ static constexpr guint kPacketsAtOnce = 8;
 
 struct _LfRtpPay {
   GstRTPBasePayload parent;
+  GstClock* day_clock;  // see lf_rtp_pay_provide_clock()
 
   // Streaming thread.
   lf::rtp::Packetizer* packetizer;  // null before caps
@@ -250,6 +254,11 @@ static GstStateChangeReturn lf_rtp_pay_change_state(GstElement* element, GstStat
   return result;
 }
 
+// Hosts name capture times by the time of day.
+static GstClock* lf_rtp_pay_provide_clock(GstElement* element) {
+  return GST_CLOCK(gst_object_ref(LF_RTP_PAY(element)->day_clock));
+}
+
 static Settings& settings_of(LfRtpPay* self) { return self->settings; }
 
 static GstStructure* stats_of(LfRtpPay* self) {
@@ -293,6 +302,7 @@ static void lf_rtp_pay_finalize(GObject* object) {
   LfRtpPay* self = LF_RTP_PAY(object);
   delete self->packetizer;
   delete self->pacer;
+  gst_object_unref(self->day_clock);
   G_OBJECT_CLASS(lf_rtp_pay_parent_class)->finalize(object);
 }
 
@@ -310,6 +320,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_pay_change_state>;
+  element_class->provide_clock = lf::callback<lf_rtp_pay_provide_clock>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP payloader", "Codec/Payloader/Network/RTP",
@@ -326,5 +337,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 static void lf_rtp_pay_init(LfRtpPay* self) {
   self->settings = {};
   self->pacer = new lf::rtp::Pacer;
+  self->day_clock = lf::new_day_clock();
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
 }

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/day_clock.h"
 #include "common/gst_wire.h"
 #include "viewrequest/lfviewrequest_private.h"
 
@@ -34,8 +35,10 @@ gboolean lf_view_request_unlock(GstBaseSrc* base) { return set_unlocked(base, tr
 gboolean lf_view_request_unlock_stop(GstBaseSrc* base) { return set_unlocked(base, false); }
 
 // Waits for the slot's turn, or for a change before it. *leaves: the slot, with the times that it then has.
-static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTime base_time,
+// The schedule counts in the time of day: `offset` is that less clock time.
+static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTimeDiff offset,
                                    GstClockTime capture_delay, const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
+  const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
   const GstClockTime turn = base_time + slot.pts + capture_delay;
   const GstClockTime early = std::min(slot.pts + capture_delay, slot.duration / 4 * 3);
   GST_OBJECT_LOCK(self);
@@ -46,7 +49,7 @@ static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstCloc
   GstFlowReturn flow = self->state->turn.wait_until(clock, turn - early);
   if (flow == GST_FLOW_OK) flow = self->state->turn.wait_until(clock, turn, true);
   if (const GstClockTime now = gst_clock_get_time(clock); now < turn)
-    *leaves = self->state->stream->schedule.ahead_of_turn(slot, now, base_time, capture_delay);
+    *leaves = self->state->stream->schedule.ahead_of_turn(slot, now + offset, base_time + offset, capture_delay);
   return flow;
 }
 
@@ -57,10 +60,12 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
     GST_ELEMENT_ERROR(self, CORE, CLOCK, ("A live source of view requests needs a clock"), (nullptr));
     return GST_FLOW_ERROR;
   }
+  const GstClockTimeDiff offset = lf::day_offset(GST_ELEMENT(self));
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
   const GstClockTime capture_delay = lf_view_request_capture_delay(self);
-  *slot = self->state->stream->schedule.next_live(gst_clock_get_time(clock), base_time, capture_delay);
-  return *slot ? wait_for_turn(self, clock, base_time, capture_delay, **slot, leaves) : GST_FLOW_EOS;
+  *slot =
+      self->state->stream->schedule.next_live(gst_clock_get_time(clock) + offset, base_time + offset, capture_delay);
+  return *slot ? wait_for_turn(self, clock, offset, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
 // The requests for the other views of the set around `middle`, of the moment and with the surface of the one that

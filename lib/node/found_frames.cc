@@ -5,19 +5,25 @@
 
 namespace lf {
 
-// Live cameras' frames have clock time, those of others running time, and a request may ask in either.
-static uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t base_time) {
-  if (time == kNoTime || from_clock == to_clock) return time;
-  return to_clock ? time + base_time : time - std::min(time, base_time);
-}
-
 FoundFrames::FoundFrames(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options)
     : array_(array), moment_(moment), options_(options) {
   for (const auto& [camera, frames] : array.cameras) frames->advance(wanted_of(*frames));
 }
 
+// Live frames have clock time and frames of files running time. Live requests name the time of day and others running
+// time.
+uint64_t FoundFrames::convert(uint64_t time, bool of_live_frame, bool to_request) const {
+  if (time == kNoTime) return time;
+  const auto offset = static_cast<uint64_t>(moment_.absolute_time ? options_.day_offset : 0);  // added modulo 2^64
+  const bool from_clock = to_request ? of_live_frame : moment_.absolute_time,
+             to_clock = to_request ? moment_.absolute_time : of_live_frame;
+  if (!to_request) time -= offset;
+  if (from_clock != to_clock) time = to_clock ? time + options_.base_time : time - std::min(time, options_.base_time);
+  return to_request ? time + offset : time;
+}
+
 uint64_t FoundFrames::wanted_of(const CameraFrames& frames) const {
-  return convert_time(moment_.target_time, moment_.absolute_time, frames.is_live(), options_.base_time);
+  return convert(moment_.target_time, frames.is_live(), false);
 }
 
 uint64_t FoundFrames::skew_of(CameraIndex camera, uint64_t time) const {
@@ -26,7 +32,7 @@ uint64_t FoundFrames::skew_of(CameraIndex camera, uint64_t time) const {
 }
 
 uint64_t FoundFrames::time_of(CameraIndex camera, uint64_t time) const {
-  return convert_time(time, array_.cameras.at(camera)->is_live(), moment_.absolute_time, options_.base_time);
+  return convert(time, array_.cameras.at(camera)->is_live(), true);
 }
 
 std::optional<CameraFrame> FoundFrames::look_for(CameraIndex camera) {

@@ -20,6 +20,7 @@ class FoundFrames {
   struct Options {
     bool live = false;                             // the requests are live: nothing is waited for
     uint64_t base_time = 0;                        // clock time of the pipeline's running time 0
+    int64_t day_offset = 0;                        // time of day, which live requests name, less clock time
     uint64_t max_skew = 0;                         // nanoseconds that a live camera's frame may be off; 0: any
     const std::atomic<bool>* cancelled = nullptr;  // while it is true nothing is waited for
   };
@@ -40,6 +41,7 @@ class FoundFrames {
 
  private:
   uint64_t wanted_of(const CameraFrames& frames) const;
+  uint64_t convert(uint64_t time, bool of_live_frame, bool to_request) const;
   std::optional<CameraFrame> look_for(CameraIndex camera);
 
   const CameraInputs::Array& array_;

@@ -240,8 +240,9 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
                                       std::span<const wire::AnswerHeader> headers, const TakeMemory& memory,
                                       uint64_t waited) {
   const uint64_t begun = now_ns();
-  FoundFrames frames(array, wire::head_of(*requests.front()),
-                     {options.live, options.base_time, options.max_skew, requester.cancelled.get()});
+  FoundFrames frames(
+      array, wire::head_of(*requests.front()),
+      {options.live, options.base_time, options.day_offset, options.max_skew, requester.cancelled.get()});
   std::vector<CameraIndex> own;
   for (const auto& [camera, of_camera] : array.cameras) own.push_back(camera);
   const bool live =

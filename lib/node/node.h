@@ -52,6 +52,7 @@ class Node {
   struct Options : AnswerMaker::Options {
     bool live = false;       // the request is live: nothing is waited for
     uint64_t base_time = 0;  // clock time of the pipeline's running time 0
+    int64_t day_offset = 0;  // time of day, which live requests name, less clock time
     uint64_t max_skew = 0;   // nanoseconds that a live camera's frame may be from the target time; 0: any
   };
   struct Reply : AnswerMaker::Units {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/schedule.h"
+#include "common/day_clock.h"
 #include "gst/array_fixture.h"
 #include "gst/gst_test.h"
 #include "support/answer_codec.h"
@@ -107,6 +108,55 @@ TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
   }
   EXPECT_GE(near, 5u);
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+GstClockTimeDiff day_now() { return g_get_real_time() * GST_USECOND; }
+
+// Makes a clock that shows another time, as if somebody had set the time of day by so much the other way.
+void set_day(GstClock* clock, GstClockTimeDiff step) {
+  GstClockTime internal, external, numerator, denominator;
+  gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
+  gst_clock_set_calibration(clock, internal, external - static_cast<GstClockTime>(step), numerator, denominator);
+}
+
+TEST(DayClock, BeginsAsTheTimeOfDay) {
+  g_autoptr(GstClock) clock = new_day_clock();
+  EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)), static_cast<double>(day_now()), 1e8);
+  EXPECT_EQ(day_offset(clock), 0);
+  g_autoptr(GstClock) other = gst_system_clock_obtain();
+  EXPECT_EQ(day_offset(other), 0) << "times of other clocks are those of who chose the clock";
+}
+
+TEST(DayClock, GoesOnWhenTheTimeOfDayIsSet) {
+  for (const GstClockTimeDiff step : {600 * GST_SECOND, -3600 * GST_SECOND, 50 * GST_MSECOND}) {
+    g_autoptr(GstClock) clock = new_day_clock();
+    set_day(clock, step);
+    EXPECT_NEAR(static_cast<double>(day_offset(clock)), static_cast<double>(step), 2e6);
+    EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)) + static_cast<double>(day_offset(clock)),
+                static_cast<double>(day_now()), 1e8);
+    const GstClockTime before = gst_clock_get_time(clock);
+    g_usleep(2000);
+    EXPECT_GT(gst_clock_get_time(clock), before);
+  }
+}
+
+TEST(DayClock, AStepIsToldOnce) {
+  const ElementPtr pipeline = launch("fakesrc name=e ! fakesink");
+  g_autoptr(GstClock) clock = new_day_clock();
+  const ElementPtr e(gst_bin_get_by_name(GST_BIN(pipeline.get()), "e"));
+  gst_element_set_clock(e.get(), clock);
+  set_day(clock, -40 * static_cast<GstClockTimeDiff>(GST_SECOND));
+  for (int i = 0; i < 5; i++) EXPECT_LT(day_offset(e.get()), 0);
+  std::vector<std::string> told;
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+    g_autoptr(GError) warning = nullptr;
+    gst_message_parse_warning(message, &warning, nullptr);
+    told.push_back(warning->message);
+    gst_message_unref(message);
+  }
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_NE(told[0].find("set back by 40.0"), std::string::npos) << told[0];
 }
 
 // Which clock a pipeline has is for whoever writes it to say.

@@ -95,7 +95,7 @@ TEST_F(FailingCamerasTest, ACameraHostHasAllCamerasOfTheRigByDefault) {
                              "/test-registry.bin " LF_SOURCE_ROOT "/pipelines/camera-node.sh --rig " +
                              rig("mjpeg.mkv") + " --requests 27431 --answers 127.0.0.1:27432 --set loop=true >" + log +
                              " 2>&1 & node=$!; for i in $(seq 300); do sleep 0.1; kill -0 $node 2>/dev/null || break; "
-                             "grep -q 'clockselect0.*new-state=(GstState)playing' " +
+                             "grep -q 'pipeline0.*new-state=(GstState)playing' " +
                              log + " && break; done; kill $node; cat " + log;
   FILE* pipe = popen(script.c_str(), "r");
   ASSERT_TRUE(pipe);

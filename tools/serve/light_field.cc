@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "common/day_clock.h"
 #include "launch.h"
 #include "log.h"
 #include "rig/rig_trust.h"
@@ -97,9 +98,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     gst_object_unref(sink);
   }
   // Hosts share the time of day; requests name the time of capture by it.
-  clock_ = GST_CLOCK(g_object_new(GST_TYPE_SYSTEM_CLOCK, "name", "lf-serve", "clock-type",
-                                  nodes.empty() ? GST_CLOCK_TYPE_MONOTONIC : GST_CLOCK_TYPE_REALTIME, nullptr));
-  gst_object_ref_sink(clock_);
+  clock_ = new_day_clock();
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), clock_);
 }
 
