@@ -15,6 +15,7 @@
 #include "commands.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
+#include "solver_log.h"
 
 namespace {
 
@@ -58,6 +59,7 @@ int main(int argc, char** argv) {
   cli::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",
                "lf-calibrate");
   app.require_subcommand(1);
+  lf::catch_solver_messages();
   int status = 0;
   add_all_command(app, status);
   add_check_command(app, status);
@@ -74,5 +76,8 @@ int main(int argc, char** argv) {
         struct stat out = {};
         if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) std::printf("error: %s\n", error.c_str());
       });
+  // What the solver has said may explain a failure; else it is of no use to a person.
+  for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
+    std::fprintf(stderr, "note: the solver says: %s\n", message.c_str());
   return failed ? failed : status;
 }

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -25,6 +26,19 @@
 
 namespace lf {
 namespace {
+
+// While an object lives, OpenCV does not write to stderr what is an error here.
+class QuietOpenCv {
+ public:
+  QuietOpenCv() : before_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
+  ~QuietOpenCv() { cv::utils::logging::setLogLevel(before_); }
+  QuietOpenCv(const QuietOpenCv&) = delete;
+  QuietOpenCv& operator=(const QuietOpenCv&) = delete;
+
+ private:
+  const cv::utils::logging::LogLevel before_;
+};
+
 
 // As the header says; may be more than an image can have.
 struct ClaimedSize {
@@ -204,7 +218,8 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
   cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
   const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
-    cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
+    const QuietOpenCv quiet;
+    bgr = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
