@@ -39,7 +39,6 @@ class QuietOpenCv {
   const cv::utils::logging::LogLevel before_;
 };
 
-
 // As the header says; may be more than an image can have.
 struct ClaimedSize {
   int64_t width = 0, height = 0;
@@ -219,7 +218,7 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
   const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
     const QuietOpenCv quiet;
-    bgr = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
