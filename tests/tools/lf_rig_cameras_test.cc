@@ -198,6 +198,19 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
   EXPECT_TRUE(std::filesystem::exists(dir / "one/cam_00_00.png"));
 }
 
+TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
+  const TempDir dir;
+  write_rig(dir, {kGood});
+  ASSERT_EQ(lf_rig("snapshot rig.json --out stills --after 0", dir).status, 0);
+  const std::string before = read_text_file(dir / "stills/rig.json");
+  write_rig(dir, {"none.mkv"});
+  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0", dir);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.output, HasSubstr("no camera gave a still: stills stays as it was"));
+  EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
+  EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
+}
+
 // Frames that tell their time by their brightness: all stills must be of one instant.
 TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
   const TempDir dir;

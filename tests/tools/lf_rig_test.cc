@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The program as people use it: its files, its output, its exit status.
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <cmath>
 #include <filesystem>
+#include <functional>
+#include <random>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
@@ -109,6 +116,59 @@ TEST(LfRig, CheckFailsOnErrorsAlone) {
   EXPECT_FAILURE(lf_rig("check broken.json", dir.path()),
                  "lf-rig: broken.json: cameras[0]: not valid JSON: parse error at line 2");
   EXPECT_FAILURE(lf_rig("check none.json", dir.path()), "none.json: can't be read: No such file or directory");
+}
+
+// Processor time of all programs that have been run and have ended, seconds.
+double seconds_of_programs() {
+  struct rusage usage {};
+  getrusage(RUSAGE_CHILDREN, &usage);
+  return static_cast<double>(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+         1e-6 * static_cast<double>(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+}
+
+// With all pairs of cameras, each of these takes minutes.
+TEST(LfRig, TheLargestRigsTakeSeconds) {
+  const TempDir dir;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> number(0, 1);
+  const std::pair<const char*, std::function<Vec3(int)>> places[] = {
+      {"random", [&](int) { return Vec3(number(random), number(random), 0); }},
+      {"a line", [](int i) { return Vec3(0, 1e-3 * i, 0); }},
+      {"a ring", [](int i) { return Vec3(std::cos(1e-4 * i), std::sin(1e-4 * i), 0); }},
+      {"one place", [](int) { return Vec3(0); }},
+  };
+  for (const auto& [name, place] : places) {
+    Rig rig = make_grid_rig({1, 65535, 0.1, 60, 8, 6});
+    rig.topology = {};
+    for (size_t i = 0; i < rig.cameras.size(); i++) {
+      rig.cameras[i].name = std::to_string(i);
+      rig.cameras[i].pose.position = place(static_cast<int>(i));
+    }
+    save_rig(rig, dir / "rig.json");
+    for (const char* command : {"info", "check"}) {
+      const double before = seconds_of_programs();
+      EXPECT_EQ(lf_rig(std::string(command) + " rig.json >/dev/null", dir.path()).status, 0) << name;
+      EXPECT_LT(seconds_of_programs() - before, test::kKeepsFreedMemory ? 200 : 20) << command << ", " << name;
+    }
+  }
+}
+
+TEST(LfRig, RefusesFilesThatNeverEnd) {
+  const TempDir dir;
+  write_rig(dir);
+  fs::create_symlink("/dev/zero", dir / "zero.json");
+  ASSERT_EQ(mkfifo((dir / "fifo.json").c_str(), 0600), 0);
+  for (const std::string& name : {"zero.json", "fifo.json"}) {
+    EXPECT_FAILURE(lf_rig("info " + name, dir.path()), name + ": can't be read: it is not a regular file");
+    for (const char* format : {"nerf", "kalibr", "opencv"})
+      EXPECT_FAILURE(lf_rig(std::string("import ") + format + " " + name + " --out o.json", dir.path()),
+                     "it is not a regular file");
+  }
+  Rig rig = load_rig(dir / "in/rig.json");
+  rig.cameras[0].image = "../zero.json";
+  rig.cameras[1].image = "../fifo.json";
+  save_rig(rig, dir / "in/rig.json");
+  EXPECT_FAILURE(lf_rig("check in/rig.json", dir.path()), "zero.json: can't be read: it is not a regular file");
 }
 
 TEST(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
