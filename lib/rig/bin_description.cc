@@ -143,12 +143,7 @@ class DescriptionReader {
  public:
   explicit DescriptionReader(const std::string& text) : text_(text) {}
 
-  bool describes_elements(const Rig& rig, const std::string& source) {
-  std::error_code error;
-  return is_bin_description(source) && !std::filesystem::exists(rig.resolve(source), error);
-}
-
-std::optional<std::string> untrusted_part() {
+  std::optional<std::string> untrusted_part() {
     bool is_first = true;
     do {
       skip_spaces();
@@ -247,6 +242,11 @@ bool is_bin_description(const std::string& source) {
   if (equals == property || equals == std::string::npos) return false;
   equals = source.find_first_not_of(' ', equals);
   return equals != std::string::npos && source[equals] == '=';
+}
+
+bool describes_elements(const Rig& rig, const std::string& source) {
+  std::error_code error;
+  return is_bin_description(source) && !std::filesystem::exists(rig.resolve(source), error);
 }
 
 std::optional<std::string> untrusted_part(const std::string& source) {
