@@ -58,7 +58,8 @@ Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   const std::string name = rig + ": camera " + std::to_string(camera);
   if (source.empty()) throw lf::Error(name + ": has no source; name images or a video of the board");
   const bool file = !lf::describes_elements(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
-  return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name, file};
+  return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name,
+          file};
 }
 
 // The frames as RGB images until `use` returns false or the video ends. Throws Error where there is no video.

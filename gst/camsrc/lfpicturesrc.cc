@@ -28,19 +28,19 @@ Bytes read_picture_file(const std::string& path) {
   return {bytes.begin(), bytes.end()};
 }
 
-// The pictures of a JPEG stream. Their places are found as far as they are asked for.
+// The pictures of a JPEG stream. The file is searched only as far as necessary.
 class JpegStream {
  public:
   explicit JpegStream(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
 
-  // Nothing behind the last one.
+  // Returns nothing behind the last picture.
   std::optional<Bytes> read(guint64 index) {
     while (begins_.size() <= index && find_next()) {
     }
     if (index >= begins_.size()) return std::nullopt;
     return bytes_at(begins_[index], ends_[index] - begins_[index]);
   }
-  // How many there are; nothing while that is not known.
+  // The number of pictures; nothing before the end of the file has been read.
   std::optional<guint64> count() const { return is_complete_ ? std::optional<guint64>(begins_.size()) : std::nullopt; }
 
  private:
@@ -60,7 +60,7 @@ class JpegStream {
         bytes.begin());
   }
 
-  // A picture without an end reaches up to the next one.
+  // A picture without an end lasts until the next start marker.
   bool find_next() {
     if (is_complete_) return false;
     constexpr size_t kLeast = 1 << 18, kMost = 1 << 26;
@@ -102,13 +102,13 @@ class Pictures {
     if (stream_) return stream_->count();
     return is_still() ? 1 : static_cast<guint64>(source_.count);
   }
-  // Nothing behind the last picture. Throws Error where one can't be read.
+  // Returns nothing behind the last picture. Throws Error if a picture can't be read.
   std::optional<Bytes> read(guint64 index) {
     if (stream_) return stream_->read(index);
     if (index >= *count()) return std::nullopt;
     return read_picture_file(file_of(index));
   }
-  // What the picture is called in messages about the source.
+  // The prefix of messages about the picture.
   std::string name_of(guint64 index) const {
     if (is_still()) return "";
     return stream_ ? "picture " + std::to_string(index) + ": " : file_of(index) + ": ";
@@ -123,7 +123,7 @@ class Pictures {
   std::optional<JpegStream> stream_;
 };
 
-// A picture that is no error of the stream, but has no frame.
+// A picture that can't be shown. The stream goes on without its frame.
 class BadPicture : public lf::Error {
  public:
   using Error::Error;
@@ -138,10 +138,10 @@ struct _LfPictureSrc {
   Pictures* pictures;
   lf::PictureSourceOptions* options;
   // These belong to the streaming thread.
-  guint64 next;        // number of the next frame, over all rounds
-  guint64 bad_in_row;  // pictures before it that have no frame
+  guint64 next;        // number of the next frame, counted over all rounds
+  guint64 bad_in_row;  // bad pictures directly before the next frame
   bool has_warned, has_looked_at_exif;
-  GstVideoInfo info;  // of the latest frame; coded frames have only the size
+  GstVideoInfo info;  // format of the latest frame
 };
 
 G_DEFINE_TYPE(LfPictureSrc, lf_picture_src, GST_TYPE_PUSH_SRC)
@@ -151,7 +151,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static lf::Schedule schedule_of(LfPictureSrc* self) { return {self->options->fps_n, self->options->fps_d}; }
 
-// The caps are those of the first picture.
+// The first picture decides the caps.
 static gboolean lf_picture_src_negotiate(GstBaseSrc*) { return TRUE; }
 
 static gboolean lf_picture_src_start(GstBaseSrc* base) {
@@ -188,7 +188,7 @@ static gboolean lf_picture_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Viewers that follow EXIF turn such a picture. The first camera of the process tells; there may be hundreds.
+// Warns of an EXIF orientation. Only the first camera of the process warns, because an array may have hundreds.
 static void tell_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
   if (self->has_looked_at_exif) return;
   self->has_looked_at_exif = true;
@@ -202,14 +202,16 @@ static void tell_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes,
                       ("other cameras with such pictures are not named"));
 }
 
-static bool set_caps(LfPictureSrc* self, const char* media, GstVideoFormat format, int width, int height) {
-  if (self->info.width == width && self->info.height == height) return true;
+// `format`: GST_VIDEO_FORMAT_ENCODED for JPEG.
+static bool set_caps(LfPictureSrc* self, GstVideoFormat format, int width, int height) {
+  const GstVideoInfo& before = self->info;
+  if (GST_VIDEO_INFO_FORMAT(&before) == format && before.width == width && before.height == height) return true;
   gst_video_info_set_format(&self->info, format, static_cast<guint>(width), static_cast<guint>(height));
   self->info.fps_n = self->options->fps_n;
   self->info.fps_d = self->options->fps_d;
   lf::set_system_colorimetry(self->info);
-  GstCaps* caps = media
-                      ? gst_caps_new_simple(media, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height,
+  GstCaps* caps = format == GST_VIDEO_FORMAT_ENCODED
+                      ? gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height,
                                             "framerate", GST_TYPE_FRACTION, self->info.fps_n, self->info.fps_d, nullptr)
                       : gst_video_info_to_caps(&self->info);
   const bool taken = gst_base_src_set_caps(GST_BASE_SRC(self), caps);
@@ -235,15 +237,14 @@ static GstBuffer* buffer_of(const lf::Image& image, const GstVideoInfo& info) {
   return buffer;
 }
 
-// JPEG that stays as it is: whether all of it is intact shows where it is decoded.
+// Passes JPEG on undecoded. The decoder downstream finds damage in the scan.
 static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {
   std::string reason;
   bool unsupported = false;
   const auto header = lf::jpeg::parse_header(bytes, &reason, &unsupported);
   if (!header && unsupported) throw lf::Error(reason);
   if (!header) throw BadPicture("damaged JPEG: " + reason);
-  if (!set_caps(self, "image/jpeg", GST_VIDEO_FORMAT_I420, header->width, header->height))
-    return GST_FLOW_NOT_NEGOTIATED;
+  if (!set_caps(self, GST_VIDEO_FORMAT_ENCODED, header->width, header->height)) return GST_FLOW_NOT_NEGOTIATED;
   *out = gst_buffer_new_memdup(bytes.data(), bytes.size());
   return GST_FLOW_OK;
 }
@@ -256,13 +257,13 @@ static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer*
     throw BadPicture(error.what());
   }
   const bool rgb = image.family() == lf::PixelFamily::kRgb;
-  if (!set_caps(self, nullptr, rgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420, image.width(), image.height()))
+  if (!set_caps(self, rgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420, image.width(), image.height()))
     return GST_FLOW_NOT_NEGOTIATED;
   *out = buffer_of(image, self->info);
   return GST_FLOW_OK;
 }
 
-// The picture with this index as a buffer. EOS behind the last one.
+// Makes a buffer of the picture with this index. Returns EOS behind the last picture.
 static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer** out) {
   std::optional<Bytes> bytes;
   try {
@@ -276,7 +277,7 @@ static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer**
   return coded ? make_coded(self, *bytes, out) : make_raw(self, *bytes, out);
 }
 
-// Notes a picture that has no frame. False after posting an error, if no picture has one.
+// Counts a bad picture and warns. Returns false, after posting an error, if all pictures are bad.
 static bool pass_bad_picture(LfPictureSrc* self, guint64 index, const char* reason) {
   const std::optional<guint64> count = self->pictures->count();
   if (self->options->damaged) ++*self->options->damaged;
@@ -303,7 +304,7 @@ static GstFlowReturn make_frame(LfPictureSrc* self, GstBuffer** out) {
     try {
       const GstFlowReturn flow = make_picture(self, index, out);
       count = self->pictures->count();
-      // A JPEG stream has ended, and how long it is shows now.
+      // The JPEG stream has ended, so that its length is known now.
       if (flow == GST_FLOW_EOS && self->options->loop && count && *count > 0) continue;
       if (flow != GST_FLOW_OK) return flow;
       break;

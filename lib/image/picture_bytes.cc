@@ -100,7 +100,7 @@ class JpegMarkers {
   }
   uint8_t marker() const { return jpeg_[at_ + 1]; }
   size_t end() const { return at_ + 2 + length_; }
-  // What the segment holds behind its length.
+  // The bytes of the segment behind its length.
   Bytes content() const { return length_ < 2 || end() > jpeg_.size() ? Bytes() : jpeg_.subspan(at_ + 4, length_ - 2); }
 
  private:

@@ -9,7 +9,7 @@
 
 #include "image/image.h"
 
-// What is in the bytes of PNG and JPEG files. The camera source, the renderer and `lf-rig check` all decode stills with
+// Functions on the bytes of PNG and JPEG files. The camera source, the renderer and `lf-rig check` all decode stills with
 // these functions, so that they agree on what is damaged.
 namespace lf {
 

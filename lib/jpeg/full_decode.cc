@@ -38,7 +38,7 @@ bool skipped_padding(j_common_ptr info) {
 }
 
 // libjpeg conceals damage with grey or repeated content and only warns. Here the frame fails. Unknown versions and
-// skipped bytes in headers are harmless. Skipped bytes in a scan are pictures' data that damage has displaced.
+// skipped bytes in headers are harmless. Skipped bytes in a scan are picture data that damage has displaced.
 void on_message(j_common_ptr info, int level) {
   const int code = info->err->msg_code;
   if (level >= 0 || code == JWRN_JFIF_MAJOR || code == JWRN_ADOBE_XFORM) return;

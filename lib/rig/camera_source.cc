@@ -48,7 +48,7 @@ std::optional<std::string> percent_decoded(std::string_view text) {
   return decoded;
 }
 
-// What may be wrong with the name of a missing file; begins with a semicolon, or is empty.
+// Explains a likely mistake in the name of a missing file. Begins with a semicolon, or is empty.
 std::string naming_advice(const Rig& rig, const std::string& text) {
   if (text.starts_with("\xef\xbb\xbf")) return "; the name begins with a byte order mark: remove it";
   if (std::isspace(static_cast<unsigned char>(text.front())) || std::isspace(static_cast<unsigned char>(text.back())))
@@ -153,7 +153,7 @@ std::string numbered(const std::string& pattern, int number) {
   return path;
 }
 
-// The pattern of a sequence as a path, with the first number; nothing if no file has the numbers 0 and 1.
+// The pattern of a sequence as a path, with the first number. Returns nothing if neither number 0 nor 1 exists.
 std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) {
   if (is_uri(text) || count_conversions(text) != 1) return std::nullopt;
   const std::string resolved = rig.resolve(text);
@@ -164,14 +164,14 @@ std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) 
   return std::nullopt;
 }
 
-// Counts the pictures up to the first missing one. Files are not listed: a folder may hold those of all cameras.
+// Counts the pictures up to the first missing number. Tests each name, because the folder may hold all cameras' files.
 int count_pictures(const CameraSource& sequence) {
   int count = 1;
   while (exists(sequence_file(sequence, count))) count++;
   return count;
 }
 
-// A file that follows a gap behind the last picture, empty if there is none.
+// The first file behind a gap after the last picture; empty without a gap.
 std::string file_behind_gap(const CameraSource& sequence) {
   constexpr int kLeastLook = 256;
   for (int ahead = 1; ahead <= std::max(kLeastLook, sequence.count); ahead++)

@@ -15,7 +15,7 @@ class MissingFile : public Error {
   using Error::Error;
 };
 
-// Where the frames of a camera come from.
+// A camera's source of frames.
 struct CameraSource {
   enum class Kind {
     kScene,       // the built-in scene; no location
@@ -25,15 +25,15 @@ struct CameraSource {
     kMatroska,    // a Matroska file
     kFile,        // any other file
     kUri,         // `location` is a URI that is no file
-    kDevice,      // such a URI whose source gives pictures itself, of its own sizes and rates (v4l2:///dev/video0)
+    kDevice,      // a URI whose source element outputs pictures of certain sizes and rates (v4l2:///dev/video0)
     kBin,         // elements: `location` is a line as gst-launch-1.0 reads it, with one source pad left open
   };
-  enum class Codec { kOther, kPng, kJpeg };  // of the pictures of kStill and kSequence
+  enum class Codec { kOther, kPng, kJpeg };  // format of pictures; kStill and kSequence only
 
   Kind kind = Kind::kScene;
   Codec codec = Codec::kOther;
   std::string location;      // a local path, except for kUri, kDevice and kBin
-  int first = 0, count = 0;  // of kSequence: the first number and how many pictures there are
+  int first = 0, count = 0;  // kSequence: first number, number of pictures
   bool is_file() const { return kind >= Kind::kStill && kind <= Kind::kFile; }
 };
 
@@ -41,9 +41,9 @@ struct CameraSource {
 std::string sequence_file(const CameraSource& sequence, int index);
 
 // Resolves the camera's `source`, or else its `image`, or else the built-in scene. The player, the tools and
-// `lf-rig check` all use this function. Files are told apart by their first bytes. An existing file always counts as
+// `lf-rig check` all use this function. The first bytes of a file decide its kind. An existing file always counts as
 // that file, whatever its name looks like: a URI, a pattern or elements. Returns kUri for every URI that is no file.
-// Throws MissingFile for a missing file or a gap in a sequence, and Error for a pattern that is not one.
+// Throws MissingFile for a missing file or a gap in a sequence, and Error for a malformed pattern.
 CameraSource find_camera_source(const Rig& rig, const Camera& camera);
 
 // The same for one of the two; `text` is not empty.

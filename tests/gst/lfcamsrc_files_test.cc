@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Stills, image sequences and films as cameras, phones and full disks leave them.
+// Damaged, incomplete and unusual files: stills, image sequences and films.
 #include <gmock/gmock.h>
 #include <gst/gst.h>
 #include <gtest/gtest.h>
@@ -48,7 +48,7 @@ class CamSrcFilesTest : public CamSrcTest {
   static void write(const std::string& name, const std::string& bytes) {
     std::ofstream(files->path(name), std::ios::binary) << bytes;
   }
-  // Plays to the end. Afterwards `warnings` are what was posted.
+  // Plays to the end and collects the texts of posted warnings.
   static std::string play(CameraPipeline& camera, std::string* warnings) {
     camera.set_state(GST_STATE_PLAYING);
     const std::string end = camera.wait();
@@ -120,7 +120,7 @@ TEST_F(CamSrcFilesTest, AGapInASequenceIsAnError) {
   EXPECT_THAT(CameraPipeline("rig=" + rig_of("gap_%d.png")).play(), HasSubstr("gap_2.png: missing, while "));
 }
 
-// As rpicam-vid --codec mjpeg and v4l2-ctl --stream-to write it.
+// rpicam-vid --codec mjpeg and v4l2-ctl --stream-to write such files.
 TEST_F(CamSrcFilesTest, JpegPicturesOneBehindAnotherAreAFilm) {
   std::string film;
   for (int k = 0; k < kFrames; k++) film += read("jpeg_0" + std::to_string(k) + ".jpg") + std::string(k % 2 * 20, '\0');
