@@ -19,6 +19,7 @@
 #include "commands.h"
 #include "image/image.h"
 #include "rig/bin_description.h"
+#include "rig/location_text.h"
 #include "rig/rig_json.h"
 
 namespace {

@@ -100,7 +100,10 @@ bool Steps::run(const Step& step) {
   }
   std::fflush(stdout);
   done.erase(step.name);
-  for (const std::string& output : step.outputs) fs::remove(output);
+  // What an earlier run has made stays beside until the new output is there. A step that fails leaves it there.
+  const auto aside = [](const std::string& output) { return output + ".before"; };
+  for (const std::string& output : step.outputs)
+    if (fs::exists(output)) fs::rename(output, aside(output));
   std::vector<std::string> words = {"lf-calibrate"};
   words.insert(words.end(), step.arguments.begin(), step.arguments.end());
   const int status = run_program(words, log);
@@ -119,6 +122,7 @@ bool Steps::run(const Step& step) {
                           : "");
   std::fflush(stdout);
   if (!left_all) return false;
+  for (const std::string& output : step.outputs) fs::remove(aside(output));
   // What ended with an error, and left something all the same, is as it is until its inputs change.
   done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
   lf::write_text_file(done.dump(1) + "\n", book);
