@@ -45,8 +45,8 @@ struct Video {
 // Of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
 Video video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto", uri,
-          uri.starts_with("file:")};
+  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
+          lf::location_text(uri), uri.starts_with("file:")};
 }
 
 // Of a rig's camera, opened as the light field opens it: in its size, with its controls.
