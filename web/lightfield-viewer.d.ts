@@ -33,6 +33,8 @@ export interface LightfieldStatistics {
   /** Share of packets, 0..1. */
   loss: number;
   roundTripMs: number;
+  /** What the latest picture shows: the pose in metres and as w, x, y, z, and more (docs/web-interface.md). */
+  picture?: { sequence: number; position: number[]; orientation: number[]; complete: boolean; [name: string]: unknown };
   /** Of the server's own cameras; where none works the picture stays as it was. */
   cameras?: { count: number; working: number };
   /** Hosts with cameras, where these are not the server's own; `silent` counts from 0. */

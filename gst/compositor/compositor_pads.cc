@@ -4,6 +4,7 @@
 #include "common/picture_caps.h"
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
+#include "compositor/output_caps.h"
 
 #define LF_PICTURE_CAPS LF_VIDEO_CAPS("{ " LF_RGB_FORMATS ", I420, NV12 }")
 
@@ -39,6 +40,21 @@ static bool is_seekable(LfCompositor* self) {
   return all;
 }
 
+// While the element runs: answers or video, and of video the formats of the cameras, once these are known. Before, the
+// template: applications may set `partial` after they have linked the pad.
+static bool lf_compositor_answer_caps_query(LfCompositor* self, GstQuery* query) {
+  if (!lf::is_running(GST_ELEMENT(self))) return false;
+  const lf::SharedCaps caps =
+      lf::share_caps(lf_compositor_settings(self).partial ? lf::unit_caps(LF_ANSWER_MEDIA_TYPE)
+                                                          : lf::offered_caps(self->state->output.family()));
+  GstCaps* filter = nullptr;
+  gst_query_parse_caps(query, &filter);
+  const lf::SharedCaps filtered =
+      filter ? lf::share_caps(gst_caps_intersect_full(filter, caps.get(), GST_CAPS_INTERSECT_FIRST)) : caps;
+  gst_query_set_caps_result(query, filtered.get());
+  return true;
+}
+
 // Where the output is and how long it is the requests tell.
 static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
   LfCompositor* self = LF_COMPOSITOR(agg);
@@ -65,6 +81,7 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
       gst_query_set_position(query, format, static_cast<gint64>(position));
       return TRUE;
     }
+    case GST_QUERY_CAPS: return lf_compositor_answer_caps_query(self, query) || parent_class()->src_query(agg, query);
     case GST_QUERY_CONTEXT:
       return self->state->output.own_card().answer(query) || parent_class()->src_query(agg, query);
     default: return parent_class()->src_query(agg, query);
@@ -127,6 +144,8 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
     gst_event_unref(event);  // said by the requests, behind the last picture
     return TRUE;
   }
+  // Requests may come at another rate: output caps name it.
+  if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS && of_requests) gst_pad_mark_reconfigure(GST_AGGREGATOR_SRC_PAD(agg));
   if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) {
     self->state->qos.clear();
     self->state->request_flushed = true;

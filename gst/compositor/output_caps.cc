@@ -106,6 +106,16 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   return chosen;
 }
 
+GstCaps* offered_caps(PixelFamily family) {
+  GstCaps* caps = caps_of_family(family);
+  for (guint i = 0; i < gst_caps_get_size(caps); i++)
+    gst_structure_remove_field(gst_caps_get_structure(caps, i), "colorimetry");
+  GstCaps* in_card = gst_caps_copy(caps);
+  gst_caps_set_features_simple(in_card, gst_caps_features_new(LF_GL_MEMORY, nullptr));
+  gst_caps_append(caps, in_card);
+  return caps;
+}
+
 CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
   const char* name = family == PixelFamily::kI420  ? "I420 or NV12"
                      : family == PixelFamily::kRgb ? "RGB"

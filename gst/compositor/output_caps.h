@@ -26,6 +26,9 @@ struct CapsMismatch {
 };
 CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
+// Video of this family, or of any family where it is kNone, in any memory. Owned by the caller.
+GstCaps* offered_caps(PixelFamily family);
+
 // Whether video of these caps, of all of them, is in a graphics card's memory.
 bool is_in_card(const GstCaps* caps);
 

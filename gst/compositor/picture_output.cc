@@ -27,7 +27,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
   segment_ = {};
   info_ = {};
   negotiated_ = agreed_ = follows_ = in_card_ = false;
-  family_ = PixelFamily::kNone;
+  family_ = offered_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
 }
@@ -110,6 +110,7 @@ void PictureOutput::set_context(GlContextPtr context) {
 // picture does not fit, but the pictures of the latest requests will. GST_FLOW_ERROR: the reason has been posted.
 GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height, SetLayout layout) {
   family_ = family;
+  if (family != PixelFamily::kNone) offered_ = family;
   layout_ = layout;
   width_ = width;
   height_ = height;

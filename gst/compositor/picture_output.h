@@ -76,7 +76,8 @@ class PictureOutput {
   void follow_segment(const GstSegment& requests);
   // Takes the buffer, which is at this time of the segment. `keep`: it may stand in for later ones.
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
-  bool is_pushing() const { return pushing_; }  // downstream may take its time
+  PixelFamily family() const { return offered_; }  // of the pictures; kNone: not known yet. Any thread
+  bool is_pushing() const { return pushing_; }     // downstream may take its time
   bool has_begun() const { return negotiated_; }
   // The context that downstream's memory for pictures belongs to; null: it is not a card's. Any thread.
   GlContextPtr context() const;
@@ -107,6 +108,7 @@ class PictureOutput {
   std::atomic<bool> negotiated_ = false;  // whether caps were negotiated since the start
   // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
   PixelFamily family_ = PixelFamily::kNone;
+  std::atomic<PixelFamily> offered_ = PixelFamily::kNone;  // the latest family_ that was known
   int width_ = 0, height_ = 0;
   SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;

@@ -100,7 +100,12 @@ static void use_agreed_rate(LfViewRequest* self) {
   if (agreed.fps_n == state.agreed.fps_n && agreed.fps_d == state.agreed.fps_d) return;
   state.agreed = agreed;
   if (!state.stream->schedule.set_rate(lf::Schedule(agreed.fps_n, agreed.fps_d)))
-    GST_WARNING_OBJECT(self, "a list of views keeps the rate that it began with");
+    GST_ELEMENT_WARNING(
+        self, STREAM, FAILED,
+        ("location: downstream asks for %d/%d pictures a second, but a list of views keeps the rate that "
+         "it began with: put a videorate in between.",
+         agreed.fps_n, agreed.fps_d),
+        (nullptr));
   GST_INFO_OBJECT(self, "%d/%d requests a second", agreed.fps_n, agreed.fps_d);
   if (gst_base_src_is_live(GST_BASE_SRC(self)))
     gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));

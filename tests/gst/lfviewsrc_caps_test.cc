@@ -70,6 +70,47 @@ TEST_F(LfViewSrcCapsTest, ErrorsNameTheFormatThatIsRefused) {
               AllOf(HasSubstr("GRAY8"), HasSubstr("videoconvert")));
 }
 
+TEST_F(LfViewSrcCapsTest, APadThatRunsOffersWhatItHas) {
+  pipeline_ = launch(view_source("") + " v.src ! fakesink name=s sync=false");
+  ASSERT_TRUE(pipeline_);
+  count(child("s").get(), "s");
+  ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << error();
+  ASSERT_TRUE(more("s")) << error();
+  const PadPtr compositor(gst_element_get_static_pad(child("compositor").get(), "src"));
+  const CapsPtr offered(gst_pad_query_caps(compositor.get(), nullptr)),
+      current(gst_pad_get_current_caps(compositor.get()));
+  ASSERT_TRUE(current && gst_caps_can_intersect(offered.get(), current.get()));
+  const bool is_rgb =
+      std::string(gst_structure_get_string(gst_caps_get_structure(current.get(), 0), "format")) != "I420";
+  g_autofree gchar* text = gst_caps_to_string(offered.get());
+  EXPECT_THAT(text, testing::Not(HasSubstr(is_rgb ? "NV12" : "RGBA"))) << "of the other family";
+  EXPECT_THAT(text, testing::Not(HasSubstr("lightfield-answer")));
+}
+
+// Rehearsals find the surface before the first picture, however seldom pictures have trials.
+TEST_F(LfViewSrcCapsTest, TheFirstPictureOfAFilmIsOnItsSurface) {
+  std::string shown[2];
+  for (const int interval : {1, 5}) {
+    const ElementPtr pipeline =
+        launch(view_source("is-live=false num-buffers=1 focus=surface width=128 height=96 trial-interval=") +
+               std::to_string(interval) + " ! fakesink name=s sync=false");
+    ASSERT_TRUE(pipeline);
+    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+    const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
+    const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer text) {
+      GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
+      const GValue* focus = meta ? gst_structure_get_value(gst_custom_meta_get_structure(meta), "focus") : nullptr;
+      g_autofree gchar* written = focus ? gst_structure_to_string(gst_value_get_structure(focus)) : nullptr;
+      *static_cast<std::string*>(text) = written ? written : "";
+      return GST_PAD_PROBE_OK;
+    };
+    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &shown[interval == 1 ? 0 : 1], nullptr);
+    ASSERT_EQ(run(pipeline.get(), kPatience), "");
+  }
+  EXPECT_THAT(shown[0], HasSubstr("surface"));
+  EXPECT_EQ(shown[0], shown[1]);
+}
+
 TEST_F(LfViewSrcCapsTest, ViewsOfAFileKeepTheirSizes) {
   NamedView view;
   view.name = "one";
