@@ -164,8 +164,8 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
         GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is linked with nothing: pictures are thrown away."),
                             (nullptr));
       return GST_AGGREGATOR_FLOW_NEED_DATA;
-    case GST_FLOW_NOT_NEGOTIATED:  // not posted by any element yet; all other errors are
-      GST_ELEMENT_FLOW_ERROR(self, flow);
+    case GST_FLOW_NOT_NEGOTIATED:  // elements post all other errors themselves
+      if (!state.output.has_refused()) GST_ELEMENT_FLOW_ERROR(self, flow);
       break;
     default: break;
   }

@@ -132,10 +132,13 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
     g_autofree gchar* made = g_strdup_printf(format, values...);
     return std::string(made);
   };
-  if (gst_caps_is_empty(fits.get()))
-    return {false, text("The pictures of these cameras are %s video, but downstream accepts %s: put a videoconvert in "
-                        "between.",
-                        name, accepted_values(downstream, {"format"}).c_str())};
+  if (gst_caps_is_empty(fits.get())) {
+    const bool in_card_alone = is_in_card(downstream);
+    return {false,
+            text("The pictures of these cameras are %s video, but downstream accepts %s%s: put %s in between.", name,
+                 accepted_values(downstream, {"format"}).c_str(), in_card_alone ? " in a graphics card's memory" : "",
+                 in_card_alone ? "glupload ! glcolorconvert" : "a videoconvert")};
+  }
   gint rate_n = 0, rate_d = 1;
   request_rate(request, &rate_n, &rate_d);
   const auto allows = [&fits](auto... fields) {

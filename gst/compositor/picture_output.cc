@@ -26,7 +26,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
   request_ = request;
   segment_ = {};
   info_ = {};
-  negotiated_ = agreed_ = follows_ = in_card_ = false;
+  negotiated_ = agreed_ = follows_ = refused_ = in_card_ = false;
   family_ = offered_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
@@ -107,7 +107,8 @@ void PictureOutput::set_context(GlContextPtr context) {
 }
 
 // Has the base class agree with downstream on caps and memory for pictures like this. GST_FLOW_CUSTOM_SUCCESS: this
-// picture does not fit, but the pictures of the latest requests will. GST_FLOW_ERROR: the reason has been posted.
+// picture does not fit, but the pictures of the latest requests will. GST_FLOW_NOT_NEGOTIATED: the reason has been
+// posted.
 GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height, SetLayout layout) {
   family_ = family;
   if (family != PixelFamily::kNone) offered_ = family;
@@ -122,7 +123,8 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
                     ("Answers (partial=true) are no video: link the source pad with the next lfcompositor of the tree, "
                      "or with elements that accept " LF_ANSWER_MEDIA_TYPE ", or set partial to false."),
                     (nullptr));
-  return GST_FLOW_ERROR;
+  refused_ = true;
+  return GST_FLOW_NOT_NEGOTIATED;
 }
 
 GstFlowReturn PictureOutput::refuse_picture() {
@@ -130,7 +132,8 @@ GstFlowReturn PictureOutput::refuse_picture() {
   const CapsMismatch mismatch = explain_mismatch(downstream.get(), request_, family_, width_, height_);
   if (mismatch.is_of_size_or_rate && follows_) return GST_FLOW_CUSTOM_SUCCESS;
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("%s", mismatch.text.c_str()), (nullptr));
-  return GST_FLOW_ERROR;
+  refused_ = true;
+  return GST_FLOW_NOT_NEGOTIATED;
 }
 
 GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, const ViewRequest& request) {

@@ -78,6 +78,7 @@ class PictureOutput {
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
   PixelFamily family() const { return offered_; }  // of the pictures; kNone: not known yet. Any thread
   bool is_pushing() const { return pushing_; }     // downstream may take its time
+  bool has_refused() const { return refused_; }    // an error has told why downstream accepts no pictures
   bool has_begun() const { return negotiated_; }
   // The context that downstream's memory for pictures belongs to; null: it is not a card's. Any thread.
   GlContextPtr context() const;
@@ -112,6 +113,7 @@ class PictureOutput {
   int width_ = 0, height_ = 0;
   SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;
+  bool refused_ = false;
   bool follows_ = false;  // the view's next requests are for pictures that are accepted downstream
   GlContextPtr context_;  // under the element's object lock
   bool in_card_ = false;  // what was negotiated is in a graphics card's memory, see is_in_card()

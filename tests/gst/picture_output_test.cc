@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/picture_output.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <semaphore>
@@ -15,6 +16,7 @@ namespace lf::test {
 namespace {
 
 using Shown = PictureOutput::Shown;
+using testing::HasSubstr;
 
 class PictureOutputTest : public testing::Test {
  protected:
@@ -23,7 +25,7 @@ class PictureOutputTest : public testing::Test {
       turn_();
       done_.release();
     };
-    hooks_.negotiate = [this] { output_->negotiate(); };
+    hooks_.negotiate = [this] { output_->negotiate(follows_); };
     hooks_.update_caps = [this](GstCaps* downstream, GstCaps** caps) {
       return output_->update_src_caps(downstream, caps);
     };
@@ -76,6 +78,22 @@ class PictureOutputTest : public testing::Test {
     dropped_ += dropped;
     return picture;
   }
+  // The error where downstream accepts these caps; "": there is a picture.
+  std::string refusal(const char* sink_caps) {
+    begin(false, sink_caps);
+    GstBus* bus = gst_bus_new();
+    gst_element_set_bus(element_, bus);
+    answer({0, 1, 2, 3}, 100);
+    const BufferPtr picture(make());
+    EXPECT_EQ(flow_ == GST_FLOW_NOT_NEGOTIATED, output_->has_refused());
+    GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+    g_autoptr(GError) error = nullptr;
+    if (message) gst_message_parse_error(message, &error, nullptr);
+    gst_clear_message(&message);
+    gst_element_set_bus(element_, nullptr);
+    gst_object_unref(bus);
+    return error ? error->message : "";
+  }
   // The picture that view `index` of a set completes, in one colour; null: others are still to come.
   GstBuffer* add_view(const ViewSet& set, int index, uint32_t first, uint8_t grey) {
     request_.place = set.place(index);
@@ -109,6 +127,7 @@ class PictureOutputTest : public testing::Test {
   Assembly assembly_;
   GstFlowReturn flow_ = GST_FLOW_OK;
   int dropped_ = 0;
+  bool follows_ = false;  // the view's next requests are for pictures that are accepted
   PixelFamily family_ = PixelFamily::kRgb;
 };
 
@@ -140,24 +159,41 @@ TEST_F(PictureOutputTest, AnotherSizeIsAgreedOnAnew) {
   EXPECT_EQ(gst_buffer_get_size(wide.get()), 48u * 16 * 3);
 }
 
-TEST_F(PictureOutputTest, WhoTakesNoSuchVideoIsTold) {
-  begin(false, "video/x-raw, format=NV12");
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_, bus);
-  answer({0, 1, 2, 3}, 100);
-  EXPECT_FALSE(make());
+TEST_F(PictureOutputTest, AnErrorNamesTheFormatThatIsRefused) {
+  EXPECT_THAT(
+      refusal("video/x-raw, format=NV12; video/x-raw, format=YUY2, width=64"),
+      HasSubstr("RGB video, but downstream accepts format=NV12 or format=YUY2: put a videoconvert in between."));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
-  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-  ASSERT_TRUE(message);
-  g_autoptr(GError) error = nullptr;
-  gst_message_parse_error(message, &error, nullptr);
-  EXPECT_STREQ(
-      error->message,
-      "Downstream takes no RGB video of 32x16 pixels: a videoconvert in between changes the format; the viewer's "
-      "properties width and height say the size.");
-  gst_message_unref(message);
-  gst_element_set_bus(element_, nullptr);
-  gst_object_unref(bus);
+}
+
+TEST_F(PictureOutputTest, AnErrorNamesTheSizeThatIsRefused) {
+  EXPECT_THAT(refusal("video/x-raw, format=NV12; video/x-raw, format=RGB, width=64, height=48"),
+              HasSubstr("32x16 pixels, but downstream accepts width=64,height=48: leave"));
+  EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
+}
+
+TEST_F(PictureOutputTest, AnErrorNamesTheRateThatIsRefused) {
+  EXPECT_THAT(refusal("video/x-raw, framerate=30/1"),
+              HasSubstr("0/1 a second, but downstream accepts framerate=30/1: leave"));
+  EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
+}
+
+// Those that were asked for before the size changed.
+TEST_F(PictureOutputTest, PicturesOfTheOldSizeAreDroppedWhereTheNextOnesFit) {
+  follows_ = true;
+  EXPECT_EQ(refusal("video/x-raw, width=64, height=48"), "");
+  EXPECT_EQ(flow_, GST_FLOW_OK);
+  EXPECT_EQ(dropped_, 1);
+  request_.view = make_view(default_viewpoint(rig_), 64, 48);
+  answer({0, 1, 2, 3}, 100);
+  GstBuffer* picture = make();
+  ASSERT_TRUE(picture);
+  EXPECT_EQ(push(picture, GST_SECOND), GST_FLOW_OK);
+}
+
+TEST_F(PictureOutputTest, NoOtherSizeMakesAnotherFormat) {
+  follows_ = true;
+  EXPECT_THAT(refusal("video/x-raw, format=NV12"), HasSubstr("videoconvert"));
 }
 
 TEST_F(PictureOutputTest, ThePictureBeforeStandsInForAnIncompleteOne) {
