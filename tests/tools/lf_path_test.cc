@@ -58,6 +58,26 @@ TEST(LfPath, StillsStandAtTimeZero) {
   for (const NamedView& view : load_views(dir / "views.json")) EXPECT_EQ(view.time, 0);
 }
 
+// Eyes at both sides of a view of the path are inside of the array, too.
+TEST(LfPath, APathLeavesRoomForEyes) {
+  const TempDir dir;
+  write_rig(dir / "rig.json", "film.mkv", "");
+  const auto widest = [&](const std::string& options) {
+    EXPECT_EQ(
+        run_program("lf-path", "--rig rig.json --out views.json --frames 61 --near 1 --far 2" + options, dir.path())
+            .status,
+        0);
+    double most = 0;
+    for (const NamedView& view : load_views(dir / "views.json"))
+      most = std::max(most, std::abs(view.view.pose.position.x));
+    return most;
+  };
+  const double all = widest(""), some = widest(" --room " + std::to_string(kScenePitch));
+  EXPECT_GT(all, 0);
+  EXPECT_LT(some, all);
+  EXPECT_LE(some, kScenePitch / 2 + 1e-9) << "the array is two pitches wide, the eyes are one apart";
+}
+
 TEST(LfPath, ErrorsNameFileOrOption) {
   const TempDir dir;
   write_rig(dir / "rig.json", "", "still.png");

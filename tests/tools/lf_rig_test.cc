@@ -233,6 +233,20 @@ TEST(LfRig, OtherFormatsThereAndBack) {
   EXPECT_FAILURE(lf_rig("import kalibr in/rig.json --out x.json", dir.path()), "in/rig.json: key \"cam0\" is missing");
 }
 
+TEST(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
+  const TempDir dir;
+  write_rig(dir);
+  const Rig rig = load_rig(dir / "in/rig.json");
+  EXPECT_SUCCESS(lf_rig("export stanford in/rig.json there --unit 0.01", dir.path()));
+  const std::string import = "import stanford there --f 5.1961524227066320 --out back.json";
+  EXPECT_SUCCESS(lf_rig(import + " --unit 0.01", dir.path()));
+  EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9);
+  const double pitch = glm::distance(rig.cameras[0].pose.position, rig.cameras[1].pose.position);
+  EXPECT_SUCCESS(lf_rig(import, dir.path()));
+  const Rig smaller = load_rig(dir / "back.json");
+  EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
+}
+
 // Hand-held photographs: the files are undistorted ones, of sizes and under names of their own.
 TEST(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";

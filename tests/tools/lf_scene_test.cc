@@ -5,9 +5,11 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "image/image.h"
 #include "quality/quality.h"
@@ -181,6 +183,61 @@ TEST_F(LfScene, AFailedRunLeavesNoRigFile) {
   EXPECT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 1);
   EXPECT_NE(output_.find("cam_00_01.mkv"), std::string::npos) << output_;
   EXPECT_FALSE(fs::exists(path("o/rig.json")));
+}
+
+// What the options of `lights` change in the recording of the first camera.
+class LfSceneLights : public LfScene {
+ protected:
+  struct Film {
+    uintmax_t bytes = 0;
+    int darkest = 255, brightest = 0;
+    double apart = 0;  // pixels from light to light in the first frame
+  };
+  Film film(const std::string& options) {
+    const std::string name = "lights" + std::to_string(films_++);
+    EXPECT_EQ(run("lights --rig '" + path("film/rig.json") + "' --seconds 0.2 --noise 0 " + out(name) + options), 0)
+        << output_;
+    const std::string file = path(name + "/cam_00_00.mkv");
+    Film film{fs::file_size(file)};
+    std::string ignored;
+    const Image frame = decode(file, ignored).at(0).i420;
+    for (int i = 0; i < frame.width() * frame.height(); i++) {
+      film.darkest = std::min<int>(film.darkest, frame.plane(0)[i]);
+      film.brightest = std::max<int>(film.brightest, frame.plane(0)[i]);
+    }
+    std::ifstream in(path(name + "/lights.json"));
+    const auto lights = nlohmann::json::parse(in)["cameras"][0]["frames"][0];
+    film.apart = std::hypot(lights[1][0].get<double>() - lights[2][0].get<double>(),
+                            lights[1][1].get<double>() - lights[2][1].get<double>());
+    return film;
+  }
+  void SetUp() override {
+    LfScene::SetUp();
+    ASSERT_EQ(run("--grid 2x2 --width 96 --height 72 --frames 1 --format png " + out("film")), 0) << output_;
+  }
+  int films_ = 0;
+};
+
+TEST_F(LfSceneLights, OptionsDoWhatTheySay) {
+  const Film usual = film("");
+  const Film near = film("--near 1 --far 1.2"), far = film("--near 3 --far 3.2");
+  EXPECT_NEAR(near.apart / far.apart, 3.1 / 1.1, 0.5) << "three times as far the lights are a third as far apart";
+  const Film weak = film("--power 0.05");
+  EXPECT_LT(weak.brightest, usual.brightest / 2) << usual.brightest;
+  const Film lit = film("--ambient 0.3");
+  EXPECT_GT(lit.darkest, usual.darkest + 5) << usual.darkest;
+  const Film coarse = film("--quality 20");
+  EXPECT_LT(coarse.bytes, usual.bytes * 3 / 4) << usual.bytes;
+  for (const char* wrong : {"--near 3 --far 1", "--near -1", "--near nan", "--power 0", "--power nan", "--ambient -1"})
+    EXPECT_NE(run("lights --rig '" + path("film/rig.json") + "' " + out("wrong") + wrong), 0) << wrong;
+}
+
+TEST_F(LfSceneLights, AChartsQualityIsThatOfItsJpegs) {
+  const auto bytes = [&](const std::string& name, const std::string& options) {
+    EXPECT_EQ(run("chart --places 2 --rig '" + path("film/rig.json") + "' " + out(name) + options), 0) << output_;
+    return fs::file_size(path(name + "/cam_00_00.mkv"));
+  };
+  EXPECT_LT(bytes("coarse", "--quality 20"), bytes("fine", "--quality 97") / 2);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/views_json.h"
@@ -167,6 +168,50 @@ TEST_F(LfShow, ErrorsNameTheOptionOrTheFile) {
   expect_failure("mosaic --rig bare.json --out o.png", "lf-rig snapshot takes one");
   for (const char* command : {"mosaic", "contributions", "coverage", "epi", "sweep", "difference"})
     EXPECT_EQ(run(std::string(command) + " --help").status, 0) << command;
+}
+
+// The line goes below the cameras' axes, and out of their pictures.
+TEST_F(LfShow, AnEpipolarLineLiesAsideAsFarAsAsked) {
+  const std::string row = "epi --row 1 --focus-distance 2.2 --stripe 4";
+  const Image middle = picture(row), below = picture(row + " --across 0.1"), outside = picture(row + " --across 5");
+  EXPECT_NE(middle.data(), below.data());
+  EXPECT_GT(count(below, {0, 0, 96, 16}, 60), 96 * 8);
+  EXPECT_EQ(count(outside, {0, 0, 96, 16}, 1), 0) << "nobody sees it";
+}
+
+TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
+  const auto bright = [&](const std::string& full) {
+    const Outcome outcome = run("difference --rig rig.json --scene --out scale.png" + full);
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    const Image image = load_image(path("scale.png"));
+    int sum = 0;
+    for (int y = 0; y < 72; y++)
+      for (int x = 0; x < 96; x++) sum += image.pixel(x, y) == nullptr ? 0 : light(image, x, y);
+    return sum;
+  };
+  const int coarse = bright(" --full 255"), usual = bright(""), fine = bright(" --full 8");
+  EXPECT_LT(coarse, usual);
+  EXPECT_LT(usual, fine);
+}
+
+TEST_F(LfShow, FilmsHaveTheRateThatIsAskedFor) {
+  gst_init(nullptr, nullptr);
+  std::vector<NamedView> views;
+  for (int i = 0; i < 3; i++) {
+    View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
+    view.focus.plane = focal_plane_at(view.pose, 2);
+    views.push_back({"v" + std::to_string(i), 0, view});
+  }
+  save_views(views, path("v.json"));
+  for (const std::string command :
+       {"contributions --views v.json --focus plane", "coverage --views v.json --focus plane",
+        "sweep --near 1 --far 5 --planes 3", "difference --views v.json --focus plane --scene"}) {
+    const Outcome outcome = run(command + " --rig rig.json --framerate 5 --out film.mkv");
+    ASSERT_EQ(outcome.status, 0) << command << ": " << outcome.output;
+    const std::vector<GstClockTime> times = test::read_recorded(path("film.mkv")).times;
+    ASSERT_EQ(times.size(), 3u) << command;
+    EXPECT_EQ(times[2] - times[0], 400 * GST_MSECOND) << command;
+  }
 }
 
 }  // namespace
