@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 
 #include "image/image.h"
@@ -56,6 +57,10 @@ CameraFiles::CameraFiles() {
     save_image(image, path("jpeg_0" + std::to_string(k) + ".jpg"));
     save_image(image, path("png_" + std::to_string(k + 1) + ".png"));
   }
+  std::ofstream stream(path("pictures.mjpeg"), std::ios::binary);
+  for (int k = 0; k < kFrames; ++k)
+    stream << std::ifstream(path("jpeg_0" + std::to_string(k) + ".jpg"), std::ios::binary).rdbuf();
+  stream.close();
   const std::string frames = "multifilesrc location=" + path("jpeg_%02d.jpg") +
                              " caps=image/jpeg,framerate=15/1 ! jpegdec ! videoconvert ! video/x-raw,format=I420 ! ";
   run_to_end(frames + "jpegenc quality=95 ! matroskamux ! filesink location=" + path("mjpeg.mkv"));

@@ -37,6 +37,7 @@ const SourceCase kSources[] = {
     {"h264_in_mp4", "h264.mp4", "", GST_VIDEO_FORMAT_I420, Moves::kYes},
     {"h264_in_matroska", "h264.mkv", "", GST_VIDEO_FORMAT_I420, Moves::kYes},
     {"jpeg_sequence", "jpeg_%02d.jpg", "", GST_VIDEO_FORMAT_I420, Moves::kYes},
+    {"jpeg_stream", "pictures.mjpeg", "", GST_VIDEO_FORMAT_I420, Moves::kYes},
     {"png_sequence_from_1", "png_%d.png", "", GST_VIDEO_FORMAT_RGB, Moves::kYes},
     {"source_before_image", "mjpeg.mkv", "png_1.png", GST_VIDEO_FORMAT_I420, Moves::kYes},
     {"png_still", "", "png_1.png", GST_VIDEO_FORMAT_RGB, Moves::kNo},
