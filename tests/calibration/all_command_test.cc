@@ -100,6 +100,13 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
   EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: they are used"),
                                   HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
+  // A camera whose source has an element that may write.
+  for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true ! tee name=t t. ! queue";
+  save_rig(rig, dir_ / "rig.json");
+  const std::string briefly = "all rig.json --record 0.2 --lights other --bar 0.3";
+  EXPECT_THAT(run_program("lf-calibrate", briefly + " <enter", dir_.path()).output, HasSubstr("its source has tee"));
+  EXPECT_THAT(run_program("lf-calibrate", briefly + " --trust-rig <enter", dir_.path()).output,
+              Not(HasSubstr("its source has tee")));
   const Outcome nobody = run_program("lf-calibrate", arguments + " </dev/null", dir_.path());
   EXPECT_EQ(nobody.status, 1);
   EXPECT_THAT(nobody.output, HasSubstr("--record: nobody answers"));

@@ -55,6 +55,14 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   EXPECT_THAT(by_rig.output, HasSubstr("rig.json: camera 1 frame "));
   EXPECT_NEAR(load_rig(dir / "rig.json").cameras[1].lens.fx(), 420, 4);
   EXPECT_EQ(load_rig(dir / "rig.json").cameras[0].lens, rig.cameras[0].lens);
+
+  // Elements that may write need the user's word.
+  rig.cameras[1].source += " ! tee name=t t. ! queue";
+  save_rig(rig, dir / "rig.json");
+  const std::string again = "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out other.json";
+  EXPECT_EQ(run_program("lf-calibrate", again, location).status, 1);
+  const Outcome trusted = run_program("lf-calibrate", again + " --trust-rig", location);
+  EXPECT_EQ(trusted.status, 0) << trusted.output;
 }
 
 TEST(IntrinsicsCommand, MistakesLeaveNoRig) {

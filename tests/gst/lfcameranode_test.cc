@@ -87,6 +87,27 @@ TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
   EXPECT_EQ(stat(node_.get(), "answers"), 3u);
 }
 
+TEST_F(LfCameraNodeTest, ElementsOfARigThatMayWriteNeedTrust) {
+  const OtherRig described(array_.rig(), [](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = "videotestsrc ! tee name=t t. ! queue";
+  });
+  GstStateChangeReturn result;
+  EXPECT_THAT(error_of("rig=" + described.path(), &result), HasSubstr("its source has tee"));
+  EXPECT_EQ(error_of("trusted=true rig=" + described.path(), &result), "");
+  EXPECT_NE(result, GST_STATE_CHANGE_FAILURE);
+  // Bins around it hand the property on.
+  for (const char* factory : {"lfnodesink", "lfviewsrc"}) {
+    const ElementPtr bin(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+    g_object_set(bin.get(), "trusted", TRUE, "rig", described.path().c_str(), nullptr);
+    gst_element_set_state(bin.get(), GST_STATE_READY);
+    const ElementPtr node(gst_bin_get_by_name(GST_BIN(bin.get()), "node"));
+    gboolean trusted = FALSE;
+    if (node) g_object_get(node.get(), "trusted", &trusted, nullptr);
+    EXPECT_TRUE(trusted) << factory;
+    gst_element_set_state(bin.get(), GST_STATE_NULL);
+  }
+}
+
 TEST_F(LfCameraNodeTest, FurtherRequestersHaveTheirOwnPads) {
   make();
   play();
