@@ -15,7 +15,7 @@ gboolean set_one_field(GQuark field, const GValue* value, gpointer to) {
   return TRUE;
 }
 
-// What a picture shows does not depend on its size, format or place in memory.
+// Scaling, conversion and copies do not change the view.
 gboolean copy_view_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, gpointer, gpointer) {
   if (gst_buffer_get_custom_meta(to, LF_VIEW_META)) return TRUE;
   GstCustomMeta* copy = gst_buffer_add_custom_meta(to, LF_VIEW_META);

@@ -10,12 +10,12 @@
 #include "rig/camera_ranges.h"
 #include "view/view_request.h"
 
-// GstCustomMeta of pictures: which view they show. Its fields are documented in lfcompositor.cc.
+// Name of the GstCustomMeta that describes the view of a picture. lfcompositor.cc documents the fields.
 #define LF_VIEW_META "lightfield-view"
 
 namespace lf {
 
-// Registers the meta, once. Elements that change pixels copy it.
+// Registers the meta, once. Converters and encoders copy this meta.
 void register_view_meta();
 
 // What is known of the picture of one view.
@@ -27,21 +27,21 @@ struct ViewFacts {
   CameraSet missing_cameras;               // cameras that gave nothing to the picture
   std::vector<std::string> missing_nodes;  // nodes that had not answered
 
-  // Whether the picture has all that the cameras have to give, as in `stats` of lfcompositor.
+  // Whether nothing is missing, as counted in `stats` of lfcompositor.
   bool complete() const { return fragments > 0 && missing == 0 && damaged == 0; }
 };
 
 // Collects the facts about the views of one picture. Not thread-safe.
 class ViewMeta {
  public:
-  // One more view of the picture, or the first view of the next picture.
+  // Adds a view to the current picture, or begins the next picture.
   void add(ViewFacts facts);
-  // Adds the meta to a picture of the views since the last call, unless it has one: then it is an older picture.
+  // Adds the meta to the finished picture. A repeated picture already has a meta and keeps it.
   void attach(GstBuffer* picture);
   void clear() { views_.clear(); }
 
  private:
-  std::vector<ViewFacts> views_;  // in the order of their requests; the one that leads is first
+  std::vector<ViewFacts> views_;  // in request order: the leading view is first
 };
 
 }  // namespace lf

@@ -14,7 +14,7 @@ struct PictureForm {
   bool operator==(const PictureForm&) const = default;
 };
 
-// `set`, and what is not set there as in `usual`.
+// `set`, completed with the values of `usual`.
 PictureForm with_usual(const PictureForm& set, const PictureForm& usual);
 
 // The form of pictures for elements that accept `caps`: numbers in `set` stay, and all others are as near to `usual` as

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// How large pictures are and how often they come, where properties leave that open: as elements behind the view's
-// lfcompositor accept them.
+// Size and rate of pictures. Properties decide; where properties are not set, the caps behind the view's lfcompositor
+// do.
 #include <optional>
 #include <utility>
 
@@ -75,7 +75,7 @@ static PictureForm form_of(LfViewRequest* self) {
   return self->state->form;
 }
 
-// Of elements that the view's lfcompositor can't tell of, all pictures are as properties say.
+// Without an answer, as from a compositor on another host, pictures have the size and rate of the properties.
 static void ask_downstream(LfViewRequest* self) {
   const PictureForm before = form_of(self);
   lf::SharedCaps caps = lf::query_picture_caps(GST_BASE_SRC_PAD(self), lf_view_request_view_id(self));
@@ -86,7 +86,7 @@ static void ask_downstream(LfViewRequest* self) {
   if (is_other_shape && self->state->stream->next_number == 0) lf_view_request_begin_view(self);
 }
 
-// Requests come at the rate of the caps that were agreed on.
+// Makes requests at the rate of the current caps.
 static void use_agreed_rate(LfViewRequest* self) {
   const lf::SharedCaps caps = lf::share_caps(gst_pad_get_current_caps(GST_BASE_SRC_PAD(self)));
   PictureForm agreed;
@@ -111,7 +111,7 @@ static void use_agreed_rate(LfViewRequest* self) {
     gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
 }
 
-// The caps of relayed requests are known when they come.
+// A relay gets its caps with the first request.
 static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->state->relay.is_on()) return TRUE;
