@@ -10,7 +10,7 @@ namespace lf {
 namespace {
 
 constexpr char kCameras[] = "cameras", kExtra[] = "extra", kRequest[] = "request", kSequence[] = "sequence",
-               kOtherPlane[] = "other-plane", kWaits[] = "waits", kAccepted[] = "caps";
+               kOtherPlane[] = "other-plane", kWaits[] = "waits";
 
 // Appends to a new array of `type` what `fill` makes of each item, and gives it to the structure.
 template <typename Items, typename Fill>
@@ -81,7 +81,6 @@ GstEvent* view_feedback_event(const ViewFeedback& feedback) {
       gst_structure_new(LF_VIEW_FEEDBACK_EVENT, LF_VIEW_ID_FIELD, G_TYPE_UINT, feedback.view_id, nullptr);
   if (feedback.focus) set_focus(structure, feedback.view_id, *feedback.focus);
   if (feedback.out_of_service) set_cameras(structure, kCameras, *feedback.out_of_service);
-  if (feedback.caps) gst_structure_set(structure, kAccepted, GST_TYPE_CAPS, feedback.caps.get(), nullptr);
   if (!feedback.extra_requests.empty())
     set_array(structure, kExtra, GST_TYPE_BUFFER, feedback.extra_requests, [](GValue* value, const ViewRequest& extra) {
       gst_value_take_buffer(value, encode_request_buffer(extra));
@@ -105,8 +104,6 @@ std::optional<ViewFeedback> parse_view_feedback(GstEvent* event) {
     cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
     feedback.out_of_service = std::move(cameras);
   }
-  GstCaps* caps = nullptr;
-  if (gst_structure_get(structure, kAccepted, GST_TYPE_CAPS, &caps, nullptr)) feedback.caps = share_caps(caps);
   each_of_array(structure, kExtra, GST_TYPE_BUFFER, [&](const GValue* value) {
     if (std::optional<ViewRequest> request = decode_request_buffer(gst_value_get_buffer(value)))
       feedback.extra_requests.push_back(std::move(*request));

@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "common/buffer_ptr.h"
 #include "focus/view_focus.h"
 #include "rig/mesh.h"
 #include "view/view_request.h"
@@ -17,9 +16,6 @@
 //    the surface, the view it was found for, the next trials and gains) and "other-plane" (boolean: the plane of that
 //    request is to be shown in place of the viewer's);
 //  - cameras out of service: "cameras" (GstValueArray of uint: ascending indices in the rig);
-//  - the video that is accepted behind the compositor: "caps" (GstCaps), when that may have changed. The event is taken
-//  if
-//    the next requests are for such pictures;
 //  - extra requests: "extra" (GstValueArray of GstBuffer: view requests).
 #define LF_VIEW_FEEDBACK_EVENT "lightfield-feedback"
 // The custom query, downstream, asks whether a compositor of the view (field "lightfield-view-id", uint) will send
@@ -33,7 +29,6 @@ struct ViewFeedback {
   std::optional<FoundFocus> focus;
   // The cameras that are out of service from the next request on, in place of those that an earlier event named.
   std::optional<CameraSet> out_of_service;
-  SharedCaps caps = nullptr;
   // Requests that are to be made beside the next one, once. Of each only the view, the cameras out of service, the rig
   // and whether it is a probe count.
   std::vector<ViewRequest> extra_requests;

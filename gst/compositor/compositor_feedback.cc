@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // What the view's lfviewrequest is told of its cameras and its focal surface, from what came of its requests.
+#include "common/picture_caps.h"
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
@@ -28,7 +29,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
 
 bool lf_compositor_tell_caps(LfCompositor* self) {
   if (lf_compositor_settings(self).partial) return false;
-  return tell(self, {.view_id = lf_compositor_view_id(self), .caps = lf_compositor_accepted_caps(self)});
+  const lf::SharedCaps accepted = lf_compositor_accepted_caps(self);
+  return gst_pad_push_event(self->request, lf::picture_caps_event(lf_compositor_view_id(self), accepted.get()));
 }
 
 void lf_compositor_find_focus(LfCompositor* self) {

@@ -6,7 +6,7 @@
 #include "compositor/lfcompositor_private.h"
 #include "compositor/output_caps.h"
 
-#define LF_PICTURE_CAPS LF_VIDEO_CAPS("{ " LF_RGB_FORMATS ", I420, NV12 }")
+#define LF_PICTURE_FORMATS LF_VIDEO_CAPS("{ " LF_RGB_FORMATS ", I420, NV12 }")
 
 namespace {
 
@@ -14,8 +14,8 @@ GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
-GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_PICTURE_CAPS "; " LF_ANSWER_CAPS));
+GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                                                            GST_STATIC_CAPS(LF_PICTURE_FORMATS "; " LF_ANSWER_CAPS));
 
 GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR)); }
 
@@ -90,7 +90,7 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
 
 lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self) {
   GstPad* src = GST_AGGREGATOR_SRC_PAD(self);
-  g_autoptr(GstCaps) video = gst_caps_from_string(LF_PICTURE_CAPS);
+  g_autoptr(GstCaps) video = gst_caps_from_string(LF_PICTURE_FORMATS);
   return lf::share_caps(gst_pad_peer_query_caps(src, video));
 }
 

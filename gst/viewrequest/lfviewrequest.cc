@@ -129,24 +129,22 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   const lf::ViewRequestSettings settings = self->state->settings;
   lock.unlock();
 
-  std::unique_ptr<lf::RequestStream> stream;
   try {
     lf::validate(settings.place(0), 0, 0);
-    stream = std::make_unique<lf::RequestStream>(settings);
-    lf_view_request_visible_share(settings, stream->rig());  // says why the array has no mesh, if it has none
+    lf_view_request_begin_view(self, std::make_unique<lf::RequestStream>(settings));
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
   }
   lf_view_request_warn_without_effect(self);
-  GST_OBJECT_LOCK(self);
-  base->segment.duration = stream->schedule.end().value_or(GST_CLOCK_TIME_NONE);
-  self->state->requests_left = settings.num_buffers;
-  GST_OBJECT_UNLOCK(self);
-  GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
-                  stream->from_file() ? settings.location.c_str() : "properties");
   self->state->agreed = {};
-  lf_view_request_begin_view(self, std::move(stream));
+  lf::ObjectLock again(self);
+  const lf::RequestStream& stream = *self->state->stream;
+  base->segment.duration = stream.schedule.end().value_or(GST_CLOCK_TIME_NONE);
+  self->state->requests_left = settings.num_buffers;
+  again.unlock();
+  GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
+                  stream.from_file() ? settings.location.c_str() : "properties");
   const auto navigated = [](GstElement* element, GstEvent* event) {
     if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
   };

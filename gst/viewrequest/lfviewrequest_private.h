@@ -105,6 +105,7 @@ void lf_view_request_choose_form(LfViewRequest* self);
 // From the next request on pictures fit these caps, as far as properties leave that open. FALSE if that can't be.
 gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps);
 // Puts the view where it begins. `stream`: a new one that begins; null: the one there is. Not under the object lock.
+// Throws Error, and nothing has changed, for a rig whose cameras have no mesh.
 void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::RequestStream> stream = nullptr);
 // Agrees on the rate, if there is another one. Streaming thread.
 GstFlowReturn lf_view_request_follow_rate(LfViewRequest* self);

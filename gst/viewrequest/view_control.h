@@ -59,6 +59,7 @@ class ViewControl {
   void begin(const Viewpoint& defaults);
   // Mouse and keys go as far as something is visible of this array; null: anywhere.
   void keep_visible(std::shared_ptr<const VisibleShare> share);
+  const std::shared_ptr<const VisibleShare>& visible_share() const { return share_; }
   // A GstNavigation event of a picture of columns x rows views of this size in pixels. False if it means nothing here.
   bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
   // Where the picture was clicked since the last call, pixels: the first button was pressed and let go without a drag.

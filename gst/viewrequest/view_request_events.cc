@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/hold_event.h"
+#include "common/picture_caps.h"
 #include "common/view_feedback.h"
 #include "viewrequest/lfviewrequest_private.h"
 
@@ -64,7 +65,7 @@ static gboolean take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeed
   auto& state = *self->state;
   const bool for_all = feedback.out_of_service.has_value();
   if (for_all) announce_out_of_service(self, feedback.view_id, std::move(*feedback.out_of_service));
-  if (!feedback.focus && !feedback.caps && feedback.extra_requests.empty()) return for_all;
+  if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
   if (state.relay.is_on()) {
     const bool passed = push_upstream(self, event);
     const bool kept = !passed && feedback.focus && keep_focus(self, feedback.view_id, std::move(*feedback.focus));
@@ -72,7 +73,6 @@ static gboolean take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeed
   }
   if (feedback.view_id != lf_view_request_view_id(self)) return for_all;
   bool taken = for_all || !feedback.extra_requests.empty();
-  if (feedback.caps) taken |= lf_view_request_follow_caps(self, std::move(feedback.caps)) != FALSE;
   if (!feedback.extra_requests.empty()) state.extra.ask(std::move(feedback.extra_requests));
   if (feedback.focus) taken |= take_focus(self, std::move(*feedback.focus));
   return taken;
@@ -86,6 +86,9 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return take_delay(self, event, delay);
   if (std::optional<lf::ViewFeedback> feedback = lf::parse_view_feedback(event))
     return take_feedback(self, event, std::move(*feedback));
+  if (guint view_id; lf::SharedCaps caps = lf::parse_picture_caps(event, &view_id))
+    return !self->state->relay.is_on() && view_id == lf_view_request_view_id(self) &&
+           lf_view_request_follow_caps(self, std::move(caps));
   if (!lf_view_request_is_steering(event))
     return GST_BASE_SRC_CLASS(g_type_class_peek(GST_TYPE_PUSH_SRC))->event(base, event);
   return self->state->relay.is_on() ? push_upstream(self, event) : lf_view_request_steer(self, event);

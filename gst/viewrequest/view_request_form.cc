@@ -49,19 +49,21 @@ gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps) {
 void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::RequestStream> stream) {
   auto& state = *self->state;
   lf::ObjectLock lock(self);
+  const lf::ViewRequestSettings settings = state.settings;
+  auto share = state.control.visible_share();
+  lock.unlock();
+  if (stream) share = lf_view_request_visible_share(settings, stream->rig());  // before anything changes: may throw
+  lf::ObjectLock again(self);
   if (stream) {
     // GstBaseSrc does not stop an element that could not seek to its beginning.
     state.stream = std::move(stream);
     state.downstream.reset();
     lf_view_request_choose_form(self);
   }
-  const lf::ViewRequestSettings settings = state.settings;
   const PictureForm form = state.form;
-  const std::shared_ptr<const lf::Rig> rig = state.stream->rig();
   const bool from_file = state.stream->from_file();
   lf::Viewpoint home = state.stream->default_viewpoint();
-  lock.unlock();
-  const auto share = lf_view_request_visible_share(settings, rig);
+  again.unlock();
   if (share && !from_file) home = share->home(static_cast<double>(form.width) / form.height, 0, settings);
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     control.begin(home);
