@@ -48,9 +48,10 @@ TEST_F(CheckRig, NamesBadImages) {
   save_image(Image(PixelFamily::kRgb, 6, 8), dir_ / "cam_00_02.png");
   dir_.write("cam_01_00.png", "not a picture");
   EXPECT_THAT(check(rig_),
-              ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such image file",
+              ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such file",
                           "error: cameras[2].image: " + dir_ / "cam_00_02.png" + " is 6x8, the camera is 8x6",
-                          "error: cameras[3].image: " + dir_ / "cam_01_00.png" + ": not an image that can be read"));
+                          testing::StartsWith("error: cameras[3].image: " + dir_ / "cam_01_00.png" +
+                                              ": not an image that can be read")));
 }
 
 TEST_F(CheckRig, NamesMissingSources) {
