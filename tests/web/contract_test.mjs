@@ -217,6 +217,8 @@ async function paths() {
   await page.evaluate(() => v.path = null);
   await page.waitForFunction(() => v.connected && v.view, null, { timeout: patience });
   await isAt(page, { yaw: 3 }, 'without path it begins where view says');
+  await page.evaluate(() => Object.assign(v, { path: '', src: '', token: '' }));
+  expect(isNear((await page.evaluate(() => v.setView({ yaw: 2 }))).yaw, 2), 'empty attributes are as none');
   // Views that nobody has seen when another light field comes.
   const lost = await page.evaluate(() => {
     const view = v.setView({ yaw: 1 }).then(() => 'done', error => error.name);

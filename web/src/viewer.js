@@ -175,8 +175,8 @@ export class Viewer {
     });
   }
 
-  // The attribute, or with `share` the page's address.
-  given(name) { return this.host.getAttribute(name) ?? this.share.words.get(name); }
+  // The attribute, or with `share` the word of the page's address; null where both are missing or empty.
+  given(name) { return this.host.getAttribute(name) || this.share.words.get(name) || null; }
   get path() { return this.given('path'); }
   get lightField() { return JSON.stringify([this.given('src'), this.path]); }
   // The page's start view: the fields of `view` and `focus`.
