@@ -254,13 +254,13 @@ static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffe
 static bool set_claimed_caps(LfPictureSrc* self, const Bytes& bytes) {
   if (lf::picture_coding(bytes) == lf::PictureCoding::kJpeg) {
     const auto header = lf::jpeg::parse_header(bytes, nullptr);
-    return !header || set_caps(self, nullptr, GST_VIDEO_FORMAT_I420, header->width, header->height);
+    return !header || set_caps(self, GST_VIDEO_FORMAT_I420, header->width, header->height);
   }
   constexpr size_t kWidthAt = 16, kHeightAt = 20;  // in a PNG
   if (bytes.size() < kHeightAt + 4) return true;
   const guint32 width = GST_READ_UINT32_BE(&bytes[kWidthAt]), height = GST_READ_UINT32_BE(&bytes[kHeightAt]);
   if (width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize) return true;
-  return set_caps(self, nullptr, GST_VIDEO_FORMAT_RGB, static_cast<int>(width), static_cast<int>(height));
+  return set_caps(self, GST_VIDEO_FORMAT_RGB, static_cast<int>(width), static_cast<int>(height));
 }
 
 static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {
