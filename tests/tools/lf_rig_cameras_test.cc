@@ -9,10 +9,12 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "cameras/mosaic.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
@@ -41,6 +43,24 @@ void write_rig(const TempDir& dir, const std::vector<std::string>& sources) {
 }
 
 const std::string kGood = "videotestsrc is-live=true pattern=smpte ! video/x-raw,framerate=15/1";
+
+// Each JPEG file of 64 cameras takes some 30 ms. The time is that of the thread that asks, as lf-serve's main thread
+// does.
+TEST(Mosaic, ManyRequestsCostLittle) {
+  Rig rig = make_grid_rig({8, 8, 0.1, 60, 320, 240});
+  cameras::Mosaic mosaic(rig);
+  const auto seconds = [] {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  };
+  const std::vector<uint8_t> first = mosaic.jpeg(0);
+  ASSERT_GT(first.size(), 2u);
+  EXPECT_EQ(first[0] << 8 | first[1], 0xffd8) << "a JPEG file, though no camera has given a frame";
+  const double began = seconds();
+  for (int i = 0; i < 1000; i++) EXPECT_FALSE(mosaic.jpeg(0.001 * i).empty());
+  EXPECT_LT(seconds() - began, 1);
+}
 
 TEST(LfRigNew, MakesLinesArcsAndRings) {
   const TempDir dir;

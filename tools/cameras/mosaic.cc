@@ -2,6 +2,7 @@
 #include "cameras/mosaic.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -19,9 +20,9 @@ constexpr double kEvery = 0.01,
 // Seconds for which small pictures are made after a request for them. A page asks every 0.2 s; one request alone must
 // not decode all cameras many times.
 constexpr double kLooksOn = 1;
-constexpr double kEncodeEvery = 0.1;  // seconds between two JPEG files
-constexpr double kSilent = 2;         // seconds without a frame
-constexpr double kRateMemory = 1;     // seconds
+constexpr std::chrono::milliseconds kEncodeEvery{100};  // between two JPEG files, at least
+constexpr double kSilent = 2;                           // seconds without a frame
+constexpr double kRateMemory = 1;                       // seconds
 constexpr int kPartColumns = 8, kPartRows = 6;
 constexpr int kMosaicQuality = 75;
 
@@ -109,27 +110,65 @@ void Mosaic::swap(uint32_t a, uint32_t b) {
   std::swap(first->came, second->came);
   std::swap(first->rate, second->rate);
   waves_ = WaveFinder(tiles_.size());
-  encoded_ = -1e9;
+}
+
+Mosaic::~Mosaic() {
+  {
+    const std::lock_guard lock(mutex_);
+    ends_ = true;
+  }
+  changed_.notify_all();
+  if (encoder_.joinable()) encoder_.join();
 }
 
 std::vector<uint8_t> Mosaic::jpeg(double now) {
-  Image all(PixelFamily::kRgb, columns_ * width_, rows_ * height_);
-  {
-    const std::lock_guard lock(mutex_);
-    watched_ = now;
-    if (now - encoded_ < kEncodeEvery) return jpeg_;
-    for (const Tile& tile : tiles_) {
-      if (tile.small.data().empty()) continue;
-      for (int y = 0; y < height_; y++)
-        std::memcpy(all.pixel(tile.column * width_, tile.row * height_ + y), tile.small.pixel(0, y),
-                    3 * static_cast<size_t>(width_));
+  std::unique_lock lock(mutex_);
+  watched_ = now;
+  wanted_ = true;
+  if (!encoder_.joinable()) encoder_ = std::thread([this] { encode(); });
+  changed_.notify_all();
+  changed_.wait(lock, [this] { return !jpeg_.empty() || !problem_.empty(); });
+  if (!problem_.empty()) throw Error(problem_);
+  return jpeg_;
+}
+
+// Takes half of a processor at most, however many clients ask.
+void Mosaic::encode() {
+  using Clock = std::chrono::steady_clock;
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return wanted_ || ends_; });
+    if (ends_) return;
+    wanted_ = false;
+    const Clock::time_point began = Clock::now();
+    const Image all = picture();
+    lock.unlock();
+    std::vector<uint8_t> jpeg;
+    std::string problem;
+    try {
+      jpeg = encode_jpeg(all, kMosaicQuality);
+    } catch (const Error& error) {
+      problem = error.what();
     }
+    const Clock::duration took = Clock::now() - began;
+    lock.lock();
+    jpeg_ = std::move(jpeg);
+    problem_ = std::move(problem);
+    changed_.notify_all();
+    changed_.wait_for(lock, std::max<Clock::duration>(kEncodeEvery, took), [this] { return ends_; });
   }
-  std::vector<uint8_t> jpeg = encode_jpeg(all, kMosaicQuality);
-  const std::lock_guard lock(mutex_);
-  jpeg_ = jpeg;
-  encoded_ = now;
-  return jpeg;
+}
+
+// All tiles, as they are now. Locked.
+Image Mosaic::picture() const {
+  Image all(PixelFamily::kRgb, columns_ * width_, rows_ * height_);
+  for (const Tile& tile : tiles_) {
+    if (tile.small.data().empty()) continue;
+    for (int y = 0; y < height_; y++)
+      std::memcpy(all.pixel(tile.column * width_, tile.row * height_ + y), tile.small.pixel(0, y),
+                  3 * static_cast<size_t>(width_));
+  }
+  return all;
 }
 
 nlohmann::json Mosaic::state(double now, const std::function<std::string(uint32_t id)>& problem) const {

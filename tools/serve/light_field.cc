@@ -243,7 +243,13 @@ std::vector<uint8_t> LightField::mosaic_jpeg() {
 
 std::string LightField::mosaic_state() {
   if (!local_) throw Error("the cameras are on other hosts");
-  return mosaic()->state(now(), [this](uint32_t camera) { return problem_of(camera); }).dump();
+  constexpr double kEvery = 0.1;  // seconds for which it is told again: each costs a look at all cameras
+  const std::lock_guard lock(state_mutex_);
+  const double time = now();
+  if (time - state_at_ < kEvery) return state_;
+  state_ = mosaic()->state(time, [this](uint32_t camera) { return problem_of(camera); }).dump();
+  state_at_ = time;
+  return state_;
 }
 
 std::string LightField::problem_of(uint32_t camera) const {

@@ -108,6 +108,9 @@ class LightField {
   std::atomic<bool> restarting_ = false, cancelled_ = false;
   mutable std::mutex mutex_;
   std::string problem_;  // why the latest restart failed
+  std::mutex state_mutex_;
+  std::string state_;  // what mosaic_state() told at `state_at_`
+  double state_at_ = -1e9;
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
   std::atomic<CameraStates> states_ = CameraStates{};
