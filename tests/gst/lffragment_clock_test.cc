@@ -8,6 +8,7 @@
 
 #include "base/schedule.h"
 #include "common/capture_delay.h"
+#include "common/day_clock.h"
 #include "gst/fragment_fixture.h"
 #include "support/seeing.h"
 
@@ -52,6 +53,24 @@ TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
     EXPECT_EQ(answer.actual_time, kEpoch + kFrame + 7 * GST_MSECOND) << base;
     EXPECT_EQ(seeing(answer).size(), 4u);
   }
+}
+
+// Somebody has set the time of day back by 40 s since the frames' pipeline began: requests name the new time.
+TEST_F(LfFragmentClockTest, RequestsNameTheTimeOfDayThatWasSet) {
+  g_autoptr(GstClock) clock = new_day_clock();
+  GstClockTime internal, external, numerator, denominator;
+  gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
+  gst_clock_set_calibration(clock, internal, external + 40 * GST_SECOND, numerator, denominator);
+  start_at(kEpoch - 3 * GST_SECOND, 4);
+  gst_element_set_clock(element_.get(), clock);
+  const GstClockTimeDiff offset = day_offset(clock);
+  ASSERT_NEAR(static_cast<double>(offset), -40e9, 1e7);
+  for (uint64_t k = 0; k < 4; k++)
+    for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 7 * GST_MSECOND);
+  const wire::Answer answer = ask(0, kEpoch + kFrame + static_cast<uint64_t>(offset));
+  EXPECT_EQ(answer.target_time, kEpoch + kFrame + static_cast<uint64_t>(offset));
+  EXPECT_EQ(answer.actual_time, kEpoch + kFrame + 7 * GST_MSECOND + static_cast<uint64_t>(offset));
+  EXPECT_EQ(seeing(answer).size(), 4u);
 }
 
 // Cameras that nothing holds to the schedule: each has a rate, a phase and a latency of its own and loses frames. The
