@@ -31,7 +31,9 @@ double first_fold_radius(double k1, double k2) {
   if (discriminant < 0) return kNever;
   // The root 2 / (-b + sqrt(D)) of the pair is the stable form of the smaller positive one.
   const double denominator = -b + std::sqrt(discriminant);
-  return denominator > 0 ? std::sqrt(2 / denominator) : kNever;
+  if (denominator > 0) return std::sqrt(2 / denominator);
+  // Where k2 < 0 there is a fold, if only far away: rounding has cancelled the denominator.
+  return a < 0 ? std::sqrt((b + std::sqrt(discriminant)) / (-2 * a)) : kNever;
 }
 
 }  // namespace
@@ -149,9 +151,9 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   // Radial part alone first: r (1 + k1 r^2 + k2 r^4) grows on [0, max_radius], so bracketed Newton always converges.
   double low = 0, high = max_radius_;
   if (std::isinf(high))
-    for (high = 1 + target; radial(high) < target; high *= 2) {
+    for (high = 1 + target; radial(high) < target && std::isfinite(high); high *= 2) {
     }
-  if (!has_tangential && radial(high) < target) return std::nullopt;
+  if (!has_tangential && !(radial(high) >= target)) return std::nullopt;
   double r = std::min(target, high);
   CycleFinder<Bracket> brackets;
   for (int left = kMaxRadialSteps; left > 0;) {
