@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <set>
 
+#include "base/natural_order.h"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -119,9 +121,7 @@ std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
     gst_device_monitor_stop(monitor);
   }
   gst_object_unref(monitor);
-  // video2 comes before video10.
-  std::stable_sort(devices.begin(), devices.end(),
-                   [](const auto& a, const auto& b) { return strverscmp(a.source.c_str(), b.source.c_str()) < 0; });
+  std::ranges::stable_sort(devices, lf::natural_less, &VideoDevice::source);
   devices.erase(
       std::unique(devices.begin(), devices.end(), [](const auto& a, const auto& b) { return a.source == b.source; }),
       devices.end());

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/natural_order.h"
 #include "base/number_text.h"
 #include "rig/rig.h"
 
@@ -208,10 +209,7 @@ MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_
   for (const auto& entry : fs::directory_iterator(folder))
     if (entry.path().extension() == ".rad") lenses.push_back(entry.path());
   if (lenses.empty()) return result;
-  std::sort(lenses.begin(), lenses.end(), [](const fs::path& a, const fs::path& b) {
-    const std::string x = a.filename(), y = b.filename();
-    return x.size() != y.size() ? x.size() < y.size() : x < y;  // cam2 before cam10
-  });
+  std::ranges::sort(lenses, natural_less, [](const fs::path& path) { return path.filename().string(); });
   if (lenses.size() != cameras)
     throw Error(directory + ": " + std::to_string(lenses.size()) + " files *.rad for " + std::to_string(cameras) +
                 " cameras");
