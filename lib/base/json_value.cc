@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "base/json_value.h"
 
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -152,14 +154,24 @@ double JsonValue::number() const {
 }
 
 int64_t JsonValue::integer(int64_t least, int64_t most) const {
-  if (!value_->is_number_integer()) {
-    const std::string is = value_->is_number() ? value_->dump() : value_->type_name();
-    fail("must be an integer, is " + is);
-  }
-  const bool too_large = value_->is_number_unsigned() && value_->get<uint64_t>() > static_cast<uint64_t>(INT64_MAX);
-  const int64_t number = too_large ? INT64_MAX : value_->get<int64_t>();
-  if (too_large || number < least || number > most)
+  // Many programs write whole numbers as floats (1080.0).
+  constexpr double kExact = 9007199254740992;  // 2^53: beyond it a double may stand for several integers
+  const auto out_of_range = [&] {
     fail("must be " + std::to_string(least) + " to " + std::to_string(most) + ", is " + value_->dump());
+  };
+  int64_t number = 0;
+  if (value_->is_number_float()) {
+    const double real = value_->get<double>();
+    if (!is_finite(real) || std::trunc(real) != real) fail("must be an integer, is " + value_->dump());
+    if (std::abs(real) > kExact) out_of_range();
+    number = static_cast<int64_t>(real);
+  } else if (value_->is_number_integer()) {
+    if (value_->is_number_unsigned() && value_->get<uint64_t>() > static_cast<uint64_t>(INT64_MAX)) out_of_range();
+    number = value_->get<int64_t>();
+  } else {
+    fail(std::string("must be an integer, is ") + value_->type_name());
+  }
+  if (number < least || number > most) out_of_range();
   return number;
 }
 

@@ -30,9 +30,9 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
     if (!camera.is_object() || !camera.contains("controls") || !camera.contains("id")) continue;
     const std::string place = name + ": cameras[" + std::to_string(i) + "].controls";
     const json& controls = camera["controls"];
-    if (!controls.is_object() || !camera["id"].is_number_unsigned()) throw Error(place + ": must be an object");
-    for (const auto& [key, value] : controls.items())
-      all[camera["id"].get<uint32_t>()][key] = parse_control(value, place + "." + key);
+    if (!controls.is_object()) throw Error(place + ": must be an object");
+    const auto id = static_cast<uint32_t>(JsonValue(camera, name).at("id").integer(0, UINT32_MAX));
+    for (const auto& [key, value] : controls.items()) all[id][key] = parse_control(value, place + "." + key);
   }
   return all;
 }

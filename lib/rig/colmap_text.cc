@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <set>
 #include <sstream>
 
@@ -77,12 +78,13 @@ class LineReader {
   }
   uint32_t integer(const char* what, uint32_t least, uint32_t most) {
     const std::string text = word(what);
-    uint32_t value = 0;
+    double value = 0;  // holds every uint32_t; some programs write whole numbers as floats (1080.0)
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || value < least || value > most)
+    if (error != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most) ||
+        std::trunc(value) != value)
       fail(std::string(what) + " must be an integer of " + std::to_string(least) + " to " + std::to_string(most) +
            ", is \"" + text + "\"");
-    return value;
+    return static_cast<uint32_t>(value);
   }
 
  private:

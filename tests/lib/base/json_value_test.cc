@@ -33,7 +33,7 @@ TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
 TEST(JsonValue, ReportsWhatIsWrongWhere) {
   const std::string name = "f.json";
   const nlohmann::json root = parse_json(R"({"o": {"n": 1.5, "s": "x", "i": 7, "big": 18446744073709551615, "z": null,
-      "v": [1, 2, 3], "w": [1, 2], "q": [1, 0, 0, 0.01], "l": [0, "x", 0]}})",
+      "v": [1, 2, 3], "w": [1, 2], "whole": 1080.0, "huge": 1e300, "q": [1, 0, 0, 0.01], "l": [0, "x", 0]}})",
                                          name);
   const JsonValue o = JsonValue(root, name).at("o");
   EXPECT_EQ(o.at("n").number(), 1.5);
@@ -48,6 +48,9 @@ TEST(JsonValue, ReportsWhatIsWrongWhere) {
   EXPECT_ERROR(o.at("s").number(), "f.json: o.s: must be a finite number, is string");
   EXPECT_ERROR(o.at("z").number(), "f.json: o.z: must be a finite number, is null");
   EXPECT_ERROR(o.at("n").integer(0, 7), "f.json: o.n: must be an integer, is 1.5");
+  EXPECT_EQ(o.at("whole").integer(0, 2000), 1080) << "whole numbers may be written as floats";
+  EXPECT_ERROR(o.at("whole").integer(0, 7), "f.json: o.whole: must be 0 to 7, is 1080.0");
+  EXPECT_ERROR(o.at("huge").integer(INT64_MIN, INT64_MAX), "f.json: o.huge: must be ");
   EXPECT_ERROR(o.at("i").integer(0, 6), "f.json: o.i: must be 0 to 6, is 7");
   EXPECT_ERROR(o.at("big").integer(0, 6), "f.json: o.big: must be 0 to 6, is 18446744073709551615");
   EXPECT_ERROR(o.at("n").text(), "f.json: o.n: must be a string, is number");
