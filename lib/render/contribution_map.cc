@@ -233,20 +233,32 @@ int raster_rows(int most, int most_columns, double aspect) {
   return std::clamp(static_cast<int>(most_columns / aspect), kLeast, most);
 }
 
-// The middle of the triangle nearest to `position`; of cameras that make none, `position`.
-Vec3 inside_of_a_face(const Rig& rig, const Mesh& mesh, const Vec3& position) {
-  Vec3 nearest = position;
+Vec3 middle_of(const Rig& rig, const MeshFace& face) {
+  Vec3 middle(0);
+  for (const CameraIndex camera : face.camera) middle += rig.cameras[camera].pose.position / 3.0;
+  return middle;
+}
+
+// The triangle nearest to `position`, nullptr where the cameras make none.
+const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& position) {
+  const MeshFace* nearest = nullptr;
   double least = std::numeric_limits<double>::infinity();
   for (const MeshFace& face : mesh.faces) {
     if (face.corners() < 3) continue;
-    Vec3 middle(0);
-    for (const CameraIndex camera : face.camera) middle += rig.cameras[camera].pose.position / 3.0;
-    if (const double distance = glm::length(middle - position); distance < least) {
+    if (const double distance = glm::length(middle_of(rig, face) - position); distance < least) {
       least = distance;
-      nearest = middle;
+      nearest = &face;
     }
   }
   return nearest;
+}
+
+// Whether the cameras stand around something, so that the mean of their axes means nothing.
+bool looks_all_ways(const Rig& rig) {
+  constexpr double kLeastMean = 0.3;
+  Vec3 sum(0);
+  for (const Camera& camera : rig.cameras) sum += camera.pose.forward();
+  return glm::length(sum) < kLeastMean * static_cast<double>(rig.cameras.size());
 }
 
 }  // namespace
@@ -287,7 +299,13 @@ bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect, const Vie
 
 Viewpoint VisibleShare::home(double aspect, double focus_distance, const ViewSet& set) const {
   Viewpoint v = default_viewpoint(rig_, focus_distance);
-  const Vec3 inside = inside_of_a_face(rig_, mesh_, v.pose.position) - v.pose.position, right = v.pose.right();
+  const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
+  if (face && looks_all_ways(rig_)) {
+    // Cameras around a scene: one of them looks through the face as its neighbours do.
+    v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
+    v = clamped(v);
+  }
+  const Vec3 inside = face ? middle_of(rig_, *face) - v.pose.position : Vec3(0), right = v.pose.right();
   const bool is_set = set.place(0).count() > 1;
   v.pose.position += is_set ? inside - glm::dot(inside, right) * right : inside;
   const auto with_fov = [&v](double fov_y_deg) {

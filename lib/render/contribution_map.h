@@ -79,7 +79,8 @@ class VisibleShare {
   double operator()(const Viewpoint& viewpoint, double aspect) const;
 
   // The viewpoint to begin with: default_viewpoint(), but inside of the nearest triangle of cameras, of which three
-  // make each pixel, rather than on an edge between two; and with the widest field of view, up to that of
+  // make each pixel, rather than on an edge between two; with the axis of a camera of that triangle where the cameras
+  // look all ways, as around a scene; and with the widest field of view, up to that of
   // default_viewpoint(), that leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen
   // ViewPlans. `set`: what is put in place of the view; none of its eyes then looks into the dark, and they stand as
   // far to the left of the array's middle as to the right.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <climits>
+#include <cmath>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -15,6 +16,7 @@
 #include "rig/camera_distances.h"
 #include "rig/camera_source.h"
 #include "rig/mesh.h"
+#include "rig/mesh_fit.h"
 
 namespace lf {
 namespace {
@@ -23,6 +25,7 @@ using Severity = RigFinding::Severity;
 
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
 constexpr double kSamePlace = 1e-9;  // of the baseline
+constexpr double kLeastShare = 0.5;  // of the triangles: that cameras look through
 
 std::string short_text(double value) { return format_text("%.6g", value); }
 
@@ -93,7 +96,8 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
   size_t triangles = 0, slivers = 0;
   double worst = kSliver;
   std::string worst_text;
-  for (const MeshFace& face : build_mesh(rig).faces) {
+  const Mesh mesh = build_mesh(rig);
+  for (const MeshFace& face : mesh.faces) {
     if (face.corners() != 3) continue;
     triangles++;
     const double flat = flatness(rig, face);
@@ -112,6 +116,16 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
     findings.push_back({Severity::kWarning, "topology: " + std::to_string(slivers) + " of " +
                                                 std::to_string(triangles) +
                                                 " triangles are slivers, the worst that of cameras " + worst_text});
+  if (const double share = share_looked_through(rig, mesh); slivers < triangles && share < kLeastShare)
+    findings.push_back(
+        {Severity::kWarning,
+         "topology: cameras look along " +
+             std::to_string(std::lround((1 - share) * static_cast<double>(triangles - slivers))) + " of " +
+             std::to_string(triangles) +
+             " triangles, not through them, as in a ring that looks inwards: views between them stay black. List the "
+             "triangles around the scene (lf-rig new --inward and lf-rig import make such)"});
+  if (const std::optional<GridFault> fault = find_grid_fault(rig))
+    findings.push_back({Severity::kWarning, "topology: " + fault->text});
 }
 
 std::vector<uint8_t> bytes_of_file(const std::string& path, std::streamoff from, std::ios::seekdir direction,

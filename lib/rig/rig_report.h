@@ -26,7 +26,8 @@ struct RigFinding {
 };
 // What is wrong with a rig that could be loaded. Errors: an image that is missing, can't be read or has another size
 // than its camera; a source that is a file and is missing. Warnings: a mesh without a triangle, cameras without a
-// picture, equal names, several cameras at one place, slivers in the mesh. Reads every image.
+// picture, equal names, several cameras at one place, slivers in the mesh, a mesh that most cameras look along, a grid
+// whose cells do not lie side by side. Reads every image.
 std::vector<RigFinding> check_rig(const Rig& rig);
 
 }  // namespace lf

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "image/image.h"
+#include "rig/array_shapes.h"
 #include "rig/rig.h"
 #include "support/temp_dir.h"
 
@@ -109,6 +110,19 @@ TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
         check(sub_rig(rig_, some)),
         ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
                     (some.size() == 1 ? " camera" : " cameras") + " has no triangle: views blend along a line alone"));
+}
+
+TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
+  Rig ring = make_cylinder_rig({2, 12, 0.3, 1.5, true, 60});
+  for (Camera& camera : ring.cameras) camera.source = "rtsp://host/x";
+  EXPECT_THAT(check(ring), IsEmpty());
+  ring.topology = {};
+  EXPECT_THAT(check(ring), testing::Contains(testing::HasSubstr("triangles, not through them")));
+}
+
+TEST_F(CheckRig, WarnsOfAGridInTheWrongOrder) {
+  std::swap(rig_.cameras[0].pose, rig_.cameras[4].pose);
+  EXPECT_THAT(check(rig_), testing::Contains(testing::HasSubstr("the cameras are no grid of 2x3 in this order")));
 }
 
 TEST(Summary, MeasuresTheArray) {
