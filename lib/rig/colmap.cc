@@ -5,19 +5,22 @@
 #include <cctype>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/natural_order.h"
 #include "base/number_text.h"
 #include "image/image_file.h"
 #include "rig/colmap_text.h"
+#include "rig/mesh_fit.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kColmapPixelCentre = 0.5;           // where COLMAP has the centre of the top-left pixel
+constexpr double kColmapPixelCentre = 0.5;     // where COLMAP has the centre of the top-left pixel
 constexpr uint32_t kMaxColmapId = 2147483646;  // COLMAP's database checks id < 2147483647
 
 // The lens as it is in the model: its parameters are COLMAP's but for where pixels have their centre.
@@ -26,7 +29,9 @@ Lens lens_of(const ColmapCamera& camera) {
   if (!model && camera.model == "FULL_OPENCV" &&
       std::all_of(camera.params.begin() + 8, camera.params.end(), [](double k) { return k == 0; }))
     model = LensModel::kOpenCv;
-  if (!model) throw Error("no lens of ours equals its " + camera.model + " without loss");
+  if (!model)
+    throw Error("a rig cannot hold its " + camera.model +
+                " lens; run colmap image_undistorter, and import with --undistorted and --images FOLDER/images");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
   params[camera.num_focal] -= kColmapPixelCentre;
@@ -56,10 +61,37 @@ bool has_image_ending(const std::string& name) {
 
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
 
+// A folder that is no text model: says how to make one.
+void require_text_model(const std::string& directory) {
+  std::error_code ignored;
+  if (fs::exists(path_in(directory, "cameras.txt"), ignored)) return;
+  if (fs::exists(path_in(directory, "cameras.bin"), ignored))
+    throw Error(directory + ": is a binary model; run colmap model_converter --input_path " + directory +
+                " --output_path TEXT --output_type TXT, and import TEXT");
+  for (const char* model : {"sparse/0", "sparse", "0"})
+    if (fs::exists(path_in(directory, model) + "/cameras.txt", ignored))
+      throw Error(directory + ": cameras.txt can't be read, the model is in " + path_in(directory, model));
+  throw Error(path_in(directory, "cameras.txt") +
+              ": can't be read. A folder of pictures alone has no positions: run COLMAP on it, and import the text "
+              "model that colmap model_converter --output_type TXT writes");
+}
+
+// Throws Error where most cells of a grid do not lie side by side, else returns a note for the few that do not.
+void check_grid(const Rig& rig, const std::string& path, std::vector<std::string>& notes) {
+  constexpr size_t kMostFolded = 10;  // one in so many
+  const std::optional<GridFault> fault = find_grid_fault(rig);
+  if (!fault) return;
+  const std::string text = path + ": by the order of their names " + fault->text;
+  if (fault->folded * kMostFolded > fault->triangles)
+    throw Error(text + "; name the files row by row, give the right --grid, or leave it out");
+  notes.push_back(text);
+}
+
 }  // namespace
 
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
   const std::string cameras_path = path_in(directory, "cameras.txt"), images_path = path_in(directory, "images.txt");
+  require_text_model(directory);
   const auto cameras = read_colmap_cameras(cameras_path);
   std::vector<ColmapImage> images = read_colmap_images(images_path, cameras);
   if (images.empty()) throw Error(images_path + ": no images");
@@ -72,7 +104,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     if (static_cast<size_t>(options.rows) * options.columns != images.size())
       throw Error(images_path + ": " + std::to_string(images.size()) + " images do not make a grid of " +
                   size_text(options.rows, options.columns));
-    std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+    std::ranges::sort(images, natural_less, &ColmapImage::name);
   }
 
   std::string folder = options.images;
@@ -125,6 +157,11 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   if (num_renamed > 0)
     result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in images.txt: " +
                            renamed + (num_renamed > 1 ? ", ..." : ""));
+  if (search && search->size() > images.size())
+    result.notes.push_back(std::to_string(search->size() - images.size()) + " of " + std::to_string(search->size()) +
+                           " files in " + folder + " are not in images.txt and were left out");
+  if (topology.type != Topology::Type::kGrid) return with_topology(std::move(result));
+  check_grid(result.rig, images_path, result.notes);
   return result;
 }
 
@@ -179,10 +216,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// "11.jpg" does not end with the word "1.jpg", "cam 1.jpg" does.
-bool ends_with_word(const std::string& text, const std::string& end) {
-  if (end.size() >= text.size() || !text.ends_with(end)) return false;
-  return !std::isalnum(static_cast<unsigned char>(text[text.size() - end.size() - 1]));
+constexpr size_t kLongestPath = 4096;  // as Linux has it
+
+// Calls `use` with each proper ending of `text` that begins with a word: "1.jpg" of "cam 1.jpg", not of "11.jpg".
+template <typename Use>
+void for_each_ending(const std::string& text, Use use) {
+  for (size_t i = 1; i < text.size(); i++)
+    if (!std::isalnum(static_cast<unsigned char>(text[i - 1]))) use(text.substr(i));
 }
 
 }  // namespace
@@ -190,22 +230,35 @@ bool ends_with_word(const std::string& text, const std::string& end) {
 ImageSearch::ImageSearch(const std::string& directory) : directory_(directory) {
   std::error_code error;
   for (fs::recursive_directory_iterator it(directory, error), end; !error && it != end; it.increment(error))
-    if (std::error_code ignored; it->is_regular_file(ignored)) files_.push_back(it->path().lexically_relative(directory).generic_string());
+    if (std::error_code ignored; it->is_regular_file(ignored))
+      files_.push_back(it->path().lexically_relative(directory).generic_string());
   if (error) throw Error(directory + ": can't be read: " + error.message());
   std::sort(files_.begin(), files_.end());
+  for (const std::string& file : files_)
+    for_each_ending(file, [&](const std::string& text) {
+      Ending& ending = endings_[text];
+      if (ending.files++ < 2) (ending.files == 1 ? ending.first : ending.second) = file;
+    });
 }
 
 std::string ImageSearch::find(const std::string& name) const {
   const auto path = [&](const std::string& file) { return (fs::path(directory_) / file).string(); };
   const std::string wanted = fs::path(name).lexically_normal().generic_string();
-  if (std::binary_search(files_.begin(), files_.end(), wanted)) return path(wanted);
-  std::vector<std::string> found;
-  for (const std::string& file : files_)
-    if (ends_with_word(wanted, file) || ends_with_word(file, wanted)) found.push_back(file);
+  const auto exists = [&](const std::string& file) { return std::binary_search(files_.begin(), files_.end(), file); };
+  if (exists(wanted)) return path(wanted);
+  std::set<std::string> found;
+  if (wanted.size() > kLongestPath) throw Error(directory_ + ": no image file for \"" + name.substr(0, 80) + "...\"");
+  for_each_ending(wanted, [&](const std::string& file) {
+    if (exists(file)) found.insert(file);
+  });
+  if (const auto longer = endings_.find(wanted); longer != endings_.end())
+    for (const std::string& file : {longer->second.first, longer->second.second})
+      if (!file.empty()) found.insert(file);
   if (found.empty()) throw Error(directory_ + ": no image file for \"" + name + "\"");
   if (found.size() > 1)
-    throw Error(directory_ + ": more than one image file for \"" + name + "\": " + found[0] + ", " + found[1]);
-  return path(found[0]);
+    throw Error(directory_ + ": more than one image file for \"" + name + "\": " + *found.begin() + ", " +
+                *std::next(found.begin()));
+  return path(*found.begin());
 }
 
 }  // namespace lf

@@ -7,8 +7,14 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "rig/mesh_fit.h"
 
 namespace lf {
+RigImport with_topology(RigImport import) {
+  for (const std::string& note : fit_topology(import.rig)) import.notes.push_back(note);
+  return import;
+}
+
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapacity& capacity) {
   double extent = 0;
   bool images = false, names = false, ids = false, sources = false, time_offsets = false;
@@ -31,7 +37,7 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
   note(ids && !capacity.ids, "the ids of the cameras are");
   note(images && !capacity.images, "the images of the cameras are");
   note(sources, "the sources of the cameras are");
-  note(time_offsets, "the time offsets of the cameras are");
+  note(time_offsets && !capacity.time_offsets, "the time offsets of the cameras are");
   return result;
 }
 
@@ -73,11 +79,11 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance) {
 }
 
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
-                      Rig (*parse)(const std::string& text, const std::string& path)) {
+                      RigImport (*parse)(const std::string& text, const std::string& path)) {
   Rig moved = rig;
   relocate(moved, std::filesystem::path(path).parent_path().string());
   const std::string text = text_of(moved);
-  const RigExport result = describe_export(rig, parse(text, path), {.ids = false});
+  const RigExport result = describe_export(rig, parse(text, path).rig, {.ids = false});
   write_text_file(text, path);
   return result;
 }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "base/json_value.h"
@@ -14,11 +15,15 @@ namespace lf {
 
 // Rigs from and to the files of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
 
-// What a reader has made of a file.
+// The result of reading a file. Keys that change the meaning of others (fisheye lenses, skew, rolling shutters) are
+// read or refused with an Error, see check_foreign_keys().
 struct RigImport {
   Rig rig;                         // directory "": image paths start at the current folder
-  std::vector<std::string> notes;  // sentences that tell a person what was assumed
+  std::vector<std::string> notes;  // what was assumed, what was not read, and which topology was chosen
 };
+
+// `import` with the topology that suits its cameras, see fit_topology().
+RigImport with_topology(RigImport import);
 
 // What a writer has made of a rig.
 struct RigExport {
@@ -28,7 +33,7 @@ struct RigExport {
 
 // What a format can hold beside lenses and poses.
 struct FormatCapacity {
-  bool images = true, names = true, ids = true;
+  bool images = true, names = true, ids = true, time_offsets = false;
 };
 
 // `written` is what a reader has of `rig`; the error is at the rig's own extent and far away.
@@ -36,7 +41,7 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
 // Writes the file of a format of one text, without ids and with images beside it: as `text_of` makes it, and `parse`
 // reads it back, with the path for errors.
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
-                      Rig (*parse)(const std::string& text, const std::string& path));
+                      RigImport (*parse)(const std::string& text, const std::string& path));
 
 // Throws Error "Camera ID: what", for lenses and names that a format can't hold.
 [[noreturn]] void refuse_camera(const Camera& camera, const std::string& what);
@@ -49,23 +54,25 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance);
 // Kalibr's camchain.yaml (https://github.com/ethz-asl/kalibr/wiki/yaml-formats): cam0, cam1, ..., each with
 //   camera_model: pinhole; intrinsics: [fx, fy, cx, cy]; distortion_model: radtan (k1 k2 p1 p2) or none;
 //   distortion_coeffs; resolution: [width, height]; rostopic;
-//   T_cn_cnm1 (from cam1 on): camera n from camera n - 1, metres; T_cam_imu: camera from the body's frame.
+//   T_cn_cnm1 (from cam1 on): camera n from camera n - 1, metres; T_cam_imu (or its inverse, T_imu_cam): camera from
+//   the body's frame; timeshift_cam_imu: the camera's time_offset, seconds.
 // Pixels and axes as ours. All functions throw Error naming file and place.
-// Other models (omni, eucm, ds; equidistant, fov) are refused: no lens of ours equals them. The world is the IMU's
-// frame where cam0 has T_cam_imu, else cam0's. A camera's name is its topic without a leading "/" and a trailing
-// "/image_raw".
+// Other models (omni, eucm, ds; equidistant, fov) are refused. The world is the IMU's frame where the first camera has
+// T_cam_imu, else the first camera's. Numbers may have gaps: the camera after a gap needs T_cam_imu. A camera's id is
+// its number, its name the topic without a leading "/" and a trailing "/image_raw".
 RigImport import_kalibr(const std::string& path);
-// T_cam_imu carries the rig's world. Kalibr has no place for ids, images and sources.
+// T_cam_imu carries the rig's world. Kalibr numbers cameras from 0 and has no place for images and sources.
 RigExport export_kalibr(const Rig& rig, const std::string& path);
 
 // NeRF's transforms.json as instant-ngp and nerfstudio read and write it. A camera is an element of "frames":
 //   file_path, transform_matrix (4x4, world from camera; the camera's x right, y up, z back)
 // with its lens there or, for all, at the top: camera_model (OPENCV, PINHOLE, SIMPLE_PINHOLE), fl_x, fl_y, cx, cy, w,
-// h, k1, k2, p1, p2; or camera_angle_x (radians) alone. Pixels have their centres at (0.5, 0.5). The world stays as it
-// is, in metres here: what a program scales or turns for itself ("scale", "offset", "applied_transform") is not looked
-// at. All functions throw Error naming file and place.
-// Other lens models and terms are refused. w and h that are not there are those of the image file, whose name may lack
-// its ".png". A camera's name is the file's without folder and ending.
+// h, k1, k2, p1, p2 (or nerfstudio's distortion_params); or camera_angle_x (radians) alone. Pixels have their centres
+// at (0.5, 0.5). nerfstudio's applied_transform and applied_scale are undone, so that positions are in the units of the
+// capture, which are taken as metres. instant-ngp's scale and offset do not change the file's poses.
+// All functions throw Error naming file and place. Refused: other lens models and terms, and frames of different
+// "time", because a rig is one instant. Without w and h the size is that of the image file, whose name may lack its
+// ".png". A camera's name is the file's without folder and ending.
 RigImport import_nerf(const std::string& path);
 // Every frame has a lens of its own. Images are given relative to `path`.
 RigExport export_nerf(const Rig& rig, const std::string& path);
@@ -103,7 +110,8 @@ struct ColmapImportOptions {
   // and the size of each file; the principal point moves with the size, so that the middle stays the middle.
   // Otherwise a file of another size than its camera is an error.
   bool undistorted = false;
-  // A grid of the cameras in the order of their names; 0: Delaunay, cameras in the order of images.txt.
+  // A grid of the cameras in the natural order of their names (see natural_less()), refused where its cells do not lie
+  // side by side in space; 0: see fit_topology(), cameras in the order of images.txt.
   int rows = 0, columns = 0;
 };
 
@@ -126,10 +134,16 @@ class ImageSearch {
   // ends `name`, or that `name` ends with, at a place where a word begins. Throws Error if there is no such file, or
   // more than one.
   std::string find(const std::string& name) const;
+  size_t size() const { return files_.size(); }
 
  private:
+  struct Ending {
+    size_t files = 0;
+    std::string first, second;  // in the order of files_
+  };
   std::string directory_;
-  std::vector<std::string> files_;  // relative to directory_, sorted
+  std::vector<std::string> files_;                   // relative to directory_, sorted
+  std::unordered_map<std::string, Ending> endings_;  // what a file's name ends with, from where a word begins
 };
 
 // OpenCV's FileStorage in YAML, with the key names of its calibration samples. One entry per camera:
@@ -143,9 +157,11 @@ class ImageSearch {
 //         distortion_coefficients: !!opencv-matrix        # a row or a column of 4, 5, 8, 12 or 14: k1 k2 p1 p2 ...
 //         R: !!opencv-matrix                              # 3x3, X_camera = R X_world + T, metres
 //         T: !!opencv-matrix                              # 3x1
-// Pixels as ours: (0, 0) is the centre of the top-left one. A file with camera_matrix at the top, as
-// cv::calibrateCamera samples write them, is one camera at the origin. All functions throw Error naming file and place.
-// Terms beyond p2 must be 0: no lens of ours has them. R and T default to none.
+// Pixels as ours: (0, 0) is the centre of the top-left one. R and T default to none. Also read:
+// - camera_matrix at the top, as OpenCV's calibration sample and ROS write it: one camera at the origin;
+// - M1, D1, M2, D2, R, T, as OpenCV's stereo sample writes them: two cameras. R and T may be in extrinsics.yml beside
+//   the file. The size must be there: image_width and image_height, or image_size: [width, height].
+// All functions throw Error naming file and place. Terms beyond p2 must be 0.
 RigImport import_opencv_yaml(const std::string& path);
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/exchange.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "image/image_file.h"
+#include "rig/foreign_keys.h"
 
 namespace lf {
 namespace {
@@ -38,17 +42,19 @@ class Frame {
   const JsonValue &frame_, &file_;
 };
 
-Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int height) {
-  if (const auto model = frame.find("camera_model")) {
-    const std::string name = model->text();
-    if (name != "OPENCV" && name != "PINHOLE" && name != "SIMPLE_PINHOLE")
-      model->fail("no lens of ours equals its " + name + " without loss");
+// k1, k2, p1, p2, as keys of their own or as nerfstudio's distortion_params [k1, k2, k3, k4, p1, p2].
+std::vector<double> distortion_of(const Frame& frame) {
+  if (const auto params = frame.find("distortion_params")) {
+    std::vector<double> k;
+    for (const JsonValue& value : params->elements(6)) k.push_back(value.number());
+    if (k[2] != 0 || k[3] != 0)
+      params->fail(std::string("k3 and k4 must be 0, a rig cannot hold these terms; ") + kUndistortRemedy);
+    return {k[0], k[1], k[4], k[5]};
   }
-  for (const char* key : {"k3", "k4", "is_fisheye"})
-    if (const auto value = frame.find(key)) {
-      const bool is_set = std::string(key) == "is_fisheye" ? value->flag() : value->number() != 0;
-      if (is_set) value->fail("is set, and no lens of ours has it");
-    }
+  return {frame.number("k1", 0), frame.number("k2", 0), frame.number("p1", 0), frame.number("p2", 0)};
+}
+
+Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int height) {
   double fx = frame.number("fl_x", 0);
   const double angle_x = frame.number("camera_angle_x", 0), angle_y = frame.number("camera_angle_y", 0);
   if (fx == 0 && angle_x > 0 && angle_x < M_PI) fx = width / 2.0 / std::tan(angle_x / 2);
@@ -56,23 +62,52 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   double fy = frame.number("fl_y", 0);
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {
-    return lens_of_opencv_terms(
-        {fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
-         frame.number("cy", height / 2.0) - kNerfPixelCentre},
-        {frame.number("k1", 0), frame.number("k2", 0), frame.number("p1", 0), frame.number("p2", 0)});
+    return lens_of_opencv_terms({fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
+                                 frame.number("cy", height / 2.0) - kNerfPixelCentre},
+                                distortion_of(frame));
   } catch (const Error& e) {
     place.fail(e.what());
   }
 }
 
-Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::path& directory) {
+// Undoes what nerfstudio did to the poses of a capture.
+class AppliedTransform {
+ public:
+  AppliedTransform(const JsonValue& file, std::vector<std::string>& notes) {
+    const auto motion = file.find("applied_transform"), scale = file.find("applied_scale");
+    if (motion) undo_ = parse_rigid_motion(*motion).inverse();
+    if (scale) scale_ = scale->number();
+    if (scale && !(scale_ > 0)) scale->fail("must be positive");
+    if (motion || scale_ != 1)
+      notes.push_back(std::string("positions and axes are those before ") + (motion ? "applied_transform" : "") +
+                      (motion && scale_ != 1 ? " and " : "") + (scale_ != 1 ? "applied_scale" : ""));
+  }
+  RigidMotion undone(RigidMotion world_from_camera) const {
+    world_from_camera.translation /= scale_;
+    return undo_ * world_from_camera;
+  }
+
+ private:
+  RigidMotion undo_;
+  double scale_ = 1;
+};
+
+// Which file a name means: the name itself, the name with ".png", or the name with Windows' separators replaced.
+fs::path file_of(const fs::path& directory, const std::string& name) {
+  std::error_code ignored;  // a name that no file can have is left as it is
+  if (fs::exists(directory / name, ignored)) return name;
+  if (fs::exists(directory / (name + ".png"), ignored)) return name + ".png";
+  std::string slashes = name;
+  std::replace(slashes.begin(), slashes.end(), '\\', '/');
+  return slashes != name && fs::exists(directory / slashes, ignored) ? slashes : name;
+}
+
+Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::path& directory,
+                    const AppliedTransform& applied) {
   Camera camera;
   const Frame frame(value, file);
   if (const auto path = value.find("file_path")) {
-    fs::path name = path->text();
-    std::error_code ignored;  // a name that can't be that of a file is left as it is
-    if (!fs::exists(directory / name, ignored) && fs::exists(directory / (name.string() + ".png"), ignored))
-      name += ".png";
+    const fs::path name = file_of(directory, path->text());
     camera.image = (directory / name).lexically_normal().string();
     camera.name = name.stem().string();
   }
@@ -87,24 +122,89 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
     camera.height = size.height;
   }
   camera.lens = parse_lens(frame, value, camera.width, camera.height);
-  RigidMotion motion = parse_rigid_motion(value.at("transform_matrix"));
+  RigidMotion motion = applied.undone(parse_rigid_motion(value.at("transform_matrix")));
   motion.rotation = turned(motion.rotation);
   camera.pose = pose_of_world_from_camera(motion);
   return camera;
 }
 
-Rig parse_nerf(const std::string& text, const std::string& path) {
+// Frames of different times are a film of one moving camera, or several instants of an array.
+class OneInstant {
+ public:
+  void add(const JsonValue& frame) {
+    const auto time = frame.find("time");
+    if (!time) return;
+    if (!first_) first_ = time->number();
+    if (time->number() != *first_)
+      time->fail("is " + number_text(time->number()) + ", an earlier frame has " + number_text(*first_) +
+                 ": a rig is one instant. Keep the frames of one time and remove the others");
+  }
+
+ private:
+  std::optional<double> first_;
+};
+
+// Read, or without meaning for a rig. Masks and depths are left to the note.
+const std::set<std::string_view> kNerfKeys = {"frames",
+                                              "file_path",
+                                              "transform_matrix",
+                                              "camera_model",
+                                              "fl_x",
+                                              "fl_y",
+                                              "cx",
+                                              "cy",
+                                              "w",
+                                              "h",
+                                              "k1",
+                                              "k2",
+                                              "p1",
+                                              "p2",
+                                              "k3",
+                                              "k4",
+                                              "camera_angle_x",
+                                              "camera_angle_y",
+                                              "distortion_params",
+                                              "applied_transform",
+                                              "applied_scale",
+                                              "time",
+                                              "is_fisheye",
+                                              "aabb",
+                                              "aabb_scale",
+                                              "render_aabb",
+                                              "scale",
+                                              "offset",
+                                              "up",
+                                              "sharpness",
+                                              "rotation",
+                                              "colmap_im_id",
+                                              "ply_file_path",
+                                              "orientation_override",
+                                              "train_filenames",
+                                              "val_filenames",
+                                              "test_filenames",
+                                              "white_transparent",
+                                              "black_transparent",
+                                              "integer_depth_scale",
+                                              "enable_depth_loading",
+                                              "n_extra_learnable_dims"};
+
+RigImport parse_nerf(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_json(text, path);
   const JsonValue file(root, path);
-  Rig rig;
+  RigImport result;
   const JsonValue frames = file.at("frames");
-  for (const JsonValue& value : frames.elements()) {
-    if (rig.cameras.size() == kMaxCameras) frames.fail("at most " + std::to_string(kMaxCameras) + " cameras");
-    rig.cameras.push_back(parse_camera(value, file, fs::path(path).parent_path()));
-    rig.cameras.back().id = static_cast<uint32_t>(rig.cameras.size()) - 1;
+  const std::vector<JsonValue> values = frames.elements();
+  if (values.empty()) frames.fail("must not be empty");
+  if (values.size() > kMaxCameras) frames.fail("at most " + std::to_string(kMaxCameras) + " cameras");
+  result.notes = check_foreign_keys(root, path, kNerfKeys);
+  const AppliedTransform applied(file, result.notes);
+  OneInstant instant;
+  for (const JsonValue& value : values) {
+    instant.add(value);
+    result.rig.cameras.push_back(parse_camera(value, file, fs::path(path).parent_path(), applied));
+    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
   }
-  if (rig.cameras.empty()) frames.fail("must not be empty");
-  return rig;
+  return result;
 }
 
 std::string nerf_text(const Rig& rig) {
@@ -135,7 +235,7 @@ std::string nerf_text(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_nerf(const std::string& path) { return {parse_nerf(read_text_file(path), path), {}}; }
+RigImport import_nerf(const std::string& path) { return with_topology(parse_nerf(read_text_file(path), path)); }
 
 RigExport export_nerf(const Rig& rig, const std::string& path) { return export_text(rig, path, nerf_text, parse_nerf); }
 

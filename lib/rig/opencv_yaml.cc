@@ -3,13 +3,16 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "base/yaml_value.h"
+#include "rig/foreign_keys.h"
 
 namespace lf {
 namespace {
@@ -40,13 +43,13 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-Lens parse_opencv_lens(const JsonValue& camera) {
-  const JsonValue place = camera.at("camera_matrix");
+// `place`: the camera matrix, `distortion_terms`: the coefficients, if the file has them.
+Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
-    place.fail("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
+    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], a rig cannot hold skew; ") + kUndistortRemedy);
   std::vector<double> distortion;
-  if (const auto value = camera.find("distortion_coefficients")) {
+  if (const auto& value = distortion_terms) {
     const Matrix terms = parse_matrix(*value);
     distortion = terms.data;
     const int size = static_cast<int>(distortion.size());
@@ -56,7 +59,9 @@ Lens parse_opencv_lens(const JsonValue& camera) {
     for (int i = kOurTerms; i < size; i++)
       if (distortion[i] != 0) {
         const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
-        value->fail(term + " is not 0, and no lens of ours has it; calibrate with k1, k2, p1, p2 alone");
+        value->fail(term +
+                    " is not 0, and a rig cannot hold this term; calibrate with k1, k2, p1, p2 alone "
+                    "(CALIB_FIX_K3), or undistort the pictures first");
       }
   }
   try {
@@ -66,11 +71,25 @@ Lens parse_opencv_lens(const JsonValue& camera) {
   }
 }
 
-Camera parse_camera(const JsonValue& value, const fs::path& directory) {
-  Camera camera;
-  camera.width = static_cast<int>(value.at("image_width").integer(1, kMaxImageSize));
-  camera.height = static_cast<int>(value.at("image_height").integer(1, kMaxImageSize));
-  camera.lens = parse_opencv_lens(value);
+void parse_size(const JsonValue& value, Camera& camera) {
+  const auto width = value.find("image_width"), height = value.find("image_height");
+  if (width && height) {
+    camera.width = static_cast<int>(width->integer(1, kMaxImageSize));
+    camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
+    return;
+  }
+  for (const char* key : {"image_size", "imageSize"})
+    if (const auto size = value.find(key)) {
+      const std::vector<JsonValue> sides = size->elements(2);
+      camera.width = static_cast<int>(sides[0].integer(1, kMaxImageSize));
+      camera.height = static_cast<int>(sides[1].integer(1, kMaxImageSize));
+      return;
+    }
+  value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
+}
+
+// camera_from_world
+RigidMotion parse_motion(const JsonValue& value) {
   RigidMotion motion;
   if (const auto rotation = value.find("R")) {
     const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
@@ -81,29 +100,119 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
     const std::vector<double> t = parse_matrix(*translation, 3, 1).data;
     motion.translation = Vec3(t[0], t[1], t[2]);
   }
-  camera.pose = pose_of_camera_from_world(motion);
-  if (const auto name = value.find("name")) camera.name = name->text();
+  return motion;
+}
+
+Camera parse_camera(const JsonValue& value, const fs::path& directory) {
+  Camera camera;
+  parse_size(value, camera);
+  camera.lens = parse_opencv_lens(value.at("camera_matrix"), value.find("distortion_coefficients"));
+  camera.pose = pose_of_camera_from_world(parse_motion(value));
+  for (const char* key : {"camera_name", "name"})
+    if (const auto name = value.find(key)) camera.name = name->text();
   if (const auto image = value.find("image")) camera.image = (directory / image->text()).lexically_normal().string();
   return camera;
 }
 
-Rig parse_opencv_yaml(const std::string& text, const std::string& path) {
+// Read, or without meaning for a rig.
+const std::set<std::string_view> kOpenCvKeys = {"cameras",
+                                                "name",
+                                                "camera_name",
+                                                "image",
+                                                "image_width",
+                                                "image_height",
+                                                "image_size",
+                                                "imageSize",
+                                                "camera_matrix",
+                                                "distortion_coefficients",
+                                                "R",
+                                                "T",
+                                                "rows",
+                                                "cols",
+                                                "dt",
+                                                "data",
+                                                "M1",
+                                                "M2",
+                                                "D1",
+                                                "D2",
+                                                "R1",
+                                                "R2",
+                                                "P1",
+                                                "P2",
+                                                "Q",
+                                                "distortion_model",
+                                                "camera_model",
+                                                "calibration_time",
+                                                "nframes",
+                                                "nr_of_frames",
+                                                "board_width",
+                                                "board_height",
+                                                "square_size",
+                                                "marker_size",
+                                                "aspectRatio",
+                                                "flags",
+                                                "avg_reprojection_error",
+                                                "per_view_reprojection_errors",
+                                                "extrinsic_parameters",
+                                                "image_points",
+                                                "grid_points",
+                                                "rectification_matrix",
+                                                "fisheye_model"};
+
+// Two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
+std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
+  std::vector<Camera> cameras(2);
+  for (Camera& camera : cameras) parse_size(file, camera);
+  cameras[0].lens = parse_opencv_lens(file.at("M1"), file.find("D1"));
+  cameras[1].lens = parse_opencv_lens(file.at("M2"), file.find("D2"));
+  RigidMotion second_from_first;
+  if (file.find("R") && file.find("T")) {
+    second_from_first = parse_motion(file);
+  } else {
+    std::string beside;
+    for (const char* name : {"extrinsics.yml", "extrinsics.yaml"})
+      if (std::error_code ignored; beside.empty() && fs::is_regular_file(directory / name, ignored))
+        beside = (directory / name).string();
+    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the file of extrinsics");
+    const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
+    const JsonValue extrinsics(root, beside);
+    for (const char* key : {"R", "T"}) extrinsics.at(key);  // both must be there
+    for (const std::string& note : check_foreign_keys(root, beside, kOpenCvKeys)) notes.push_back(note);
+    second_from_first = parse_motion(extrinsics);
+    notes.push_back("R and T are those of " + beside);
+  }
+  cameras[1].pose = pose_of_camera_from_world(second_from_first);
+  notes.push_back("the cameras are " + number_text(glm::length(cameras[1].pose.position)) +
+                  " m apart, if the squares of the board were given in metres");
+  return cameras;
+}
+
+RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
-  Rig rig;
+  RigImport result;
+  Rig& rig = result.rig;
+  result.notes = check_foreign_keys(root, path, kOpenCvKeys);
   if (const auto cameras = file.find("cameras")) {
-    for (const JsonValue& value : cameras->elements()) rig.cameras.push_back(parse_camera(value, directory));
-    if (rig.cameras.empty() || rig.cameras.size() > kMaxCameras)
+    const std::vector<JsonValue> values = cameras->elements();
+    if (values.empty() || values.size() > kMaxCameras)
       cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
+    for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
+  } else if (file.find("M1") || file.find("M2")) {
+    rig.cameras = parse_stereo(file, directory, result.notes);
   } else {
+    if (!file.find("camera_matrix"))
+      file.fail(
+          "has none of the keys cameras, camera_matrix (OpenCV's calibration sample, ROS) and M1 (OpenCV's stereo "
+          "sample); write the camera as camera_matrix, distortion_coefficients, image_width and image_height");
     rig.cameras.push_back(parse_camera(file, directory));
   }
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     rig.cameras[i].id = static_cast<uint32_t>(i);
     if (rig.cameras[i].name.empty()) rig.cameras[i].name = "cam_" + std::to_string(i);
   }
-  return rig;
+  return result;
 }
 
 std::string opencv_yaml_text(const Rig& rig) {
@@ -132,7 +241,9 @@ std::string opencv_yaml_text(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_opencv_yaml(const std::string& path) { return {parse_opencv_yaml(read_text_file(path), path), {}}; }
+RigImport import_opencv_yaml(const std::string& path) {
+  return with_topology(parse_opencv_yaml(read_text_file(path), path));
+}
 
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path) {
   return export_text(rig, path, opencv_yaml_text, parse_opencv_yaml);

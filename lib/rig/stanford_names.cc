@@ -26,15 +26,20 @@ struct NamedImage {
   Vec2 position{0, 0};  // x, y as the name has them
 };
 
-std::map<Place, NamedImage> read_names(const std::string& directory) {
+std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {
   static const std::regex kName(R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)_?\.(png|jpg|jpeg))",
                                 std::regex::icase);
   std::error_code error;
   std::map<Place, NamedImage> images;
+  constexpr size_t kLongestName = 255;  // std::regex recurses
+  size_t left_out = 0;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
     std::smatch parts;
-    if (!std::regex_match(name, parts, kName)) continue;
+    if (name.size() > kLongestName || !std::regex_match(name, parts, kName)) {
+      left_out++;
+      continue;
+    }
     const auto number = [&](int part) {
       double value = 0;
       std::from_chars(&*parts[part].first, &*parts[part].first + parts[part].length(), value);
@@ -45,8 +50,13 @@ std::map<Place, NamedImage> read_names(const std::string& directory) {
     if (!is_new) throw Error(it->path().string() + ": is in the same place as " + other->second.path);
   }
   if (error) throw Error(directory + ": can't be read: " + error.message());
-  if (images.empty()) throw Error(directory + ": no image is called as in out_00_01_-381.9_-776.8.png");
+  if (images.empty())
+    throw Error(directory +
+                ": no image is called as in out_00_01_-381.9_-776.8.png, which says where its camera stood. Pictures "
+                "with other names need positions from elsewhere: run COLMAP on them, and lf-rig import colmap");
   if (images.size() > kMaxCameras) throw Error(directory + ": at most " + std::to_string(kMaxCameras) + " images");
+  if (left_out > 0)
+    notes.push_back(std::to_string(left_out) + " files in " + directory + " have other names and were left out");
   return images;
 }
 
@@ -86,7 +96,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   Rig& rig = result.rig;
   std::vector<Vec2> positions;
   Place last(0, 0);
-  for (const auto& [place, named] : read_names(directory)) {
+  for (const auto& [place, named] : read_names(directory, result.notes)) {
     last = {std::max(last.first, place.first), std::max(last.second, place.second)};
     const ImageSize size = load_image_size(named.path);
     Camera camera;

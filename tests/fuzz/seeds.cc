@@ -4,6 +4,7 @@
 #include "base/json_value.h"
 #include "lib/rtp/rtp_test.h"
 #include "node/camera_access.h"
+#include "rig/array_shapes.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
@@ -84,7 +85,32 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   export_nerf(rig, path);
   add_text(import, 'n', read_text_file(path));
   export_colmap(rig, folder.path());
-  add_text(import, 'c', read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt"));
+  const std::string model = read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt");
+  add_text(import, 'c', model);
+  add_text(import, 'g', model);
+  // Cameras around a scene, which get triangles around it.
+  export_nerf(make_cylinder_rig({2, 5, 0.3, 1.5, true, 60}), path);
+  add_text(import, 'n', read_text_file(path));
+  const std::string frame =
+      R"({"file_path": "a", "time": 0, "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]})";
+  add_text(import, 'n',
+           R"({"camera_model": "OPENCV", "w": 8.0, "h": 6, "fl_x": 7, "k3": 0, "is_fisheye": false,
+    "distortion_params": [0.1, 0, 0, 0, 0, 0], "applied_transform": [[1,0,0,0],[0,0,1,0],[0,-1,0,0]],
+    "applied_scale": 0.5, "rolling_shutter": [0, 0, 0, 0], "frames": [)" +
+               frame + "," + frame + "]}");
+  const std::string camera =
+      ":\n  camera_model: pinhole\n  distortion_model: none\n  intrinsics: [9, 9, 4, 3]\n  resolution: [8, 6]\n";
+  const std::string motion = "[[1, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+  add_text(import, 'k',
+           "cam0" + camera + "  timeshift_cam_imu: 0.002\n  T_cam_imu: " + motion + "cam2" + camera + "  T_cn_cnm1: " +
+               motion + "  T_imu_cam: " + motion + "cam3" + camera + "  line_delay: 0\n  T_cn_cnm1: " + motion);
+  const std::string matrix = ": { rows: 3, cols: 3, data: [9, 0, 4, 0, 9, 3, 0, 0, 1] }\n";
+  add_text(import, 'o', "distortion_model: plumb_bob\nimage_width: 8\nimage_height: 6.0\ncamera_matrix" + matrix);
+  add_text(import, 'o',
+           "%YAML:1.0\n---\nimage_size: [8, 6]\nM1" + matrix + "M2" + matrix +
+               "D1: { rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0] }\n\f%YAML:1.0\n---\nR: { rows: 3, cols: 3, data: "
+               "[1, 0, 0, 0, 1, 0, 0, 0, 1] }\nT: { rows: 3, cols: 1, data: [-0.1, 0, 0] }\n");
+  add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 
 }  // namespace

@@ -114,12 +114,13 @@ TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
     const char* camera;
     const char* message;
   } const cases[] = {
-      {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0", "equals its FULL_OPENCV without loss"},
-      {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", "equals its OPENCV_FISHEYE without loss"},
-      {"1 FOV 4 3 5 5 2 1.5 0", "equals its FOV without loss"},
-      {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", "equals its SIMPLE_RADIAL_FISHEYE without loss"},
-      {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", "equals its RADIAL_FISHEYE without loss"},
-      {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", "equals its THIN_PRISM_FISHEYE without loss"},
+      {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0",
+       "cannot hold its FULL_OPENCV lens; run colmap image_undistorter"},
+      {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", "cannot hold its OPENCV_FISHEYE lens"},
+      {"1 FOV 4 3 5 5 2 1.5 0", "cannot hold its FOV lens"},
+      {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", "cannot hold its SIMPLE_RADIAL_FISHEYE lens"},
+      {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", "cannot hold its RADIAL_FISHEYE lens"},
+      {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", "cannot hold its THIN_PRISM_FISHEYE lens"},
       {"1 PINHOLE 4 3 5 0 2 1.5", "params[1]: the focal length must be positive"},
   };
   for (const auto& c : cases) {
@@ -171,21 +172,49 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
 TEST(Colmap, AGridIsInTheOrderOfNames) {
   const TempDir dir;
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n",
-              "1 1 0 0 0 0 0 0 1 c.png\n\n2 1 0 0 0 1 0 0 1 a.png\n\n3 1 0 0 0 2 0 0 1 d.png\n\n"
-              "4 1 0 0 0 3 0 0 1 b.png\n\n");
+              "1 1 0 0 0 0 1 0 1 cam9.png\n\n2 1 0 0 0 0 0 0 1 cam1.png\n\n3 1 0 0 0 1 1 0 1 cam10.png\n\n"
+              "4 1 0 0 0 1 0 0 1 cam2.png\n\n");
   const Rig rig = import_colmap(dir.path(), {"", false, 2, 2}).rig;
   EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
   EXPECT_EQ(rig.topology.rows, 2);
   EXPECT_EQ(rig.topology.columns, 2);
   std::string names;
   for (const Camera& camera : rig.cameras) names += camera.name;
-  EXPECT_EQ(names, "abcd");
+  EXPECT_EQ(names, "cam1cam2cam9cam10") << "by their numbers";
   EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt: 4 images do not make a grid of 2x3");
+}
+
+TEST(Colmap, AGridOfCamerasElsewhereIsRefused) {
+  const TempDir dir;
+  std::string images;
+  // A grid of 3x4 whose files are named column by column.
+  for (int i = 0; i < 12; i++)
+    images += std::to_string(i + 1) + " 1 0 0 0 " + std::to_string(-(i / 3)) + " " + std::to_string(-(i % 3)) +
+              " 0 1 c" + std::to_string(i) + ".png\n\n";
+  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", images);
+  EXPECT_EQ(import_colmap(dir.path(), {"", false, 4, 3}).rig.topology.rows, 4) << "its rows are columns";
+  const std::string error = text_of_error([&] { import_colmap(dir.path(), {"", false, 3, 4}); });
+  EXPECT_NE(error.find("by the order of their names the cameras are no grid of 3x4"), std::string::npos) << error;
+  EXPECT_NE(error.find("--grid"), std::string::npos) << error;
+}
+
+TEST(Colmap, ImagesThatAreNotInTheModelAreNamed) {
+  const TempDir dir;
+  write_model(dir, "1 PINHOLE 4.0 3 5 5 2 1.5\n", kImage);
+  std::filesystem::create_directories(dir / "images");
+  for (const char* name : {"images/a.png", "images/b.png", "images/c.png"})
+    save_image(Image(PixelFamily::kRgb, 4, 3), dir / name);
+  EXPECT_EQ(import_colmap(dir.path()).notes,
+            std::vector<std::string>{"2 of 3 files in " + dir / "images" + " are not in images.txt and were left out"});
 }
 
 TEST(Colmap, MissingAndEmptyModels) {
   const TempDir dir;
-  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt: can't be read");
+  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt: can't be read. A folder of pictures alone has no positions");
+  dir.write("sparse/0/cameras.txt", "");
+  EXPECT_ERROR(import_colmap(dir.path()), "the model is in " + dir / "sparse/0");
+  dir.write("cameras.bin", "");
+  EXPECT_ERROR(import_colmap(dir.path()), "is a binary model; run colmap model_converter");
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "# none\n");
   EXPECT_ERROR(import_colmap(dir.path()), "images.txt: no images");
 }

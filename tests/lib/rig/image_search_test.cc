@@ -44,5 +44,12 @@ TEST(ImageSearch, RefusesWhatIsNotThereOrNotSure) {
   EXPECT_ERROR(ImageSearch(dir / "1.jpg"), "1.jpg: can't be read");
 }
 
+TEST(ImageSearch, LongNamesAreNoWork) {
+  const TempDir dir;
+  dir.write("1.jpg", "");
+  const ImageSearch search(dir.path());
+  EXPECT_ERROR(search.find(std::string(1 << 20, ' ') + "1.jpg"), "no image file for");
+}
+
 }  // namespace
 }  // namespace lf

@@ -82,5 +82,69 @@ TEST(OpenCvYaml, ErrorsNameFileAndPlace) {
   EXPECT_ERROR(import_opencv_yaml(dir / "none.yml"), "none.yml: can't be read");
 }
 
+// As OpenCV and ROS write a single camera.
+std::string single(const std::string& more, const std::string& terms = "[-0.1, 0.02, 0.001, -0.002]") {
+  return "%YAML:1.0\n---\nimage_width: 1280.0\nimage_height: 960\n" + more +
+         "camera_matrix: { rows: 3, cols: 3, data: [402.5, 0, 641.2, 0, 402.1, 478.9, 0, 0, 1] }\n"
+         "distortion_coefficients: { rows: 1, cols: 4, data: " +
+         terms + " }\n";
+}
+
+TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
+  const TempDir dir;
+  const auto error = [&](const std::string& text) {
+    return text_of_error([&] { import_opencv_yaml(dir.write("x.yaml", text)); });
+  };
+  for (const char* key : {"distortion_model: equidistant", "distortion_model: fisheye", "fisheye_model: 1", "xi: 1.2",
+                          "skew: 0.1", "camera_model: omnidirectional", "rolling_shutter_readout_time: 0.02"}) {
+    const std::string what = error(single(std::string(key) + "\n"));
+    EXPECT_NE(what.find("a rig cannot hold"), std::string::npos) << key << ": " << what;
+  }
+  std::string rational = single("distortion_model: rational_polynomial\n", "[0.31, -0.02, 0, 0, 0, 0.68, 0.04, 0]");
+  rational.replace(rational.find("cols: 4"), 7, "cols: 8");
+  EXPECT_NE(error(rational).find("distortion_coefficients: term 5 is not 0"), std::string::npos) << error(rational);
+  for (const char* key :
+       {"distortion_model: plumb_bob", "fisheye_model: 0", "distortion_model: none", "camera_name: left"})
+    EXPECT_EQ(error(single(std::string(key) + "\n")), "no lf::Error was thrown") << key;
+  EXPECT_EQ(import_opencv_yaml(dir / "x.yaml").rig.cameras.at(0).name, "left");
+  EXPECT_EQ(import_opencv_yaml(dir / "x.yaml").rig.cameras.at(0).width, 1280);
+  EXPECT_NE(error("%YAML:1.0\n---\nK: [1, 2]\n").find("has none of the keys"), std::string::npos);
+}
+
+TEST(OpenCvYaml, ListsWhatItDidNotRead) {
+  const TempDir dir;
+  EXPECT_EQ(import_opencv_yaml(dir.write("x.yaml", single("exposure: 4\nflags: 10\nboard_width: 9\n"))).notes,
+            std::vector<std::string>{"keys that were not read: exposure"});
+}
+
+TEST(OpenCvYaml, ReadsTheStereoSamplesFiles) {
+  const TempDir dir;
+  const std::string head = "%YAML:1.0\n---\n", size = "image_size: [ 640, 480 ]\n";
+  const std::string lenses =
+      "M1: { rows: 3, cols: 3, data: [400, 0, 320, 0, 401, 240, 0, 0, 1] }\nD1: { rows: 1, cols: 5, data: [-0.1, 0, 0, "
+      "0, 0] }\n"
+      "M2: { rows: 3, cols: 3, data: [410, 0, 322, 0, 411, 242, 0, 0, 1] }\nD2: { rows: 1, cols: 4, data: [0, 0, 0, 0] "
+      "}\n";
+  const std::string places =
+      "R: { rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1] }\nT: { rows: 3, cols: 1, data: [-0.12, 0, 0] }\n";
+  const auto read = [&](const std::string& text) {
+    return import_opencv_yaml(dir.write("intrinsics.yml", head + text));
+  };
+  EXPECT_ERROR(read(lenses + places), "add image_width and image_height");
+  EXPECT_ERROR(read(size + lenses), "R and T of the second camera are missing");
+  const RigImport whole = read(size + lenses + places);
+  ASSERT_EQ(whole.rig.cameras.size(), 2u);
+  EXPECT_EQ(whole.rig.cameras[0].pose, Pose());
+  EXPECT_LT(glm::length(whole.rig.cameras[1].pose.position - Vec3(0.12, 0, 0)), 1e-15);
+  EXPECT_EQ(whole.rig.cameras[1].lens, Lens(LensModel::kPinhole, {410, 411, 322, 242}));
+  EXPECT_EQ(whole.rig.cameras[0].width, 640);
+  EXPECT_EQ(whole.notes,
+            std::vector<std::string>{"the cameras are 0.12 m apart, if the squares of the board were given in metres"});
+  dir.write("extrinsics.yml", head + places + "R1: { rows: 1, cols: 1, data: [1] }\n");
+  const RigImport beside = read(size + lenses);
+  EXPECT_EQ(beside.rig.cameras[1].pose, whole.rig.cameras[1].pose);
+  EXPECT_NE(beside.notes.at(0).find("extrinsics.yml"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace lf
