@@ -113,12 +113,13 @@ class Afternoon {
   // The lenses that boards tell, in a rig file; the rig itself where there are none.
   std::string lenses() {
     if (o_.boards.empty()) return o_.rig;
+    gst_init(nullptr, nullptr);
     const lf::Rig rig = lf::load_rig(o_.rig);
     json text = lf::parse_json(lf::read_text_file(o_.rig), o_.rig);
     size_t measured = 0;
     for (size_t i = 0; i < rig.cameras.size(); i++) {
       const lf::Camera& camera = rig.cameras[i];
-      const std::vector<std::string> pictures = boards_of(camera);
+      const std::vector<std::string> pictures = boards_in(o_.boards, camera);
       if (pictures.empty()) {
         std::printf(
             "boards      camera %u (%s): %s has neither %s.* nor pictures in %s/: its lens is left to the lights\n",
@@ -147,22 +148,6 @@ class Afternoon {
     lf::relocate(with_lenses, folder_);
     write_if_other(with_lenses, file("lenses.json"), text);
     return file("lenses.json");
-  }
-
-  // A folder NAME of pictures, or a video NAME.*.
-  std::vector<std::string> boards_of(const lf::Camera& camera) const {
-    std::vector<std::string> found;
-    const fs::path folder = fs::path(o_.boards) / camera.name;
-    if (fs::is_directory(folder)) {
-      for (const auto& entry : fs::directory_iterator(folder))
-        if (entry.is_regular_file()) found.push_back(entry.path().string());
-      std::ranges::sort(found);
-      return found;
-    }
-    for (const auto& entry : fs::directory_iterator(o_.boards))
-      if (entry.is_regular_file() && entry.path().stem() == camera.name)
-        found.push_back("file://" + fs::absolute(entry.path()).string());
-    return found;
   }
 
   std::optional<std::string> geometry() {
@@ -245,26 +230,29 @@ void add_all_command(cli::App& app, int& status) {
   command->add_option("--lights", o->lights, "Folder with NAME.* of each camera: a light moved through the dark")
       ->required()
       ->type_name("DIR");
-  command
-      ->add_option(
-          "--record", o->record,
-          "Record first, so many seconds each, with the cameras of RIG: says when to move the light and where it "
-          "was not yet, when to hold the board where, when to show the chart, and writes these folders")
-      ->type_name("SECONDS")
-      ->check(cli::PositiveNumber);
+  cli::Option* record = command->add_option(
+      "--record", o->record,
+      "Record first, so many seconds each, with the cameras of RIG: says when to move the light and where it "
+      "was not yet, when to hold the board where, when to show the chart, and writes these folders");
+  record->type_name("SECONDS")->check(cli::PositiveNumber);
   command
       ->add_option("--page", o->page,
                    "Port of a page on this machine that shows the cameras as they record, and what is said; 0: any")
-      ->check(cli::Range(0, 65535));
+      ->check(cli::Range(0, 65535))
+      ->needs(record);
   cli::add_trust_option(*command, o->trusted);
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
       ->check(cli::PositiveNumber);
-  command
-      ->add_option("--boards", o->boards,
-                   "Folder with NAME.*, videos of a checkerboard, or pictures of it in NAME/, of each camera or some")
-      ->type_name("DIR");
-  command->add_option("--board", o->board, "Inner corners of the board along x and y")->type_name("CxR");
-  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary")->type_name("5X5_100");
+  cli::Option* boards =
+      command
+          ->add_option(
+              "--boards", o->boards,
+              "Folder with NAME.*, videos of a checkerboard, or pictures of it in NAME/, of each camera or some")
+          ->type_name("DIR");
+  command->add_option("--board", o->board, "Inner corners of the board along x and y")->type_name("CxR")->needs(boards);
+  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary")
+      ->type_name("5X5_100")
+      ->needs(boards);
   command
       ->add_option("--colour", o->colour,
                    "Folder with NAME.* of each camera, or a rig file whose cameras have them: a colour chart, or any "

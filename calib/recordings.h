@@ -2,16 +2,25 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "rig/rig.h"
 
-// The path of a camera's recording: NAME.* in `folder` (stills and JSON files beside it are none), or, where that is
-// empty, the file that is its source in the rig. Throws lf::Error that says what to do where there is none, or two.
+// Recordings of a folder are files NAME.*, NAME being the camera's. Their content decides what they are, not the ending
+// of their names: cameras and recorders leave thumbnails, time codes, subtitles and sound beside their films. A file of
+// several JPEG pictures is a film. gst_init() must have been called.
+
+// The path of a camera's film in `folder` or, where that is empty, the file that is its source in the rig. Throws
+// lf::Error that says what to do where there is none, or two.
 std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera);
 
-// `rig` with the recordings in `folder` as sources and images, by the names of its cameras: NAME.png and NAME.jpg are
-// stills, anything else a video. A camera without one has neither.
+// `rig` with the films in `folder` as sources and the stills as images. A camera without one has neither. Throws
+// lf::Error where a camera has two films, or no film and two stills.
 lf::Rig recorded_in(const std::string& folder, lf::Rig rig);
+
+// The pictures of a board that a camera took: all stills in the folder NAME of `folder`, in natural order, or else the
+// URI of the film NAME.* as the only element, or nothing. Throws lf::Error where there are two films.
+std::vector<std::string> boards_in(const std::string& folder, const lf::Camera& camera);
 
 // Throws lf::Error where `folder` is not empty and no folder.
 void check_folder(const std::string& folder);

@@ -83,18 +83,19 @@ Steps::Steps(const std::string& folder) : folder_(folder) {
 bool Steps::run(const Step& step) {
   const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
   json done = json::object();
-  // One that is damaged is as good as none.
+  // A damaged book is as good as none.
   if (fs::exists(book)) try {
       done = json::parse(lf::read_text_file(book));
     } catch (const json::exception&) {
     }
+  if (!done.is_object()) done = json::object();
   // A program that was built anew may know better.
   std::vector<std::string> inputs = step.inputs;
   inputs.push_back("/proc/self/exe");
   const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
   const auto before = done.find(step.name);
-  if (before != done.end() && before->value("made_of", json()) == made_of &&
-      before->value("outputs", json()) == marks_of(step.outputs)) {
+  if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
+      before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
     std::printf("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
     return true;
   }
