@@ -116,18 +116,22 @@ void add_check_command(cli::App& app, int& status) {
   cli::App* what = command->add_option_group("what tells");
   what->add_option("--recordings", o->recordings, "Folder with NAME.* of each camera")->type_name("DIR");
   what->add_option("--tracks", o->tracks, "Tracks (JSON) of track")->type_name("FILE");
-  what->add_option("--monitor", o->monitor,
-                   "Address of an lf-serve --monitor 30 that shows this rig, or what its monitor.json said")
-      ->type_name("URL|FILE");
+  cli::Option* monitor =
+      what->add_option("--monitor", o->monitor,
+                       "Address of an lf-serve --monitor 30 that shows this rig, or what its monitor.json said")
+          ->type_name("URL|FILE");
   what->require_option(1);
-  command->add_option("--token-file", o->token_file, "Bearer token of that lf-serve")->type_name("FILE");
+  command->add_option("--token-file", o->token_file, "Bearer token of that lf-serve")
+      ->type_name("FILE")
+      ->needs(monitor);
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: tells whether the scale holds")
-      ->check(cli::PositiveNumber);
+      ->check(cli::PositiveNumber)
+      ->excludes(monitor);
   command->add_option("--json", o->json, "Report to write")->type_name("FILE");
   command->callback([o, &status] {
     try {
       status = check(*o);
-    } catch (const lf::Error& error) {
+    } catch (const std::exception& error) {
       std::fprintf(stderr, "lf-calibrate: %s\n", lf::location_text(error.what()).c_str());
       status = 2;
     }

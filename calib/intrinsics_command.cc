@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate intrinsics: one camera's lens, with its covariance, from images of a checkerboard.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -34,6 +35,7 @@ struct IntrinsicsArguments {
   uint32_t camera = 0;
   int views = 20;
   bool trusted = false;
+  const cli::Option* views_option = nullptr;
 };
 
 // What frames come from: the elements that give them, and what messages call it.
@@ -141,9 +143,12 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
     throw lf::Error("needs images or videos of the board, or --rig, whose camera is watched");
+  const auto is_video = [](const std::string& path) { return path.find("://") != std::string::npos; };
+  if (*options.views_option && !options.images.empty() && std::ranges::none_of(options.images, is_video))
+    throw lf::Error("--views: of videos; all pictures that are named are used");
   if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera, options.trusted), found);
   for (const std::string& path : options.images) {
-    if (path.find("://") != std::string::npos) {
+    if (is_video(path)) {
       watch(options, board, video_of(path), found);
       continue;
     }
@@ -254,15 +259,20 @@ void add_intrinsics_command(cli::App& app) {
       "IMAGES", o->images,
       "Images of the board, at all distances, tilted to all sides; or URIs of videos; none: what the camera "
       "of --rig sees now, opened as the light field opens it");
-  command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
-      ->capture_default_str()
-      ->check(cli::Range(3, 1000));
+  o->views_option =
+      command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
+          ->capture_default_str()
+          ->check(cli::Range(3, 1000));
   command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
   command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
       ->check(cli::PositiveNumber);
-  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary, and may be seen in part")
-      ->type_name("5X5_100");
-  command->add_option("--marker", o->marker, "Side of a marker, over that of a square")->capture_default_str();
+  cli::Option* charuco =
+      command->add_option("--charuco", o->charuco, "The board has markers of this dictionary, and may be seen in part")
+          ->type_name("5X5_100");
+  command->add_option("--marker", o->marker, "Side of a marker, over that of a square")
+      ->capture_default_str()
+      ->check(cli::Range(0.01, 0.99))
+      ->needs(charuco);
   command->add_option("--model", o->model, "Lens model, or auto: by evidence")->capture_default_str();
   command->add_option("--rig", o->rig, "Rig file whose camera this is; else the result is a rig of one camera");
   cli::add_trust_option(*command, o->trusted);

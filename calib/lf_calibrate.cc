@@ -46,9 +46,14 @@ void add_features_command(cli::App& app) {
   command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
   command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
   command->add_option("--references", o->features.references, "Cameras whose corners are followed")
-      ->capture_default_str();
-  command->add_option("--features", o->features.features, "Corners a reference camera")->capture_default_str();
-  command->add_option("--least-cameras", o->features.least_cameras, "That must see a track")->capture_default_str();
+      ->capture_default_str()
+      ->check(cli::Range(1, static_cast<int>(lf::kMaxCameras)));
+  command->add_option("--features", o->features.features, "Corners a reference camera")
+      ->capture_default_str()
+      ->check(cli::Range(1, 1000000));
+  command->add_option("--least-cameras", o->features.least_cameras, "That must see a track")
+      ->capture_default_str()
+      ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
   command->add_option("--out", o->out, "Tracks to write (JSON)")->required();
   command->callback([o] { find_features(*o); });
 }
@@ -79,5 +84,7 @@ int main(int argc, char** argv) {
   // What the solver has said may explain a failure; else it is of no use to a person.
   for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
     std::fprintf(stderr, "note: the solver says: %s\n", message.c_str());
+  // The statuses 0 and 1 of check are its answers; a command line or file that is wrong gives no answer.
+  if (failed && *app.get_subcommand("check")) return 2;
   return failed ? failed : status;
 }

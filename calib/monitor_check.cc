@@ -46,6 +46,20 @@ std::string fetch(std::string address, const std::string& token_file) {
   return {data, size};
 }
 
+// A camera of the monitor's answer. A member that is null counts as missing.
+class WatchedCamera {
+ public:
+  WatchedCamera(const lf::JsonValue& value, const json& raw) : value_(value), raw_(raw) {}
+  std::string text(const char* key) const { return has(key) ? value_.at(key).text() : ""; }
+  double number(const char* key) const { return has(key) ? value_.at(key).number() : NAN; }
+
+ private:
+  bool has(const char* key) const { return value_.find(key) && !raw_[key].is_null(); }
+
+  const lf::JsonValue& value_;
+  const json& raw_;
+};
+
 // What is wrong with a camera, and what to do; its state goes into `judged`.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
   const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
@@ -77,7 +91,7 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
       {"format", "lightfield-check"}, {"version", 1}, {"from", "monitor"}, {"holds", true}, {"findings", json::array()},
       {"cameras", json::array()}};
   size_t known = 0;
-  const auto cameras = root.at("cameras").elements();
+  const std::vector<lf::JsonValue> cameras = root.at("cameras").elements();
   if (cameras.empty())
     throw lf::Error(place +
                     ": the monitor has looked at no camera yet: start lf-serve with --monitor 30, and have "
@@ -87,13 +101,11 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
                     std::to_string(rig.cameras.size()));
   for (size_t i = 0; i < cameras.size(); i++) {
     const lf::Camera& camera = rig.cameras[i];
-    const json& watched = said["cameras"][i];
-    const std::string name = watched.value("name", "");
+    const WatchedCamera watched(cameras[i], said["cameras"][i]);
+    const std::string name = watched.text("name");
     if (!camera.name.empty() && !name.empty() && name != camera.name)
       throw lf::Error(place + ": its camera " + std::to_string(i) + " is " + name + ", the rig's is " + camera.name);
-    const auto number = [&](const char* key) {
-      return watched.contains(key) && watched[key].is_number() ? watched[key].get<double>() : NAN;
-    };
+    const auto number = [&](const char* key) { return watched.number(key); };
     // The monitor compares every so many pixels of a camera.
     const int step = (camera.width + lf::kProbeColumns - 1) / lf::kProbeColumns;
     const bool seen = std::isfinite(number("psnr"));
@@ -101,8 +113,8 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
     json judged = {{"id", camera.id}, {"name", camera.name}, {"state", seen ? "holds" : "unknown"}};
     judged["shift_px"] = std::isfinite(number("shift")) ? number("shift") * step : 0;
     judged["gain"] = std::isfinite(number("gain")) ? number("gain") : 1;
-    if (watched.contains("fault") && watched["fault"].is_string()) {
-      const std::string what = judge(camera, watched["fault"], judged);
+    if (const std::string fault = watched.text("fault"); !fault.empty()) {
+      const std::string what = judge(camera, fault, judged);
       // Colours are no part of where cameras stand.
       const bool moved = judged["state"] == "moved";
       if (moved) report["holds"] = false;
@@ -115,6 +127,7 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
     throw lf::Error(place +
                     ": no camera could be foretold from the others yet: cameras at the corners of an array, and "
                     "arrays of two, can't be watched");
-  report["turns"] = said.value("turns", 0);
+  const auto turns = root.find("turns");
+  report["turns"] = turns ? turns->integer(0, INT64_MAX) : 0;
   return report;
 }

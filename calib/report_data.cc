@@ -38,8 +38,8 @@ std::optional<double> ReportData::Camera::ellipsoid() const {
 }
 
 void ReportData::add(const json& report, const std::string& name) {
-  const std::string format = report.is_object() ? report.value("format", "") : "";
   try {
+    const std::string format = report.is_object() && report.contains("format") ? report["format"] : json("");
     if (format == "lightfield-track-report")
       add_track(report);
     else if (format == "lightfield-calibration")

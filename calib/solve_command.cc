@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate solve: positions, orientations and lenses from the tracks of a moving light.
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -25,6 +26,7 @@ using nlohmann::json;
 struct SolveArguments {
   std::string tracks, prior, out, json, distortion = "auto", distance;
   double first_pixel = 0;
+  const cli::Option* first_pixel_option = nullptr;
   lf::PlacementOptions placement;
 };
 
@@ -36,7 +38,9 @@ std::optional<lf::DistortionModel> distortion_of(const std::string& name) {
 lf::PlacementOptions::Distance parse_distance(const std::string& text) {
   lf::PlacementOptions::Distance d;
   int end = 0;
-  if (std::sscanf(text.c_str(), "%u,%u,%lf%n", &d.a, &d.b, &d.metres, &end) != 3 || text[end] != 0)
+  if (std::sscanf(text.c_str(), "%u,%u,%n", &d.a, &d.b, &end) != 2 || end == 0) end = static_cast<int>(text.size());
+  const auto [rest, error] = std::from_chars(text.data() + end, text.data() + text.size(), d.metres);
+  if (error != std::errc() || rest != text.data() + text.size() || !(d.metres > 0 && lf::is_finite(d.metres)))
     throw lf::Error("--distance " + text + ": must be ID,ID,METRES");
   return d;
 }
@@ -95,6 +99,8 @@ void solve(const SolveArguments& o) {
     tracks = std::move(input.tracks);
     options.prior = std::move(input.lenses);
   } else {
+    if (*o.first_pixel_option)
+      throw lf::Error("--first-pixel: of a folder of MultiCamSelfCal's files; our tracks say where pixels are");
     const std::string text = lf::read_text_file(o.tracks);
     sights = lf::parse_light_sights(text, o.tracks);
     if (!sights) tracks = lf::parse_tracks(text, o.tracks);
@@ -153,16 +159,23 @@ void add_solve_command(cli::App& app) {
   command->add_option("--distortion", o->distortion, "auto: as many terms as the tracks call for")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
-  command->add_option("--bar", o->placement.bar_length, "Between the two lights, metres: gives the scale")
-      ->check(cli::PositiveNumber);
-  command->add_option("--pitch", o->placement.pitch, "Between neighbouring cameras, metres: gives the scale")
-      ->check(cli::PositiveNumber);
-  command->add_option("--distance", o->distance, "Between two cameras: gives the scale")->type_name("ID,ID,METRES");
-  command
-      ->add_option("--first-pixel", o->first_pixel,
-                   "Centre of the top-left pixel in MultiCamSelfCal's files: 1 where Matlab wrote them")
-      ->capture_default_str()
-      ->check(cli::IsMember({0, 1}));
+  cli::Option* bar =
+      command->add_option("--bar", o->placement.bar_length, "Between the two lights, metres: gives the scale")
+          ->check(cli::PositiveNumber);
+  cli::Option* pitch =
+      command->add_option("--pitch", o->placement.pitch, "Between neighbouring cameras, metres: gives the scale")
+          ->check(cli::PositiveNumber)
+          ->excludes(bar);
+  command->add_option("--distance", o->distance, "Between two cameras: gives the scale")
+      ->type_name("ID,ID,METRES")
+      ->excludes(bar)
+      ->excludes(pitch);
+  o->first_pixel_option =
+      command
+          ->add_option("--first-pixel", o->first_pixel,
+                       "Centre of the top-left pixel in MultiCamSelfCal's files: 1 where Matlab wrote them")
+          ->capture_default_str()
+          ->check(cli::IsMember({0, 1}));
   command->add_option("--out", o->out, "Rig file to write")->required()->type_name("RIG");
   command->add_option("--json", o->json, "Report to write")->type_name("FILE");
   command->callback([o] { solve(*o); });

@@ -85,6 +85,8 @@ Option* Option::excludes(const Option* other) {
   return this;
 }
 
+Option::operator bool() const { return option_->count() > 0; }
+
 struct App::Parts {
   std::shared_ptr<CLI::App> app;
   std::vector<std::unique_ptr<App>> commands;  // and groups
@@ -122,6 +124,12 @@ App* App::get_subcommand(const std::string& name) {
   for (const auto& command : parts_->commands)
     if (command->parts_->app.get() == wanted) return command.get();
   return nullptr;
+}
+
+App* App::excludes_options_of(const App& other) {
+  for (CLI::Option* option : other.parts_->app->get_options())
+    if (option != other.parts_->app->get_help_ptr()) parts_->app->excludes(option);
+  return this;
 }
 
 App* App::require_subcommand(size_t count) {

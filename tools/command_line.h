@@ -43,6 +43,7 @@ class Option {
   Option* delimiter(char between);  // the character between values of a vector that come as one word
   Option* needs(const Option* other);
   Option* excludes(const Option* other);
+  explicit operator bool() const;  // whether the option is on the command line; valid once that is parsed
 
  private:
   CLI::Option* option_;
@@ -66,6 +67,8 @@ class App {
   App* add_subcommand(const std::string& name, const std::string& help);
   App* add_option_group(const std::string& name);
   App* get_subcommand(const std::string& name);  // a command that was added before
+  // Refuses command lines with this command and an option of `other`, which has no meaning for this command.
+  App* excludes_options_of(const App& other);
 
   App* require_subcommand(size_t count);
   App* require_subcommand(size_t least, size_t most);

@@ -128,7 +128,7 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
     EXPECT_THAT(outcome.output, HasSubstr(c.said));
     EXPECT_THAT(outcome.output, Not(HasSubstr("holds: ")));
   }
-  EXPECT_EQ(check("").status, 1) << "nothing is asked";
+  EXPECT_EQ(check("").status, 2) << "nothing is asked";
 }
 
 }  // namespace
