@@ -292,16 +292,21 @@ int main(int argc, char** argv) {
       "In place of views: every camera is left out and predicted by the others; tells cameras with something wrong");
   views->excludes(leave_one_out);
   app.add_option("--out", options.out, "Folder for NAME.png of each view; made if it is not there")->required();
-  app.add_option("--truth", options.truth, "Folder with NAME.png to compare with");
+  app.add_option("--truth", options.truth, "Folder with NAME.png to compare with")->excludes(leave_one_out);
   app.add_option("--every", options.every, "Use rows and columns 0, N, 2N, ... of a grid");
   app.add_option("--cameras", options.cameras, "Ids of the cameras in service, such as 0-3,7 (default: all)");
   app.add_option("--json", options.json, "Write the table to this file as well");
   app.add_option("--focus", options.focus, "On what: a surface, found from the views' plane, or that plane")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
-  app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
-  app.add_option("--focus-far", options.surface.far, "Farthest");
-  app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)");
+  cli::Option* focus_near =
+      app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array")
+          ->check(cli::NonNegativeNumber);
+  cli::Option* focus_far =
+      app.add_option("--focus-far", options.surface.far, "Farthest")->check(cli::NonNegativeNumber);
+  app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)")
+      ->check(cli::PositiveNumber)
+      ->needs(leave_one_out);
   cli::Option* aperture = app.add_option("--aperture", options.aperture,
                                          "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
@@ -310,16 +315,22 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_option("--gains", options.gains,
-                 "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
-      ->capture_default_str()
-      ->check(cli::IsMember({"auto", "on", "off"}));
+  cli::Option* gains =
+      app.add_option("--gains", options.gains,
+                     "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
+          ->capture_default_str()
+          ->check(cli::IsMember({"auto", "on", "off"}))
+          ->excludes(leave_one_out);
   app.add_option("--renderer", options.renderer, "What draws, as of lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return cli::run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");
+    if (options.focus == "plane")
+      for (const auto& [option, name] :
+           {std::pair(focus_near, "--focus-near"), {focus_far, "--focus-far"}, {gains, "--gains"}})
+        if (*option) throw lf::Error(std::string(name) + ": of --focus surface");
     if (options.surface.far > 0 && options.surface.near >= options.surface.far)
       throw lf::Error("--focus-near: must be nearer than --focus-far");
     run(options);

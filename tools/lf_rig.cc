@@ -6,14 +6,17 @@
 #include <filesystem>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "cameras/commands.h"
 #include "command_line.h"
+#include "render/contribution_map.h"
 #include "render/stanford_focus.h"
 #include "rig/array_shapes.h"
 #include "rig/camera_controls.h"
@@ -123,10 +126,26 @@ int run_info(const Arguments& arguments) {
   return 0;
 }
 
+// Whether the view that viewers open with shows something.
+void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
+  constexpr double kLeastSeen = 0.75;
+  const double aspect = static_cast<double>(rig.cameras[0].width) / rig.cameras[0].height;
+  const lf::VisibleShare visible(rig);
+  if (const double seen = visible(visible.home(aspect), aspect); seen < kLeastSeen)
+    findings.push_back(
+        {lf::RigFinding::Severity::kWarning,
+         lf::format_text("topology: cameras see only %.0f %% of the first view: they look along the mesh "
+                         "or past each other (lf-show contributions --rig draws who sees what)",
+                         100 * seen)});
+}
+
 int run_check(const Arguments& arguments) {
   int errors = 0, warnings = 0;
   lf::load_controls(arguments.rig);
-  for (const lf::RigFinding& finding : lf::check_rig(lf::load_rig(arguments.rig))) {
+  const Rig rig = lf::load_rig(arguments.rig);
+  std::vector<lf::RigFinding> findings = lf::check_rig(rig);
+  check_home_view(rig, findings);
+  for (const lf::RigFinding& finding : findings) {
     const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
     (is_error ? errors : warnings)++;
     std::printf("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
@@ -241,16 +260,22 @@ int main(int argc, char** argv) {
 
   cli::App* make = app.add_subcommand("new", "A first rig for cameras that have just been mounted");
   cli::App* shape = make->add_option_group("shape");
-  shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC");
+  std::vector<const cli::Option*> flat = {
+      shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC")};
   const std::tuple<const char*, int&, const char*> shapes[] = {
       {"--line", arguments.line, "So many cameras in a row, from left to right"},
       {"--arc", arguments.arc, "So many on an arc, from left to right, that look at its centre"},
       {"--ring", arguments.ring, "So many on a circle that all look forward, clockwise from the top"},
       {"--inward", arguments.inward, "So many a row around a cylinder, that look at its axis"},
       {"--outward", arguments.outward, "So many a row around a cylinder, that look away from its axis"}};
-  for (const auto& [name, cameras, help] : shapes) shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
+  for (const auto& [name, cameras, help] : shapes) {
+    const cli::Option* option = shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
+    if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
+  }
   shape->require_option(1);
-  make->add_option("--rows", arguments.rows, "Of --inward and --outward, --pitch apart")->capture_default_str();
+  cli::Option* rows =
+      make->add_option("--rows", arguments.rows, "Of --inward and --outward, --pitch apart")->capture_default_str();
+  for (const cli::Option* option : flat) rows->excludes(option);
   make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres");
   make->add_option("--radius", arguments.radius, "Of the arc, ring or cylinder, metres");
   make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();

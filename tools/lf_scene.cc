@@ -202,7 +202,8 @@ int main(int argc, char** argv) {
   app.add_option("--format", o.format, "mjpeg: NAME.mkv and its first frame, NAME.png; png: NAME_0000.png, ...")
       ->capture_default_str()
       ->check(cli::IsMember({"mjpeg", "png"}));
-  app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+  const cli::Option* quality =
+      app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(cli::Range(1, 100));
   app.add_option("--truth", o.truth, "write the ground truth of these views at their times")->type_name("VIEWS.json");
   app.add_option("--samples", o.samples, "N x N rays per pixel where one is too few")
       ->capture_default_str()
@@ -210,9 +211,11 @@ int main(int argc, char** argv) {
   app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
   o.faults.add_to(app);
   app.require_subcommand(0, 1);
-  const cli::App *chart = add_chart_command(app), *lights = add_lights_command(app);
+  cli::App *chart = add_chart_command(app), *lights = add_lights_command(app);
+  for (cli::App* command : {chart, lights}) command->excludes_options_of(app);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] {
+    if (*quality && o.format == "png") throw lf::Error("--quality: of --format mjpeg");
     if (!*chart && !*lights) film(o);
   });
 }

@@ -48,7 +48,8 @@ void show_difference(const DifferenceOptions& options) {
   lf::Mesh mesh = scene.mesh;
   if (options.left_out >= 0) {
     const lf::CameraIndex camera = lf::parse_camera_list(scene.rig, std::to_string(options.left_out))[0];
-    if (options.view.from_file()) throw lf::Error("--left-out: the view is the camera's; leave out --views");
+    if (options.view.places_eye())
+      throw lf::Error("--left-out: the view is the camera's; leave out --views, --size, --fov and --move");
     const lf::Camera& at = scene.rig.cameras[camera];
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, options.view.focus_distance(scene));

@@ -47,12 +47,14 @@ void Output::finish() {
 
 void OutputOptions::add_to(cli::App& command, const char* what) {
   command.add_option("--out", out, what)->required()->type_name("FILE");
-  command.add_option("--framerate", framerate, "Of a film, pictures per second")
-      ->capture_default_str()
-      ->check(cli::Range(0.1, 1000.0));
+  framerate_option = command.add_option("--framerate", framerate, "Of a film, pictures per second")
+                         ->capture_default_str()
+                         ->check(cli::Range(0.1, 1000.0));
 }
 
 Output OutputOptions::open() const {
+  if (framerate_option && *framerate_option && !out.ends_with(".mkv"))
+    throw lf::Error("--framerate: of films; --out " + out + " is none");
   FrameRate rate;
   gst_util_double_to_fraction(framerate, &rate.numerator, &rate.denominator);
   return Output(out, rate);

@@ -37,6 +37,7 @@ class Output {
 struct OutputOptions {
   std::string out;
   double framerate = 15;
+  const cli::Option* framerate_option = nullptr;
 
   // This outlives the command.
   void add_to(cli::App& command,

@@ -45,6 +45,8 @@ class ViewOptions {
 
   std::string rig;
   bool from_file() const { return !file_.empty(); }
+  // Whether any option says where the eye is or how large its picture.
+  bool places_eye() const { return from_file() || !size_.empty() || fov_ > 0 || !move_.empty(); }
   std::pair<int, int> size(const Scene& scene) const;  // pixels
 
  private:
