@@ -128,7 +128,7 @@ int run_info(const Arguments& arguments) {
 
 // Whether the view that viewers open with shows something.
 void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
-  constexpr double kLeastSeen = 0.75;
+  constexpr double kLeastSeen = 0.5;
   const double aspect = static_cast<double>(rig.cameras[0].width) / rig.cameras[0].height;
   const lf::VisibleShare visible(rig);
   if (const double seen = visible(visible.home(aspect), aspect); seen < kLeastSeen)

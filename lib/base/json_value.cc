@@ -13,52 +13,10 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kMaxJsonDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
+constexpr size_t kMaxJsonDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
 
 std::string join(const std::string& place, const std::string& key) { return place.empty() ? key : place + "." + key; }
 std::string join(const std::string& place, size_t index) { return place + "[" + std::to_string(index) + "]"; }
-
-// Follows the parser, to say where it was when it stopped.
-class PlaceTracker {
- public:
-  void follow(json::parse_event_t event, const json& parsed) {
-    using Event = json::parse_event_t;
-    switch (event) {
-      case Event::object_start:
-      case Event::array_start: levels_.push_back({event == Event::array_start}); break;
-      case Event::object_end:
-      case Event::array_end:
-        levels_.pop_back();
-        value_done();
-        break;
-      case Event::key: levels_.back().key = parsed.get<std::string>(); break;
-      case Event::value: value_done(); break;
-    }
-  }
-  std::string place() const {
-    std::string place;
-    for (const Level& level : levels_) {
-      if (level.is_array)
-        place = join(place, level.count);
-      else if (!level.key.empty())
-        place = join(place, level.key);
-    }
-    return place;
-  }
-
- private:
-  struct Level {
-    bool is_array;
-    size_t count = 0;
-    std::string key;
-  };
-  void value_done() {
-    if (levels_.empty()) return;
-    levels_.back().count++;
-    levels_.back().key.clear();
-  }
-  std::vector<Level> levels_;
-};
 
 // nlohmann's messages begin with "[json.exception.parse_error.101] ".
 // They repeat the token that they stopped at, which may have megabytes.
@@ -68,6 +26,81 @@ std::string without_tag(const std::string& what) {
   const std::string text = what.rfind("[json.", 0) == 0 && end != std::string::npos ? what.substr(end + 2) : what;
   return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
 }
+
+// Builds the value as the parser walks the text, and throws Error with the place where the parser stopped. Takes time
+// in proportion to the text. json::parse() with a callback does not: it looks at a whole array after each of its
+// elements.
+class JsonBuilder : public nlohmann::json_sax<json> {
+ public:
+  explicit JsonBuilder(const std::string& name) : name_(name) {}
+  json root;
+
+  bool null() override { return put(nullptr); }
+  bool boolean(bool value) override { return put(value); }
+  bool number_integer(int64_t value) override { return put(value); }
+  bool number_unsigned(uint64_t value) override { return put(value); }
+  bool number_float(double value, const std::string&) override { return put(value); }
+  bool string(std::string& value) override { return put(std::move(value)); }
+  bool binary(json::binary_t& value) override { return put(std::move(value)); }  // no JSON text has one
+  bool start_object(size_t) override { return open(json::object()); }
+  bool start_array(size_t) override { return open(json::array()); }
+  bool end_object() override { return close(); }
+  bool end_array() override { return close(); }
+  bool key(std::string& key) override {
+    levels_.back().key = std::move(key);
+    return true;
+  }
+  bool parse_error(size_t, const std::string&, const json::exception& e) override {
+    throw Error(name_ + ": " + place() + "not valid JSON: " + without_tag(e.what()));
+  }
+
+ private:
+  struct Level {
+    json* value;
+    std::string key = {};  // of the member that is being read
+  };
+
+  // "a[2].b: ", or nothing at the top.
+  std::string place() const {
+    std::string place;
+    for (size_t i = 0; i < levels_.size(); i++) {
+      const Level& level = levels_[i];
+      const bool is_open = i + 1 < levels_.size();  // an element of it is being read, and is in it already
+      if (level.value->is_array())
+        place = join(place, level.value->size() - is_open);
+      else if (!level.key.empty())
+        place = join(place, level.key);
+    }
+    return place.empty() ? "" : place + ": ";
+  }
+  json* add(json value) {
+    if (levels_.empty()) return &(root = std::move(value));
+    Level& level = levels_.back();
+    if (level.value->is_array()) return &level.value->emplace_back(std::move(value));
+    return &((*level.value)[level.key] = std::move(value));
+  }
+  void element_done() {
+    if (!levels_.empty()) levels_.back().key.clear();
+  }
+  bool put(json value) {
+    add(std::move(value));
+    element_done();
+    return true;
+  }
+  bool open(json value) {
+    if (levels_.size() > kMaxJsonDepth) throw Error(name_ + ": " + place() + "nested too deeply");
+    levels_.push_back({add(std::move(value))});
+    return true;
+  }
+  bool close() {
+    levels_.pop_back();
+    element_done();
+    return true;
+  }
+
+  const std::string& name_;
+  std::vector<Level> levels_;
+};
 
 }  // namespace
 
@@ -89,17 +122,9 @@ bool is_utf8(const std::string& text) {
 }
 
 json parse_json(const std::string& text, const std::string& name) {
-  PlaceTracker tracker;
-  const auto at_place = [&] { return tracker.place().empty() ? "" : tracker.place() + ": "; };
-  try {
-    return json::parse(text, [&](int depth, json::parse_event_t event, json& parsed) {
-      if (depth > kMaxJsonDepth) throw Error(name + ": " + at_place() + "nested too deeply");
-      tracker.follow(event, parsed);
-      return true;
-    });
-  } catch (const json::exception& e) {
-    throw Error(name + ": " + at_place() + "not valid JSON: " + without_tag(e.what()));
-  }
+  JsonBuilder builder(name);
+  json::sax_parse(text, &builder);
+  return std::move(builder.root);
 }
 
 void JsonValue::fail(const std::string& what) const {

@@ -208,7 +208,7 @@ class ForeignRigs(unittest.TestCase):
                       "o.json")
             covered.append([v["coverage"] for v in json.loads((self.folder / "o.json").read_text())["views"]])
         for ring, back in zip(*covered):
-            self.assertGreater(ring, 0.9)
+            self.assertGreater(ring, 0.7)
             self.assertGreater(back, ring - 0.02)
         # A mesh across the middle is named.
         rig = json.loads((self.folder / "s/back.json").read_text())

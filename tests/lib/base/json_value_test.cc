@@ -30,6 +30,18 @@ TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
   EXPECT_LT(text_of_error([] { parse_json("[" + std::string(1000000, '9') + "]", "f.json"); }).size(), 400u);
 }
 
+// Ten thousand elements of a parser that looked back at all of them took seconds; this many took many minutes.
+TEST(ParseJson, LongArraysTakeNoLongerAnElement) {
+  std::string text = "{\"a\": [";
+  constexpr size_t kElements = 200000;
+  for (size_t i = 0; i < kElements; i++) text += i > 0 ? ",{\"b\": [1]}" : "{\"b\": [1]}";
+  const nlohmann::json root = parse_json(text + "], \"a2\": {\"\": 3}, \"c\": 1, \"c\": 2}", "f.json");
+  EXPECT_EQ(root["a"].size(), kElements);
+  EXPECT_EQ(root["a"].back(), nlohmann::json({{"b", {1}}}));
+  EXPECT_EQ(root["a2"][""], 3);
+  EXPECT_EQ(root["c"], 2) << "of two members of one name the last counts";
+}
+
 TEST(JsonValue, ReportsWhatIsWrongWhere) {
   const std::string name = "f.json";
   const nlohmann::json root = parse_json(R"({"o": {"n": 1.5, "s": "x", "i": 7, "big": 18446744073709551615, "z": null,
