@@ -142,6 +142,7 @@ View mean_view(const View& view) {
     }
   View wide = view;
   wide.focus.map = std::move(coarse);
+  wide.blending = {};  // WideLuma has weights of its own
   return trial_view(wide);
 }
 

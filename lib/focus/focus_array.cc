@@ -42,6 +42,40 @@ double spacing_of(const Rig& rig) {
   return spacings.empty() ? 0 : median(std::move(spacings));
 }
 
+// Metres between the corners of triangles, the median; 0 if the mesh has no edges.
+double edge_of(const Rig& rig, const Mesh& mesh) {
+  std::vector<double> edges;
+  for (const MeshFace& face : mesh.faces)
+    for (int k = 0, n = face.corners(); n > 1 && k < n; k++)
+      edges.push_back(glm::distance(rig.cameras[face.camera[k]].pose.position,
+                                    rig.cameras[face.camera[(k + 1) % n]].pose.position));
+  return edges.empty() ? 0 : median(std::move(edges));
+}
+
+// Evidence at some points of a grid of nodes, `apart` nodes apart.
+struct SparseEvidence {
+  int apart, columns;
+  std::vector<float> at;
+
+  // At all nodes: bilinear in between. There is a point at or beyond the last column and row.
+  std::vector<float> spread(const FocalMap& map) const {
+    std::vector<float> evidence(map.levels.size());
+    std::vector<float> row(static_cast<size_t>(columns));
+    const auto part = [this](int i) { return static_cast<float>(i % apart) / static_cast<float>(apart); };
+    for (int j = 0; j < map.rows; j++) {
+      const float* const upper = &at[static_cast<size_t>(j / apart) * columns];
+      const float down = part(j);
+      for (int i = 0; i < columns; i++) row[i] = upper[i] + down * (upper[i + columns] - upper[i]);
+      float* const out = &evidence[static_cast<size_t>(j) * map.columns];
+      for (int i = 0; i < map.columns; i++) {
+        const float* const beside = &row[static_cast<size_t>(i / apart)];
+        out[i] = beside[0] + part(i) * (beside[1] - beside[0]);
+      }
+    }
+    return evidence;
+  }
+};
+
 // Square root of 1 - sum w^2 of the owner's corners, times `scale`, at the places of a grid of nodes.
 std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   const View& view = job.plan().view();
@@ -62,9 +96,22 @@ std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   return evidence;
 }
 
+// The same at the points of the grid that has the weights of a view that is not blended by the mesh.
+std::vector<float> sparse_evidence(const BlendGrid& grid, double scale) {
+  std::vector<float> evidence;
+  evidence.reserve(static_cast<size_t>(grid.columns()) * static_cast<size_t>(grid.rows()));
+  for (int j = 0; j < grid.rows(); j++)
+    for (int i = 0; i < grid.columns(); i++)
+      evidence.push_back(static_cast<float>(scale * std::sqrt(std::max(1 - grid.sum_of_squares(i, j), 0.0))));
+  return evidence;
+}
+
 }  // namespace
 
-FocusArray::FocusArray(const Rig& rig) : from_(array_plane(rig)), rig_(&rig) {
+FocusArray::FocusArray(const Rig& rig) : FocusArray(rig, nullptr) {}
+FocusArray::FocusArray(const Rig& rig, const Mesh& mesh) : FocusArray(rig, &mesh) {}
+
+FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig)), rig_(&rig), given_mesh_(mesh) {
   std::vector<double> focals, widths;
   for (const Camera& camera : rig.cameras) {
     focals.push_back(camera.lens.fx());
@@ -73,17 +120,42 @@ FocusArray::FocusArray(const Rig& rig) : from_(array_plane(rig)), rig_(&rig) {
   const double spacing = spacing_of(rig);
   if (!(spacing > 0)) return;
   spacing_ = spacing;
+  // Cells of a grid are alike. Triangles between cameras that stand anywhere reach farther than to the nearest camera.
+  edge_ = spacing;
+  if (rig.topology.type != Topology::Type::kGrid)
+    edge_ = std::max(edge_, edge_of(rig, mesh ? *mesh : mesh_.get(rig, {})));
   focal_ = median(std::move(focals));
-  disparity_ = spacing * focal_;
+  disparity_ = edge_ * focal_;
   nearest_ = median(std::move(widths)) / 4 / spacing;
 }
 
+double FocusArray::width_of(const View& view) const {
+  if (view.blending.kind != Blending::Kind::kAngle || !rig_) return edge_;
+  std::vector<double> beside;
+  for (const Camera& camera : rig_->cameras) {
+    const Vec3 apart = camera.pose.position - view.pose.position;
+    beside.push_back(glm::length(apart - glm::dot(apart, from_.normal) * from_.normal));
+  }
+  const auto last =
+      beside.begin() +
+      std::min<ptrdiff_t>(std::min(view.blending.nearest, kTrialCameras), static_cast<ptrdiff_t>(beside.size())) - 1;
+  std::ranges::nth_element(beside, last);
+  return std::max(edge_, 2 * *last);
+}
+
 std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_of_service) const {
+  constexpr double kThreeEqual = 2. / 3;
+  const double scale = 1 / std::sqrt(kThreeEqual);
   const FocalMap& map = *view.focus.map;
-  const size_t nodes = static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows);
-  if (!rig_) return std::vector<float>(nodes, 1);
-  // A pixel for every kApart-th node, where that stands.
+  if (!rig_) return std::vector<float>(map.levels.size(), 1);
+  const Mesh& mesh = given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service);
   View sparse = trial_view(view);
+  if (!sparse.blending.is_mesh()) {
+    const ViewPlan plan(*rig_, mesh, sparse);
+    if (!plan.blend()) return std::vector<float>(map.levels.size(), 0);  // nothing is in focus
+    return SparseEvidence{BlendGrid::kStep, plan.blend()->columns(), sparse_evidence(*plan.blend(), scale)}.spread(map);
+  }
+  // A pixel for every kApart-th node, where that stands.
   sparse.width = (map.columns - 1) / kApart + 2;
   sparse.height = (map.rows - 1) / kApart + 2;
   std::array<double, Lens::kMaxParams> params = sparse.lens.params();
@@ -94,23 +166,8 @@ std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_o
   sparse.focus.plane = focal_plane_at(view.pose, 1);
   std::vector<CameraIndex> all(rig_->cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  const RenderJob job(*rig_, given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service), sparse, all);
-  constexpr double kThreeEqual = 2. / 3;
-  const std::vector<float> known = sparse_evidence(job, 1 / std::sqrt(kThreeEqual));
-
-  std::vector<float> evidence(nodes);
-  std::vector<float> row(static_cast<size_t>(sparse.width));
-  for (int j = 0; j < map.rows; j++) {
-    const float* const upper = &known[static_cast<size_t>(j / kApart) * sparse.width];
-    const float down = static_cast<float>(j % kApart) / kApart;
-    for (int i = 0; i < sparse.width; i++) row[i] = upper[i] + down * (upper[i + sparse.width] - upper[i]);
-    float* const out = &evidence[static_cast<size_t>(j) * map.columns];
-    for (int i = 0; i < map.columns; i++) {
-      const float* const at = &row[static_cast<size_t>(i / kApart)];
-      out[i] = at[0] + static_cast<float>(i % kApart) / kApart * (at[1] - at[0]);
-    }
-  }
-  return evidence;
+  const RenderJob job(*rig_, mesh, sparse, all);
+  return SparseEvidence{kApart, sparse.width, sparse_evidence(job, scale)}.spread(map);
 }
 
 }  // namespace lf

@@ -132,7 +132,12 @@ View trial_view(const View& view) {
   auto per_pixel = std::make_shared<FocalMap>(map);
   per_pixel->step = 1;
   trial.focus.map = std::move(per_pixel);
-  trial.blending = {};  // more cameras tell depths apart no better
+  // More cameras than kTrialCameras tell depths apart no better. Outside the hull of the cameras only the nearest ones
+  // by angle have weights, so trials have to use the same ones.
+  if (trial.blending.kind == Blending::Kind::kAngle)
+    trial.blending.nearest = std::min(trial.blending.nearest, kTrialCameras);
+  else
+    trial.blending = {};
   return trial;
 }
 

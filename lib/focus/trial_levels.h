@@ -36,7 +36,9 @@ struct LevelRange {
 inline constexpr int kSweepPlanes = 12, kOutsideEvery = 4;
 std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene = {});
 
-// The view that trials are rendered in: a pixel for each node of the map, which lies in its middle.
+// The view that trials are rendered in: one pixel for each node of the map, which lies in the middle of the pixel. The
+// view is blended by the mesh, or by the kTrialCameras nearest cameras where the picture is blended by angle.
+inline constexpr int kTrialCameras = 4;
 View trial_view(const View& view);
 
 }  // namespace lf

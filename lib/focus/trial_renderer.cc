@@ -73,7 +73,19 @@ Rect trial_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_ca
 
 namespace {
 
-// Weights of the nodes of a run of row y.
+// The camera's weights at the nodes of a run of row y, in a view that is not blended by the mesh.
+void weigh_by_grid(const BlendGrid& grid, CameraIndex camera, const OwnerRun& run, int y, float* weights) {
+  constexpr int kStep = BlendGrid::kStep;
+  constexpr float kUnit = 1.f / BlendGrid::kOne;
+  for (int x = run.x0; x < run.x1;) {
+    BlendGrid::Cell cell;
+    const bool any = grid.find(camera, x / kStep, y / kStep, cell);
+    for (const int end = std::min((x / kStep + 1) * kStep, run.x1); x < end; x++)
+      weights[x - run.x0] = any ? kUnit * static_cast<float>(cell.weight(x % kStep, y % kStep)) : 0;
+  }
+}
+
+// The weights of a corner at the nodes of a run of row y, in a view that is blended by the mesh.
 void weigh(const ViewPlan& plan, const OwnerRun& run, int y, int corner, float* weights) {
   const FacePlan& face = plan.faces()[run.face];
   if (!plan.rays().separable()) {
@@ -100,7 +112,7 @@ TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& 
   const auto most = static_cast<size_t>(region.width()) * region.height() + kTrialSpare;
   for (UninitializedVector<float>* values : {&u, &v, &weight}) values->reserve(most);
   rows.reserve(static_cast<size_t>(region.height()));
-  for (int y = region.y0; y < region.y1; y++) add(job, corners, region, y);
+  for (int y = region.y0; y < region.y1; y++) add(job, index, corners, region, y);
   const size_t count = u.size();
   for (UninitializedVector<float>* values : {&u, &v, &weight}) {
     values->resize(count + kTrialSpare);
@@ -108,18 +120,27 @@ TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& 
   }
 }
 
-void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y) {
+void TrialCamera::add(const RenderJob& job, CameraIndex camera, const CameraCorners& corners, const Rect& region,
+                      int y) {
   const ViewPlan& plan = job.plan();
   const size_t first = u.size();
   TrialRow row{y, 0, -1, static_cast<int>(first)};
-  for (const OwnerRun& run : job.runs().row(y, region.x0, region.x1)) {
+  for (OwnerRun run : job.runs().row(y, region.x0, region.x1)) {
     const int corner = corners.of_face(run.face);
     if (corner < 0) continue;
+    if (plan.blend()) {  // the only face is the whole view
+      run.x0 = std::max(run.x0, region.x0);
+      run.x1 = std::min(run.x1, region.x1);
+      if (run.x0 >= run.x1) continue;
+    }
     if (row.x1 < 0) row.x0 = row.x1 = run.x0;
     weight.resize(first + run.x1 - row.x0 + kTrialSpare);
     float* const weights = &weight[first];  // of the row's first node
     std::fill(weights + row.x1 - row.x0, weights + run.x0 - row.x0, 0.f);
-    weigh(plan, run, y, corner, weights + run.x0 - row.x0);
+    if (plan.blend())
+      weigh_by_grid(*plan.blend(), camera, run, y, weights + run.x0 - row.x0);
+    else
+      weigh(plan, run, y, corner, weights + run.x0 - row.x0);
     row.x1 = run.x1;
   }
   if (row.x1 < 0) return;
@@ -215,7 +236,8 @@ Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::
     seeing.push_back(source);
   }
   Drawing drawing;
-  if (card && card->computes() && !seeing.empty() && !trials.empty()) {
+  // GPUs draw trials of views that are blended by the mesh alone.
+  if (card && card->computes() && !job.plan().blend() && !seeing.empty() && !trials.empty()) {
     drawing.drawn = draw(*card, job, seeing, trials, sums, parallel, drawing.why_not);
     drawing.refused = !drawing.drawn;
     if (drawing.drawn) return drawing;
@@ -225,8 +247,7 @@ Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::
     FetchedMemory memory;
     Source& source = seeing[i];
     if (source.image.on_card.image)
-      source.image =
-          fetched(source.image, trial_pixels(job.plan(), source.camera, *source.rig_camera, trials), memory);
+      source.image = fetched(source.image, trial_pixels(job.plan(), source.camera, *source.rig_camera, trials), memory);
     if (source.image.family != PixelFamily::kNone) cameras[i] = std::make_unique<Seen>(job, source, trials);
   });
   std::erase(cameras, nullptr);

@@ -48,7 +48,7 @@ struct TrialCamera {
   ByteBuffer levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const;
 
  private:
-  void add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y);
+  void add(const RenderJob& job, CameraIndex camera, const CameraCorners& corners, const Rect& region, int y);
 };
 
 // Adds what the sources contribute to trials[i], levels of a trial of the view's map, to sums[i], of the map's size.

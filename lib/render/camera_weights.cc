@@ -31,6 +31,16 @@ void BlendGrid::add_point(std::span<const Share> shares) {
   first_.push_back(entries_.size());
 }
 
+double BlendGrid::sum_of_squares(int i, int j) const {
+  const size_t point = static_cast<size_t>(j) * columns_ + i;
+  double sum = 0;
+  for (size_t k = first_[point]; k < first_[point + 1]; k++) {
+    const double weight = static_cast<double>(entries_[k].with - entries_[k].before) / kOne;
+    sum += weight * weight;
+  }
+  return sum;
+}
+
 // Of a camera without a weight at the point: what those before it sum to.
 BlendGrid::Entry BlendGrid::lookup(size_t point, CameraIndex camera) const {
   const auto begin = entries_.begin() + static_cast<ptrdiff_t>(first_[point]),

@@ -64,6 +64,8 @@ class BlendGrid {
     Cell cell;
     return find(camera, x / kStep, y / kStep, cell) ? cell.weight(x % kStep, y % kStep) : 0;
   }
+  // The sum of the squared weights at point (i, j), 0 to 1.
+  double sum_of_squares(int i, int j) const;
   // Bounds the pixels in which the camera may have a weight; empty if there are none.
   Rect camera_rect(CameraIndex camera) const { return rects_[camera]; }
 

@@ -146,6 +146,50 @@ TEST(FocusArray, TheMedianOfCamerasCounts) {
   EXPECT_NEAR(FocusArray(rig).nearest(), 160 / focal / 4 / pitch, 1e-9);
 }
 
+// Triangles between cameras that stand anywhere reach farther than to the nearest camera.
+TEST(FocusArray, CamerasThatStandAnywhereDifferByTheEdgesOfTheirTriangles) {
+  Rig rig = scene_rig(4, 4, 160, 120);
+  const double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
+  for (size_t i = 1; i < rig.cameras.size(); i += 2) rig.cameras[i].pose.position.x -= 0.8 * pitch;  // pairs
+  const double spacing = FocusArray(rig).spacing(), focal = rig.cameras[0].lens.fx();
+  EXPECT_NEAR(spacing, 0.2 * pitch, 1e-9);
+  EXPECT_DOUBLE_EQ(FocusArray(rig).edge(), spacing) << "cells of a grid are alike";
+  rig.topology = {Topology::Type::kDelaunay, 0, 0, {}};
+  const FocusArray array(rig);
+  EXPECT_DOUBLE_EQ(array.spacing(), spacing);
+  EXPECT_GT(array.edge(), 0.9 * pitch);
+  EXPECT_LT(array.edge(), 2 * pitch);
+  EXPECT_DOUBLE_EQ(array.disparity(), array.edge() * focal);
+  const Mesh mesh = build_mesh(rig);
+  EXPECT_DOUBLE_EQ(FocusArray(rig, mesh).edge(), array.edge());
+}
+
+TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
+  const Array a;
+  View view = a.view_from({1, 0, 0});  // no triangle is there
+  view.blending = {Blending::Kind::kAngle, 0, 4};
+  for (const float told : a.array.evidence(view, {})) EXPECT_GT(told, 0.3);
+  const Vec3 camera = a.rig.cameras[kSide + 1].pose.position;
+  view = a.view_from(camera);
+  view.blending = {Blending::Kind::kAngle, 0, 4};
+  const std::vector<float> at_camera = a.array.evidence(view, {});
+  EXPECT_NEAR(at_camera[at_camera.size() / 2], 0, 0.05);
+  for (const float told : a.array.evidence(view, {kSide + 1})) EXPECT_GT(told, 0.5);
+}
+
+// The farther an eye is from its cameras, the farther the parts of a blurred picture are apart.
+TEST(FocusArray, CamerasOfAnEyeOutsideOfTheArrayAreFarApart) {
+  const Array a;
+  View view = a.view_from({a.pitch / 2, a.pitch / 2, -0.3});
+  EXPECT_DOUBLE_EQ(a.array.width_of(view), a.pitch);
+  view.blending = {Blending::Kind::kAngle, 0, 4};
+  EXPECT_NEAR(a.array.width_of(view), 2 * std::sqrt(0.5) * a.pitch, 0.8 * a.pitch);
+  const double inside = a.array.width_of(view);
+  view.pose.position.x += 5 * a.pitch;
+  EXPECT_GT(a.array.width_of(view), inside + 4 * a.pitch);
+  EXPECT_EQ(FocusArray(Plane{{0, 0, 1}, 0.5}).width_of(view), 0);
+}
+
 TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {
   Rig rig = scene_rig(1, 2, 160, 120);
   rig.cameras[1].pose.position = rig.cameras[0].pose.position;

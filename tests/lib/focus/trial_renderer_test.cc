@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/trial_renderer.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -123,6 +124,39 @@ TEST(TrialRenderer, CamerasAgreeWhereTheSurfaceIs) {
   EXPECT_GT(mean_deviation(1, false), 4);
   EXPECT_GT(mean_deviation(0, true), 4);
   EXPECT_GT(mean_deviation(2, true), 2.5);
+}
+
+// Blended by angle: all of the weight is there outside of the hull, too, and cameras can be added up in any groups.
+TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
+  const ArrayOfWalls walls;
+  View view = walls.view(170);
+  const Vec3& corner = walls.rig.cameras.back().pose.position;
+  view.pose.position = corner + 0.5 * (corner - walls.rig.cameras[4].pose.position);
+  const std::vector<Trial> trials{{kPlane, 60}, {kPlane, 170}};
+  for (const uint16_t weight : walls.moments(view, trials, walls.own)[0].weight) ASSERT_EQ(weight, 0);
+  view.blending = {Blending::Kind::kAngle, 0, 9};
+  ASSERT_EQ(trial_view(view).blending.nearest, kTrialCameras) << "more cameras tell no more";
+  const std::vector<Moments> all = walls.moments(view, trials, walls.own);
+  for (size_t t = 0; t < trials.size(); t++) {
+    EXPECT_GT(std::ranges::count(all[t].weight, Moments::kWeightOne), all[t].weight.size() / 2) << t;
+    EXPECT_LE(std::ranges::max(all[t].weight), Moments::kWeightOne) << t;
+  }
+  const RenderJob job(walls.rig, walls.mesh, trial_view(view), walls.own);
+  for (const CameraIndex camera : job.cameras()) {
+    const TrialCamera at(job, camera, walls.rig.cameras[camera]);
+    for (const TrialRow& row : at.rows)
+      for (int x = row.x0; x < row.x1; x++)
+        ASSERT_EQ(at.weight[static_cast<size_t>(row.first + x - row.x0)] * Moments::kWeightOne,
+                  job.plan().blend()->weight(camera, x, row.y));
+  }
+  std::vector<Moments> parts = walls.moments(view, trials, {0, 1, 2, 3, 4});
+  const std::vector<Moments> others = walls.moments(view, trials, {5, 6, 7, 8});
+  for (size_t t = 0; t < trials.size(); t++) {
+    parts[t].add(others[t]);
+    EXPECT_EQ(parts[t].weight, all[t].weight);
+    EXPECT_EQ(parts[t].luma, all[t].luma);
+    EXPECT_EQ(parts[t].square, all[t].square);
+  }
 }
 
 // Against the rule in double precision, camera by camera.
