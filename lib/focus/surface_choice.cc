@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "base/rect.h"
 #include "focus/moments.h"
 
 namespace lf {
@@ -14,13 +15,50 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
+// Which trials are compared by their means, and the largest of their costs at each node: infinity at nodes that one of
+// them does not see.
+struct Compared {
+  std::vector<bool> trial;
+  std::vector<float> most;
+};
+
+// Means can be compared over the same nodes only. A trial that does not see most of the surface's nodes, such as a near
+// plane where cameras are far apart, would leave too few of them. Trials are admitted in descending order of the nodes
+// that they share with the surface, as long as kCompared of the surface's nodes are left.
+Compared compared_trials(const std::vector<std::vector<float>>& costs) {
+  constexpr double kCompared = 0.5;
+  const auto num_seen = [](const std::vector<float>& most) {
+    return std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
+  };
+  const auto raise_to = [](const std::vector<float>& cost, std::vector<float>& most) {
+    for (size_t i = 0; i < most.size(); i++) most[i] = std::max(most[i], cost[i]);
+  };
+  Compared compared{std::vector<bool>(costs.size(), true), costs[0]};
+  const auto least = kCompared * static_cast<double>(num_seen(costs[0]));
+  for (const std::vector<float>& cost : costs) raise_to(cost, compared.most);
+  if (static_cast<double>(num_seen(compared.most)) >= least) return compared;  // nearly always
+  std::vector<std::pair<ptrdiff_t, size_t>> order;
+  std::vector<float> most;
+  const auto shared_by = [&](const std::vector<float>& before, size_t t) {
+    most = before;
+    raise_to(costs[t], most);
+    return num_seen(most);
+  };
+  for (size_t t = 1; t < costs.size(); t++) order.emplace_back(-shared_by(costs[0], t), t);
+  std::ranges::sort(order);
+  compared.most = costs[0];
+  for (const auto& [shared, t] : order) {
+    compared.trial[t] = static_cast<double>(shared_by(compared.most, t)) >= least;
+    if (compared.trial[t]) compared.most = most;
+  }
+  return compared;
+}
+
 // In the order of the nodes, the same on every machine; four trials at a time, whose additions do not wait for each
 // other.
 void add_means(const std::vector<std::vector<float>>& costs, SurfaceChoice& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
-  std::vector<float> most = costs[0];
-  for (const std::vector<float>& cost : costs)
-    for (size_t i = 0; i < nodes; i++) most[i] = std::max(most[i], cost[i]);
+  const auto [is_compared, most] = compared_trials(costs);
   const auto seen = std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
   choice.cost.assign(costs.size(), NAN);
   choice.energy.assign(costs.size(), NAN);
@@ -39,6 +77,7 @@ void add_means(const std::vector<std::vector<float>>& costs, SurfaceChoice& choi
       }
     }
     for (size_t k = 0; k < 4 && t + k <= last; k++) {
+      if (!is_compared[t + k]) continue;
       choice.cost[t + k] = sum[k] / count;
       choice.energy[t + k] = square[k] / count;
     }
@@ -201,12 +240,79 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   return choice;
 }
 
+namespace {
+
+// Sums over rectangles of a map's nodes, from sums over all nodes above and to the left.
+class NodeCounts {
+ public:
+  NodeCounts(const FocalMap& map, const auto& counts)
+      : stride_(map.columns + 1), sums_(static_cast<size_t>(stride_) * (static_cast<size_t>(map.rows) + 1)) {
+    for (int y = 0; y < map.rows; y++) {
+      uint32_t row = 0;
+      for (int x = 0; x < map.columns; x++) {
+        row += counts(static_cast<size_t>(y) * map.columns + x);
+        sums_[at(x + 1, y + 1)] = sums_[at(x + 1, y)] + row;
+      }
+    }
+  }
+  uint32_t within(const Rect& nodes) const {
+    return sums_[at(nodes.x1, nodes.y1)] - sums_[at(nodes.x0, nodes.y1)] - sums_[at(nodes.x1, nodes.y0)] +
+           sums_[at(nodes.x0, nodes.y0)];
+  }
+
+ private:
+  size_t at(int x, int y) const { return static_cast<size_t>(y) * stride_ + x; }
+  int stride_;
+  std::vector<uint32_t> sums_;
+};
+
+}  // namespace
+
+// Takes the vote from nodes that chance may have put near. What is near is seen by the cameras of several triangles:
+// they agree on it all over a window as wide as a cell of the array is at that depth.
+std::vector<uint8_t> DepthVotes::consistent(const FocalMap& map, const std::vector<uint8_t>& informed) const {
+  constexpr double kLeastSide = 2;    // nodes: a smaller window has no neighbours
+  constexpr double kSameDepth = 1.2;  // ratio of inverse distances
+  constexpr uint32_t kAgreeing = 8;   // one of so many votes in the window has to be for the same depth
+  constexpr int kNoWindow = -10;      // a bin that is beside no other
+  std::array<int, 256> bin;           // of each level
+  for (int level = 0; level < 256; level++) {
+    const double side = smallest_ * map.inverse_of(level);
+    bin[level] = side < kLeastSide ? kNoWindow : static_cast<int>(std::log(side) / std::log(kSameDepth));
+  }
+  std::array<bool, 256> is_voted{};
+  for (size_t i = 0; i < informed.size(); i++) is_voted[map.levels[i]] |= informed[i] != 0;
+  std::vector<uint8_t> votes(informed);
+  std::optional<NodeCounts> all;
+  for (int level = 0; level < 256;) {
+    const int here = bin[level];
+    bool any = false;
+    for (; level < 256 && bin[level] == here; level++) any |= is_voted[level];
+    if (here == kNoWindow || !any) continue;
+    const auto is_same = [&](size_t node) { return informed[node] && std::abs(bin[map.levels[node]] - here) <= 1; };
+    const NodeCounts same(map, is_same);
+    if (!all) all.emplace(map, [&](size_t node) { return informed[node]; });
+    for (int y = 0; y < map.rows; y++)
+      for (int x = 0; x < map.columns; x++) {
+        const size_t node = static_cast<size_t>(y) * map.columns + x;
+        if (!informed[node] || bin[map.levels[node]] != here) continue;
+        const int half = static_cast<int>(smallest_ * map.inverse_of(map.levels[node]) / 2);
+        const Rect window = intersect({x - half, y - half, x + half + 1, y + half + 1}, {0, 0, map.columns, map.rows});
+        if (kAgreeing * same.within(window) < all->within(window)) votes[node] = 0;
+      }
+  }
+  return votes;
+}
+
 void DepthVotes::add(const FocalMap& map, const SurfaceChoice& choice) {
+  // Planes from all over are tried in searches and sweeps alone.
+  const std::vector<uint8_t> votes = choice.cost.size() >= kSweep ? consistent(map, choice.informed) : choice.informed;
   std::array<double, 256> at_level{};
-  for (size_t i = 0; i < map.levels.size(); i++) at_level[map.levels[i]] += choice.informed[i];
-  for (double& votes : votes_) votes *= kFading;
-  of_map_ = static_cast<double>(map.levels.size());
-  nodes_ = kFading * nodes_ + of_map_;
+  for (size_t i = 0; i < map.levels.size(); i++) at_level[map.levels[i]] += votes[i];
+  for (double& before : votes_) before *= kFading;
+  const auto seen = std::ranges::count_if(choice.least, [](float least) { return least < kInfinity; });
+  rounds_ = kFading * rounds_ + 1;
+  seen_ = kFading * seen_ + static_cast<double>(seen);
   for (size_t level = 0; level < at_level.size(); level++) {
     const double bin = map.inverse_of(static_cast<double>(level)) / nearest_ * kBins;
     votes_[static_cast<size_t>(std::clamp(bin, 0., kBins - 1.))] += at_level[level];
@@ -215,10 +321,10 @@ void DepthVotes::add(const FocalMap& map, const SurfaceChoice& choice) {
 
 std::optional<DepthRange> DepthVotes::range() const {
   const double all = std::accumulate(votes_.begin(), votes_.end(), 0.), few = kOutliers * all;
-  if (!(all > kFewVotes * nodes_)) return std::nullopt;
+  if (!(all > kFewVotes * seen_)) return std::nullopt;
   const auto too_few = [&](int bin) {
     const double side = smallest_ * bin * nearest_ / kBins;
-    return std::max(few, side * side * nodes_ / of_map_);
+    return std::max(few, side * side * rounds_);
   };
   int first = 0, last = kBins - 1;
   for (double before = votes_[0]; before <= few && first < kBins - 1;) before += votes_[static_cast<size_t>(++first)];

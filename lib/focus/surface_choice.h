@@ -24,7 +24,8 @@ struct SurfaceChoice {
   std::vector<float> least;       // deviation through the chosen trial; infinity: not seen
   std::vector<float> lead;        // for each node the lead of the smoothed surface
   std::vector<uint8_t> informed;  // whether trials differ by so much that a node's choice tells where things are
-  // For each trial the mean deviation over the nodes that all of them see; NaN: there are none.
+  // For each trial the mean deviation over the nodes that all compared trials see. NaN: the trial sees too few of the
+  // surface's nodes to be compared, or there are no such nodes.
   std::vector<double> cost;
   std::vector<double> energy;  // for each trial the mean squared deviation over these nodes, as in a picture's error
   double least_energy = 0;     // mean squared deviation of the choice, over the same nodes
@@ -76,22 +77,25 @@ class DepthVotes {
   // Depths up to `nearest`, 1/m, are told apart. `smallest`: nodes along a side of the smallest thing that is believed
   // to be 1 m away; what is nearer is seen larger.
   explicit DepthVotes(double nearest = 0, double smallest = 0) : nearest_(nearest), smallest_(smallest) {}
-  // `map`: the choice. Earlier rounds fade.
+  // `map`: the choice. Earlier rounds fade. In a search or a sweep a vote for something near counts only where the
+  // votes around it agree.
   void add(const FocalMap& map, const SurfaceChoice& choice);
   void clear() { votes_.fill(0); }
   // The depths of all but kOutliers of the votes to each side, and without votes for something near that is too small:
   // where a plain thing stands before a plain wall, the cameras agree best beside its edges on a depth so near that
-  // none of them sees it. Nothing while fewer than kFewVotes of the latest nodes could tell.
+  // none of them sees it. Nothing while fewer than kFewVotes of the nodes that the cameras see could tell.
   std::optional<DepthRange> range() const;
 
   static constexpr double kOutliers = 0.04, kFewVotes = 0.01, kFading = 0.8;
 
  private:
+  std::vector<uint8_t> consistent(const FocalMap& map, const std::vector<uint8_t>& informed) const;
+
   static constexpr int kBins = 1024;
   double nearest_, smallest_;
   std::array<double, kBins> votes_{};
-  double nodes_ = 0;   // nodes that could have voted
-  double of_map_ = 1;  // nodes of the latest round
+  double seen_ = 0;    // votes if every node that the cameras see had voted
+  double rounds_ = 0;  // votes of a single node that voted in every round
 };
 
 }  // namespace lf

@@ -3,6 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
 namespace lf {
 namespace {
 
@@ -24,6 +30,8 @@ struct Votes {
     map.levels.assign(kNodes, 255);  // where chance put those that cannot tell
     SurfaceChoice choice;
     choice.informed.assign(kNodes, 0);
+    choice.least.assign(kNodes, std::numeric_limits<float>::infinity());
+    std::fill_n(choice.least.begin(), seen, 1.f);
     size_t node = 0;
     for (const At& at : told)
       for (int k = 0; k < at.nodes; k++, node++) {
@@ -42,6 +50,7 @@ struct Votes {
     EXPECT_LT(range->farthest, range->nearest);
   }
   DepthVotes votes{kNearest};
+  int seen = kNodes;  // nodes that the cameras see
 };
 
 TEST(DepthVotes, WithoutVotesNothingIsKnown) {
@@ -55,6 +64,61 @@ TEST(DepthVotes, WithoutVotesNothingIsKnown) {
   v.expect(2, 2);
   v.votes.clear();
   EXPECT_FALSE(v.votes.range().has_value());
+}
+
+// Most of a view may lie outside of what the cameras cover.
+TEST(DepthVotes, AreCountedOfTheNodesThatTheCamerasSee) {
+  Votes v;
+  v.seen = 150;
+  v.add({{2, 1}});
+  EXPECT_FALSE(v.votes.range().has_value()) << "one of 150";
+  v.add({{2, 5}});
+  v.expect(2, 2);
+}
+
+// A map in a search, and nodes that vote.
+struct Search {
+  static constexpr int kColumns = 60, kRows = 40;
+  Search() {
+    map.columns = kColumns;
+    map.rows = kRows;
+    map.farthest = 0;
+    map.nearest = kNearest;
+    map.levels.assign(kColumns * kRows, map.level_of(1));
+    choice.informed.assign(kColumns * kRows, 0);
+    choice.least.assign(kColumns * kRows, 1.f);
+    choice.cost.assign(kSweep, 1);
+    for (size_t i = 0; i < choice.informed.size(); i += 2) choice.informed[i] = 1;
+  }
+  void put(int x, int y, double inverse) {
+    const size_t node = static_cast<size_t>(y) * kColumns + x;
+    choice.informed[node] = 1;
+    map.levels[node] = map.level_of(inverse);
+  }
+  std::optional<DepthRange> range() const {
+    constexpr double kSmallest = 3;  // nodes at 1 m
+    DepthVotes votes(kNearest, kSmallest);
+    votes.add(map, choice);
+    return votes.range();
+  }
+  FocalMap map;
+  SurfaceChoice choice;
+};
+
+// Chance puts single nodes at any depth. A thing is as large as a cell of the array, and is at one depth.
+TEST(DepthVotes, NearOnesAllOverTheMapAreChance) {
+  Search chance;
+  int at = 0;
+  for (int y = 1; y < Search::kRows; y += 3)
+    for (int x = 1; x < Search::kColumns; x += 4) chance.put(x, y, 2.5 * std::pow(1.15, at++ * 7 % 10));
+  EXPECT_GT(at, 0.1 * Search::kColumns * Search::kRows / 2) << "more than outliers";
+  ASSERT_TRUE(chance.range());
+  EXPECT_NEAR(chance.range()->nearest, 1, 0.1);
+  Search thing;
+  for (int y = 10; y < 24; y++)
+    for (int x = 20; x < 34; x++) thing.put(x, y, 4);
+  ASSERT_TRUE(thing.range());
+  EXPECT_NEAR(thing.range()->nearest, 4, 0.1);
 }
 
 TEST(DepthVotes, CoverTheScene) {

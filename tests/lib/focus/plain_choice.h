@@ -66,6 +66,28 @@ struct PlainRound {
   float lead(size_t i) const { return static_cast<float>(kLead * residual) * terms.evidence[i] + kNoise; }
 };
 
+// The trials whose means are compared: all of them, if they see half of the first one's nodes together. Otherwise those
+// that share most nodes with the first one come first, and are left out where less than that half would remain.
+inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>& costs) {
+  const auto together = [&](const std::vector<size_t>& trials) {
+    int count = 0;
+    for (size_t i = 0; i < costs[0].size(); i++)
+      count += std::ranges::all_of(trials, [&](size_t t) { return std::isfinite(costs[t][i]); });
+    return count;
+  };
+  std::vector<size_t> all(costs.size());
+  for (size_t t = 0; t < all.size(); t++) all[t] = t;
+  const int half = together({0});
+  if (2 * together(all) >= half) return all;
+  std::stable_sort(all.begin() + 1, all.end(), [&](size_t a, size_t b) { return together({0, a}) > together({0, b}); });
+  std::vector<size_t> compared{0};
+  for (size_t k = 1; k < all.size(); k++) {
+    compared.push_back(all[k]);
+    if (2 * together(compared) < half) compared.pop_back();
+  }
+  return compared;
+}
+
 // Deviations as three equal cameras would have them.
 inline double plain_residual(const PlainRound& round) {
   std::vector<float> normalised;
@@ -170,8 +192,9 @@ inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::
   double seen = 0, in_all = 0;
   choice.cost.assign(trials.size(), 0);
   choice.energy.assign(trials.size(), 0);
+  const std::vector<size_t> compared = plain_compared(costs);
   for (size_t i = 0; i < nodes; i++) {
-    if (std::ranges::all_of(costs, [&](const auto& cost) { return std::isfinite(cost[i]); })) {
+    if (std::ranges::all_of(compared, [&](size_t t) { return std::isfinite(costs[t][i]); })) {
       in_all++;
       for (size_t t = 0; t < trials.size(); t++) {
         choice.cost[t] += costs[t][i];
@@ -186,8 +209,10 @@ inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::
     choice.informed[i] = plain_informed(round, i, choice.least[i]);
   }
   choice.least_energy = in_all > 0 ? choice.least_energy / in_all : NAN;
-  for (double& mean : choice.cost) mean = in_all > 0 ? mean / in_all : NAN;
-  for (double& mean : choice.energy) mean = in_all > 0 ? mean / in_all : NAN;
+  for (size_t t = 0; t < trials.size(); t++) {
+    const bool known = in_all > 0 && std::ranges::find(compared, t) != compared.end();
+    for (double* mean : {&choice.cost[t], &choice.energy[t]}) *mean = known ? *mean / in_all : NAN;
+  }
   choice.gained /= seen;
   choice.changed /= seen;
   return choice;

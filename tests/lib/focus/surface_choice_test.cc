@@ -97,6 +97,31 @@ TEST(SurfaceChoice, KeepsTheLevelWhereNothingIsSeen) {
 
 using Levels = std::vector<uint8_t>;
 
+// A near plane is outside of most images where cameras are far apart. It must not keep the others from being compared.
+TEST(SurfaceChoice, ATrialThatSeesLittleIsNotCompared) {
+  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90),
+                                   Levels(kColumns * kRows, 200), Levels(kColumns * kRows, 250)};
+  std::vector<Moments> moments;
+  for (const double sigma : {10., 4., 20., 1.}) moments.push_back(deviating([&](int, int) { return sigma; }));
+  for (size_t i = 0; i < moments[2].weight.size(); i++) {
+    if (i % kColumns > 2) moments[2].weight[i] = 0;  // sees a quarter of the nodes,
+    moments[3].weight[i] = 0;                        // and this one nothing
+  }
+  const SurfaceChoice choice = choose(flat(50), trials, moments);
+  EXPECT_NEAR(choice.energy[0], 100, 2);
+  EXPECT_NEAR(choice.energy[1], 16, 1);
+  EXPECT_NEAR(choice.cost[1], 4, 0.1);
+  EXPECT_NEAR(choice.least_energy, 16, 1);
+  for (const size_t t : {2, 3}) {
+    EXPECT_TRUE(std::isnan(choice.cost[t])) << t;
+    EXPECT_TRUE(std::isnan(choice.energy[t])) << t;
+  }
+  // A trial that sees most of the nodes is compared over these.
+  for (size_t i = 0; i < moments[2].weight.size(); i++)
+    moments[2].weight[i] = i % kColumns > 8 ? 0 : Moments::kWeightOne;
+  EXPECT_NEAR(choose(flat(50), trials, moments).cost[2], 20, 0.1);
+}
+
 // Moments of dark cameras, whose deviations are far below a level: rounded to some 0.02.
 Moments nearly_agreeing(const auto& deviation) {
   Moments moments;
