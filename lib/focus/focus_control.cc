@@ -26,7 +26,7 @@ int search_radius(const FocalMap& map) {
 // Nodes below which the viewer's plane is shown: a quarter of the picture has too few to tell lost light from chance.
 constexpr size_t kFewestNodes = 150;
 
-// Mean evidence below which the viewer's plane is shown.
+// Mean evidence, over the nodes that have any, below which the viewer's plane is shown.
 constexpr double kEnoughEvidence = 0.15;
 
 // `least_radius`: nodes that deviations are averaged over; more where the view shows the cameras' pixels enlarged, so
@@ -52,8 +52,12 @@ SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> mom
   return choose_surface(map, levels, moments, terms);
 }
 
-double mean_of(const std::vector<float>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.) / static_cast<double>(values.size());
+// Whether the array sees so little of a view that any surface fits. Nodes without evidence are outside of the view's
+// covered part and tell nothing about the others.
+bool sees_little(const std::vector<float>& evidence) {
+  const auto seen = static_cast<size_t>(std::ranges::count_if(evidence, [](float of_node) { return of_node > 0; }));
+  const double all = std::accumulate(evidence.begin(), evidence.end(), 0.);
+  return seen < kFewestNodes || all < kEnoughEvidence * static_cast<double>(seen);
 }
 
 }  // namespace
@@ -141,15 +145,16 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
-// Blur spreads light out of a quarter of the picture as well: the square of how wide the viewer's plane shows what is
-// at the ends of the range, of a quarter's side.
-double FocusControl::moved_by_blur(const View& view) const {
-  if (!(spacing_ > 0)) return 1;   // nobody knows
+// Blur moves light across the border of a quarter of the picture, too. Returns the square of the width of the blur, as
+// a part of the side of a quarter: of what is at the ends of the range, on the viewer's plane, by cameras that are
+// `width` metres apart (0: not known).
+double FocusControl::moved_by_blur(const View& view, double width) {
+  if (!(width > 0)) return 1;
   constexpr double kLeast = 0.05;  // what else moves light: noise, cameras that differ
   const FocalMap& map = *view.focus.map;
   const double plane = std::max(plane_inverse(view, map.from, {0, 0, 1}), 0.);
   const double apart = std::max(map.nearest, plane) - std::min(map.farthest, plane);
-  const double blur = spacing_ * view.lens.fx() * apart;  // pixels
+  const double blur = width * view.lens.fx() * apart;  // pixels
   const double quarter = std::sqrt(static_cast<double>(view.width) * view.height) / 2;
   const double part = std::max(blur / quarter, kLeast);
   return part * part;
@@ -157,7 +162,7 @@ double FocusControl::moved_by_blur(const View& view) const {
 
 // Whether the picture through the surface can be shown: where the cameras agree better than through the viewer's plane.
 void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments,
-                                      const ViewRequest& request) {
+                                      const ViewRequest& request, const FocusArray& array) {
   const std::vector<Trial>& trials = request.trials;
   const auto focused = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
   if (focused == trials.end() || stage_ == Stage::kSearch) return;
@@ -168,7 +173,8 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const bool is_sweep = trials.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
-  const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
+  const double of_lost =
+      std::min(kMovedLight / moved_by_blur(request.view, array.width_of(request.view)), 1 / kSmallestLost);
   doubt(request, choice, moments, plane);
   const bool is_doubtful = disagreement + doubt_ * of_plane > kDoubtful * of_plane;
   const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
@@ -221,7 +227,7 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   state_.deviation = choice.cost[0];
   votes_.add(chosen, choice);
   remember_planes(request, moments);
-  compare_with_plane(choice, moments, request);
+  compare_with_plane(choice, moments, request, array);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;
   judge(choice, request, map);
@@ -281,8 +287,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   plan.trials = next_trials(next);
   if (!plan.trials.empty()) latest_.leaves(plan.trials, request.sequence);
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
-  const bool little =
-      next.levels.size() < kFewestNodes || mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
+  const bool little = sees_little(array.evidence(plan.view, request.out_of_service));
   plan.on_plane = state_.on_plane || state_.flat || little;
   state_.mixed = !little;
   // A plane at infinity has no distance.

@@ -117,8 +117,9 @@ class FocusControl {
   void ask_again(const std::vector<Trial>& lost);
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
-  void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
-  double moved_by_blur(const View& view) const;
+  void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request,
+                          const FocusArray& array);
+  static double moved_by_blur(const View& view, double width);
   void remember_planes(const ViewRequest& request, std::span<const Moments> moments);
   void doubt(const ViewRequest& request, const SurfaceChoice& choice, std::span<const Moments> moments, size_t plane);
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
@@ -143,7 +144,6 @@ class FocusControl {
   bool begun_ = false;
   double most_reach_ = 0;  // largest inverse distance that the array can tell, 1/m
   double reach_ = 0;       // largest inverse distance that is looked for from where the eye is, 1/m
-  double spacing_ = 0;     // metres between neighbouring cameras, 0: not known
   double disparity_ = 0;   // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
   std::deque<std::vector<Trial>> sweeps_;  // trials that the stage has still to send, for one request each

@@ -61,7 +61,6 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
-  spacing_ = array.spacing();
   most_reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
   reach_ = reach_from(request.view, array);
   DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};
@@ -72,7 +71,8 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
   // What is in focus moves by a node's side from one to the next.
-  others_ = OtherDepths(spacing_ > 0 ? map->step / (spacing_ * view.lens.fx()) : range.nearest / kPlanesOfSweep);
+  others_ =
+      OtherDepths(array.edge() > 0 ? map->step / (array.edge() * view.lens.fx()) : range.nearest / kPlanesOfSweep);
   settling_ = kSettling;
   if (is_automatic())
     search(*map);
@@ -125,6 +125,13 @@ void FocusControl::end_search(const View& view, const FocusArray& array, FocalMa
 }
 
 void FocusControl::sweep(const FocalMap& map) {
+  // Among the many planes of a search some that are far outside of the scene fit by chance. Bars, however, can be at
+  // another depth than their false match.
+  constexpr double kNearby = 2;
+  if (stage_ == Stage::kSearch)
+    others_.forget_beyond(map.farthest / kNearby, kNearby * map.nearest);
+  else
+    others_.clear();
   stage_ = Stage::kSweep;
   lost_ = 0;
   LevelRange scene = scene_levels(map);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace lf {
 namespace {
@@ -63,6 +64,14 @@ void OtherDepths::add(const View& view, std::span<const std::vector<uint8_t>> le
   }
 }
 
+void OtherDepths::forget_beyond(double farthest, double nearest) {
+  const auto is_beyond = [&](const Depth& depth) { return !(depth.inverse >= farthest && depth.inverse <= nearest); };
+  for (Node& node : nodes_) {
+    if (is_beyond(node.other)) node.other.cost = kInfinity;
+    if (is_beyond(node.best)) node.best = std::exchange(node.other, {0, kInfinity, 0});
+  }
+}
+
 OtherDepths::Errors OtherDepths::errors(const View& view, std::span<const uint8_t> levels, const Moments& surface,
                                         const Moments& plane) const {
   Errors errors;
@@ -72,9 +81,10 @@ OtherDepths::Errors OtherDepths::errors(const View& view, std::span<const uint8_
   const std::array<Moments, 2> both{surface, plane};
   const std::vector<std::vector<float>> costs = trial_costs(both, 1);
   const auto apart = static_cast<float>(apart_);
-  size_t known = 0;
+  size_t known = 0, seen = 0;
   for (size_t i = 0; i < nodes_.size(); i++) {
     const Node& node = nodes_[i];
+    seen += surface.weight[i] > 0 || plane.weight[i] > 0;
     if (!(costs[0][i] < kInfinity) || surface.weight[i] < kAllWeight || plane.weight[i] < kAllWeight) continue;
     const float through = luma_at(surface, i), on_plane = luma_at(plane, i);
     if (!(std::abs(on_plane - node.on_plane) < kChanged * node.on_plane + kNoise)) continue;
@@ -91,8 +101,8 @@ OtherDepths::Errors OtherDepths::errors(const View& view, std::span<const uint8_
     errors.plane_disagrees += of_plane;
     known++;
   }
-  errors.known = static_cast<double>(known) / static_cast<double>(nodes_.size());
   if (known == 0) return errors;
+  errors.known = static_cast<double>(known) / static_cast<double>(seen);
   for (double* sum : {&errors.surface, &errors.plane, &errors.surface_disagrees, &errors.plane_disagrees})
     *sum /= static_cast<double>(known);
   return errors;

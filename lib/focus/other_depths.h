@@ -30,11 +30,13 @@ class OtherDepths {
            const Sweep& of);
 
   void clear() { nodes_.clear(); }
+  // Forgets the depths outside of these inverse distances, 1/m.
+  void forget_beyond(double farthest, double nearest);
 
   // Mean squared errors, levels of luma squared, of the picture through a surface and of the one through the viewer's
   // plane if the surface is wrong wherever another depth explains as well what the cameras see; and how far cameras
-  // disagree through the two, over the same nodes. `known`: the part of the nodes that this is told from: where all
-  // cameras see both, and the viewer's plane shows what it did when planes were tried.
+  // disagree through the two, over the same nodes. `known`: the part of the nodes that any camera sees that this is
+  // told from: where all cameras see both, and the viewer's plane shows what it did when planes were tried.
   struct Errors {
     double surface = 0, plane = 0;
     double surface_disagrees = 0, plane_disagrees = 0;

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Real photographs of a kettle, taken by hand from anywhere (../shared/data/kettle): each camera is left out in turn and
-// compared with what the others make of its place. A focal surface may be worse nowhere than the plane.
+// Real photographs taken by hand, with a focal surface at the defaults. A surface may be worse nowhere than the plane.
+// ../shared/data/kettle: each camera is left out in turn and compared with what the others make of its place.
+// ../shared/data/fern: views with a photograph of their own, two of them outside of the hull of the cameras.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "base/json_value.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -19,6 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const fs::path kKettle = fs::path(LF_SOURCE_ROOT) / "../shared/data/kettle";
+const fs::path kFern = fs::path(LF_SOURCE_ROOT) / "../shared/data/fern";
 constexpr double kLeastCompared = 5;  // percent of a picture that must be covered for its figure to count
 constexpr double kSlack = 0.1;        // dB
 
@@ -39,10 +45,11 @@ std::optional<double> left_out(const TempDir& dir, uint32_t id, const char* focu
 TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
   if (!fs::exists(kKettle)) GTEST_SKIP() << "needs ../shared/data/kettle";
   const TempDir dir;
-  ASSERT_EQ(run_program("lf-rig",
-                        "import colmap --undistorted '" + fs::canonical(kKettle).string() + "' --out rig.json", dir.path())
-                .status,
-            0);
+  ASSERT_EQ(
+      run_program("lf-rig", "import colmap --undistorted '" + fs::canonical(kKettle).string() + "' --out rig.json",
+                  dir.path())
+          .status,
+      0);
   double sum = 0, worst = 100, best = -100;
   size_t compared = 0, better = 0;
   for (const Camera& camera : load_rig(dir / "rig.json").cameras) {
@@ -57,6 +64,35 @@ TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
               sum / static_cast<double>(compared), worst, best);
   EXPECT_GE(compared, 20u);
   EXPECT_GE(better, compared / 3);
+}
+
+// PSNR in dB of the views of the fern that the cameras cover, by name.
+std::map<std::string, double> fern(const TempDir& dir, const std::string& options) {
+  const std::string data = "'" + fs::canonical(kFern).string();
+  const Outcome outcome = run_program("lf-render",
+                                      "--rig " + data + "/rig.json' --views " + data + "/views.json' --truth " + data +
+                                          "/truth' --out out --json table.json " + options,
+                                      dir.path());
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  std::map<std::string, double> found;
+  for (const nlohmann::json& view : nlohmann::json::parse(read_text_file(dir / "table.json"))["views"])
+    if (100 * view["coverage"].get<double>() >= kLeastCompared) found[view["name"]] = view["psnr_db"];
+  return found;
+}
+
+TEST(HandHeld, TheSurfaceOfAFernIsFoundAtTheDefaults) {
+  if (!fs::exists(kFern)) GTEST_SKIP() << "needs ../shared/data/fern";
+  const TempDir dir;
+  const std::map<std::string, double> found = fern(dir, "");
+  ASSERT_TRUE(found.contains("v08"));
+  EXPECT_GE(found.at("v08"), 20.5) << "18.6 dB on the plane";
+  // Outside of the hull only the nearest cameras make a picture.
+  const std::map<std::string, double> plane = fern(dir, "--nearest-cameras 4 --focus plane"),
+                                      surface = fern(dir, "--nearest-cameras 4");
+  for (const char* view : {"v00", "v08", "v16"}) {
+    ASSERT_TRUE(plane.contains(view) && surface.contains(view)) << view;
+    EXPECT_GT(surface.at(view), plane.at(view) + 1) << view;
+  }
 }
 
 }  // namespace

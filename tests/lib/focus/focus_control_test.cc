@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <deque>
 #include <limits>
 #include <string>
@@ -343,6 +345,95 @@ TEST(FocusControl, WithTheEyeAtACameraThePlaneIsShown) {
       EXPECT_TRUE(loop.shows_surface());
       EXPECT_GT(loop.right(), 0.97);
     }
+}
+
+// Moments of a scene at two depths and, at most nodes, of another depth far outside of the scene that fits as well.
+struct MisleadingScene {
+  static constexpr double kLeft = 1 / 3., kRight = 1 / 1.5;  // 1/m
+  double misleading, disparity;
+
+  Moments moments(const View& view, const Trial& trial) const {
+    const FocalMap& map = *view.focus.map;
+    const std::vector<uint8_t> levels = trial_levels(view, trial);
+    Moments out;
+    out.reset(map.columns, map.rows);
+    for (size_t i = 0; i < levels.size(); i++) {
+      const int x = static_cast<int>(i) % map.columns, y = static_cast<int>(i) / map.columns;
+      const double inverse = map.inverse_of(levels[i]), truth = 2 * x < map.columns ? kLeft : kRight;
+      const double off = disparity * std::abs(inverse - truth), elsewhere = disparity * std::abs(inverse - misleading);
+      const int bright = (x + y) % 2 == 0 ? 120 : 80;
+      double luma = 100, deviation = std::min(30., 2 + off);
+      if (off < 10) luma = bright;
+      if (elsewhere < 3 && y % 10 < 7) {
+        luma = 200 - bright;
+        deviation = 2;
+      }
+      out.weight[i] = Moments::kWeightOne;
+      out.luma[i] = static_cast<uint16_t>(std::lround(luma * Moments::kLumaOne));
+      out.square[i] = static_cast<uint16_t>(std::lround(luma * luma + deviation * deviation));
+    }
+    return out;
+  }
+};
+
+// Of the many planes of a search some fit by chance. Once the scene is found they are no reason to doubt it.
+TEST(FocusControl, DepthsOutsideOfTheSceneThatWasFoundAreForgotten) {
+  const ArrayOfWalls walls;
+  const FocusArray array(walls.rig);
+  const MisleadingScene scene{0.8 * array.nearest(), array.disparity()};
+  FocusControl control({.mode = FocusMode::kSurface});
+  ViewRequest request;
+  request.view = walls.view(0);
+  request.view.focus = {.plane = plane_through({0, 0, 20}, {0, 0, -1})};
+  bool tried = false;
+  for (int i = 0; i < 20; i++) {
+    std::vector<Moments> moments;
+    for (const Trial& trial : request.trials) {
+      moments.push_back(scene.moments(request.view, trial));
+      if (trial.kind != Trial::Kind::kPlane) continue;
+      tried =
+          tried || std::abs(request.view.focus.map->inverse_of(trial.value) - scene.misleading) < 3 / scene.disparity;
+    }
+    request.sequence++;
+    const FocusControl::Plan plan = control.next(request, moments, array);
+    request.view = plan.view;
+    request.trials = plan.trials;
+  }
+  EXPECT_TRUE(tried) << "the search has seen the other depth";
+  EXPECT_NEAR(1 / control.state().near, 1.5 * MisleadingScene::kRight, 0.5);
+  EXPECT_FALSE(control.state().on_plane);
+}
+
+// Where the cameras cover only a part of the view, the rest tells nothing about that part.
+TEST(FocusControl, APartOfAViewIsFocusedAsWell) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  View& view = loop.viewers;
+  view.width *= 3;
+  view.height *= 3;
+  view.lens = Lens::from_fov_y(70, view.width, view.height);
+  view.pose.position = {0.013, -0.017, -0.15};
+  loop.request.view = view;
+  loop.run(2);
+  const std::vector<float> evidence = loop.array.evidence(loop.surface, {});
+  const auto seen = std::ranges::count_if(evidence, [](float of_node) { return of_node > 0; });
+  ASSERT_LT(static_cast<double>(seen), 0.2 * static_cast<double>(evidence.size()));
+  loop.run(28);
+  EXPECT_TRUE(loop.shows_surface());
+}
+
+// Outside of the hull of the cameras the nearest ones make the picture, and find its depths, too.
+TEST(FocusControl, ASurfaceIsFoundOutsideOfTheArray) {
+  for (const bool by_angle : {false, true}) {
+    Loop loop(FocusMode::kSurface, false, 0, 0);
+    const Vec3& corner = loop.walls.rig.cameras.back().pose.position;
+    loop.look_from(corner + 0.5 * (corner - loop.walls.rig.cameras[4].pose.position));
+    if (by_angle) loop.viewers.blending = loop.request.view.blending = {Blending::Kind::kAngle, 0, 4};
+    loop.run(30);
+    EXPECT_EQ(loop.shows_surface(), by_angle) << "no triangle is there";
+    if (by_angle) {
+      EXPECT_GT(loop.right(), 0.9);
+    }
+  }
 }
 
 TEST(FocusControl, TheSurfaceIsHiddenWhenThePlaneBecomesBetter) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/other_depths.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -96,6 +97,19 @@ TEST(OtherDepths, FewerCamerasAlwaysAgreeBetter) {
   EXPECT_LT(errors.surface, 10);
 }
 
+// Most of a view may lie outside of what the cameras cover.
+TEST(OtherDepths, WhatIsKnownIsAPartOfWhatTheCamerasSee) {
+  const auto cut = [](Moments moments) {  // to one row of the map
+    for (std::vector<uint16_t>* sum : {&moments.weight, &moments.luma, &moments.square})
+      std::fill(sum->begin() + kColumns, sum->end(), uint16_t{0});
+    return moments;
+  };
+  const OtherDepths others = searched({{100, seen(120, 2)}, {200, seen(70, 2)}});
+  const OtherDepths::Errors errors = others.errors(view_of(), at(100), cut(seen(120, 2)), cut(seen(100, 30)));
+  EXPECT_EQ(errors.known, 1);
+  EXPECT_GT(errors.surface, 1000);
+}
+
 TEST(OtherDepths, OrderOfPlanesDoesNotMatter) {
   const OtherDepths::Errors errors =
       errors_of(searched({{100, seen(120, 4)}, {200, seen(70, 2)}, {110, seen(120, 1)}}));
@@ -114,6 +128,22 @@ TEST(OtherDepths, NothingIsKnownFromElsewhereOrOfAnotherScene) {
   EXPECT_EQ(others.errors(view_of(), at(100), seen(120, 2), seen(107, 30)).known, 1) << "cameras were matched";
   others.clear();
   EXPECT_EQ(errors_of(others).known, 0);
+}
+
+TEST(OtherDepths, DepthsFarOutsideOfTheSceneCanBeForgotten) {
+  // Levels of 1/255 1/m. The best depth is beyond, the one after it is not.
+  const std::vector<Plane> planes{{100, seen(120, 2)}, {200, seen(70, 1)}};
+  OtherDepths others = searched(planes);
+  EXPECT_GT(errors_of(others).surface, 1000);
+  others.forget_beyond(0.3, 0.7);
+  EXPECT_EQ(errors_of(others).known, 1);
+  EXPECT_LT(errors_of(others).surface, 10);
+  others = searched({{100, seen(120, 2)}, {20, seen(70, 2)}});
+  others.forget_beyond(0.3, 0.7);
+  EXPECT_LT(errors_of(others).surface, 10);
+  others = searched(planes);
+  others.forget_beyond(0.3, 0.8);
+  EXPECT_GT(errors_of(others).surface, 1000) << "what is near the scene is kept";
 }
 
 TEST(OtherDepths, MatchedBrightnessIsThatOfOtherDepthsAsWell) {
