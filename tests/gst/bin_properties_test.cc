@@ -24,7 +24,8 @@ void change(GParamSpec* spec, GValue* value) {
   }
   if (G_IS_PARAM_SPEC_INT(spec)) return g_value_set_int(value, g_value_get_int(value) / 2 + 1);
   ASSERT_TRUE(G_IS_PARAM_SPEC_UINT(spec)) << g_type_name(spec->value_type);
-  g_value_set_uint(value, g_value_get_uint(value) / 2 + 3);
+  const guint now = g_value_get_uint(value);
+  g_value_set_uint(value, now < G_PARAM_SPEC_UINT(spec)->maximum ? now + 1 : now - 1);
 }
 
 std::string text_of(GObject* object, const char* name) {
