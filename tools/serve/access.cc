@@ -35,6 +35,14 @@ std::string lower(std::string_view text) {
   return result;
 }
 
+bool is_scheme_character(char c) { return g_ascii_isalnum(c) || c == '-' || c == '+'; }
+
+// Of a name or an address.
+bool is_host_name(const std::string& name) {
+  return !name.empty() &&
+         std::ranges::all_of(name, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:", c)); });
+}
+
 }  // namespace
 
 bool is_same_secret(std::string_view given, std::string_view secret) {
@@ -55,21 +63,23 @@ std::string normal_origin(const std::string& text) {
   std::string origin = lower(text);
   if (origin.ends_with('/')) origin.pop_back();
   const size_t scheme = origin.find("://");
-  const std::string place = scheme == origin.npos ? "" : origin.substr(scheme + 3);
-  const auto plain = [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:[]", c)); };
-  if (place.empty() || name_of(place).empty() || !std::ranges::all_of(place, plain) ||
-      !std::ranges::all_of(origin.substr(0, scheme), [](char c) { return g_ascii_isalnum(c) || c == '-' || c == '+'; }))
+  const std::string place = scheme == origin.npos ? "" : origin.substr(scheme + 3), name = name_of(place);
+  const std::string host = place.starts_with('[') ? '[' + name + ']' : name;
+  std::string_view port = std::string_view(place).substr(std::min(place.size(), host.size()));
+  const bool has_port =
+      port.starts_with(':') && port.size() > 1 && port.find_first_not_of("0123456789", 1) == port.npos;
+  if (scheme == 0 || !is_host_name(name) || !place.starts_with(host) || (!port.empty() && !has_port) ||
+      !std::ranges::all_of(origin.substr(0, std::min(scheme, origin.size())), is_scheme_character))
     throw Error("--origin " + text +
                 ": must be an origin such as https://example.org or https://example.org:8443, null, or *");
-  if (origin.starts_with("http://") && origin.ends_with(":80")) origin.resize(origin.size() - 3);
-  if (origin.starts_with("https://") && origin.ends_with(":443")) origin.resize(origin.size() - 4);
+  if ((origin.starts_with("http://") && port == ":80") || (origin.starts_with("https://") && port == ":443"))
+    origin.resize(origin.size() - port.size());
   return origin;
 }
 
 std::string normal_host(const std::string& text) {
   const std::string name = lower(name_of(text));
-  const auto plain = [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:", c)); };
-  if (name.empty() || !std::ranges::all_of(name, plain))
+  if (text.find('/') != text.npos || name.find(':') != name.npos || !is_host_name(name))
     throw Error("--host " + text + ": must be a host name such as example.org");
   return name;
 }
