@@ -16,7 +16,7 @@ import re
 import subprocess
 import sys
 
-MOST = 38  # entries in unexercised.txt; lower it with every entry that goes
+MOST = 26  # entries in unexercised.txt; lower it with every entry that goes
 SOURCE = pathlib.Path(sys.argv[1])
 TESTS = SOURCE / "tests"
 # These name options and properties without using them.
