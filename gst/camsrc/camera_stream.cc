@@ -107,7 +107,8 @@ void CameraStream::check_size(GstCaps* caps) {
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
   is_jpeg_ = gst_structure_has_name(structure, "image/jpeg");
   gst_structure_get_fraction(structure, "framerate", &fps_n_, &fps_d_);
-  if (!gst_video_info_from_caps(&info, caps) || info.width == 0) return;  // JPEG: check_jpeg() looks into the picture
+  // Containers may claim any size of JPEG (Matroska without one: 1x1). check_jpeg() looks into the picture.
+  if (is_jpeg_ || !gst_video_info_from_caps(&info, caps) || info.width == 0) return;
   size_is_wrong_ = info.width != options_.width || info.height != options_.height;
   if (size_is_wrong_)
     fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
