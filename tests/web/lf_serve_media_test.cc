@@ -109,7 +109,7 @@ TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
                keys = rate([&] { client->ask_for_key_frame(); });
   std::printf("%.0f kbit/s; with requests for packets %.0f, for key frames %.0f\n", quiet / 1e3, again / 1e3,
               keys / 1e3);
-  EXPECT_GT(again, quiet) << "some packets are sent again";
+  EXPECT_GT(client->repeated(), 0u) << "some packets are sent again";
   EXPECT_LT(again, quiet + 2.5 * kBitRate);
   EXPECT_LT(keys, quiet + 2.5 * kBitRate);
   EXPECT_TRUE(goes_on(*client));

@@ -588,7 +588,7 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
-      {{"--capture-delay", "10001"}, "not in range [0 - 10000]"},
+      {{"--capture-delay", "10001"}, "Value 10001 not in range"},
       {{"--media", "192.0.2.1"}, "--media 192.0.2.1: must be an IP address of this machine"},
       {{"--media", "example.org"}, "--media example.org: must be an IP address of this machine"},
       {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},

@@ -176,6 +176,12 @@ GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer d
   if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) return GST_PAD_PROBE_OK;
   guint8 first = 0;
   gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
+  guint8 header[12] =
+      {};  // of RTP, which SRTP leaves as it is; RTCP has types from 192 on where RTP has its payload type
+  const bool is_rtp = first >= 128 && first < 192 &&
+                      gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, header, sizeof header) == sizeof header &&
+                      (header[1] < 192 || header[1] > 223);
+  if (is_rtp && self->ssrc_ != 0 && GST_READ_UINT32_BE(header + 8) != self->ssrc_) self->repeated_++;
   if (first < 128 || first >= 192 || g_random_double() >= self->loss_) return GST_PAD_PROBE_OK;
   self->lost_++;
   return GST_PAD_PROBE_DROP;

@@ -41,6 +41,7 @@ class WhepClient {
   uint64_t lost() const { return lost_; }            // packets, by Options::loss
   uint64_t undelayed() const { return undelayed_; }  // packets whose playout delay is 0 to 0
   uint64_t gaps() const { return gaps_; }            // packets that did not come in the end
+  uint64_t repeated() const { return repeated_; }    // packets that were sent again (RFC 4588)
   uint64_t received() const { return received_; }    // bytes of all that came, repeated packets included
   void set_loss(double loss) { loss_ = loss; }
   // Says nothing more, not even goodbye, as a browser that was stopped.
@@ -73,7 +74,7 @@ class WhepClient {
   GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr, *srtp_ = nullptr;  // srtp_: the encoder
   GstWebRTCDataChannel *channel_ = nullptr, *other_ = nullptr;
   std::string answer_, session_;
-  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0, received_ = 0;
+  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0, received_ = 0, repeated_ = 0;
   std::atomic<double> loss_;
   std::atomic<bool> vanished_ = false;
   std::atomic<int> sequence_ = -1;  // of the packet before
