@@ -59,6 +59,8 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
     : server_(SOUP_SERVER(g_object_ref(server))),
       certificate_(certificate ? G_TLS_CERTIFICATE(g_object_ref(certificate)) : nullptr),
       service_(g_socket_service_new()) {
+  // GLib's 10 are few: a client for which there is no room waits a second before it tries again.
+  g_socket_listener_set_backlog(G_SOCKET_LISTENER(service_), static_cast<int>(kMost));
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), static_cast<guint>(port));
   GSocketAddress* effective = nullptr;
   GError* error = nullptr;
