@@ -108,26 +108,31 @@ std::optional<Image> run_decoder(std::span<const uint8_t> frame, std::string* re
   return std::nullopt;
 }
 
-bool is_ycbcr_or_grey(std::span<const uint8_t> frame) {
-  bool yes = false;
-  Image none;
-  run_decoder(frame, nullptr, none, [&](jpeg_decompress_struct& info) {
-    yes = info.jpeg_color_space == JCS_YCbCr || info.jpeg_color_space == JCS_GRAYSCALE;
-    std::longjmp(static_cast<Failure*>(info.err)->jump, 1);  // the pixels are not needed
-  });
-  return yes;
+void read_rgb(jpeg_decompress_struct& info, Image& out, std::vector<uint8_t>& memory) {
+  const bool cmyk = info.jpeg_color_space == JCS_CMYK || info.jpeg_color_space == JCS_YCCK;
+  info.out_color_space = cmyk ? JCS_CMYK : JCS_RGB;
+  info.dct_method = JDCT_ISLOW;
+  jpeg_start_decompress(&info);
+  const int width = static_cast<int>(info.output_width), height = static_cast<int>(info.output_height);
+  out = Image(PixelFamily::kRgb, width, height);
+  if (cmyk) memory.resize(static_cast<size_t>(width) * 4);
+  for (int y = 0; y < height; y++) {
+    uint8_t* row = cmyk ? memory.data() : out.pixel(0, y);
+    jpeg_read_scanlines(&info, &row, 1);
+    if (cmyk) cmyk_to_rgb(memory.data(), width, info.saw_Adobe_marker, out.pixel(0, y));
+  }
 }
 
 }  // namespace
 
 std::optional<Image> decode_whole(std::span<const uint8_t> frame, std::string* reason) {
-  if (!is_ycbcr_or_grey(frame)) {
-    const std::optional<Image> rgb = decode_rgb(frame, reason);
-    return rgb ? std::optional(to_i420(*rgb)) : std::nullopt;
-  }
   Image out;
   std::vector<uint8_t> memory;
-  return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) {
+  std::optional<Image> image = run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) {
+    if (info.jpeg_color_space != JCS_YCbCr && info.jpeg_color_space != JCS_GRAYSCALE) {
+      read_rgb(info, out, memory);
+      return;
+    }
     info.out_color_space = info.jpeg_color_space;
     info.dct_method = JDCT_ISLOW;
     info.do_fancy_upsampling = FALSE;  // samples repeated, so that the mean of 2x2 of them is the one sample again
@@ -144,25 +149,13 @@ std::optional<Image> decode_whole(std::span<const uint8_t> frame, std::string* r
       store_rows(rows, components, y, out);
     }
   });
+  return image && image->family() == PixelFamily::kRgb ? std::optional(to_i420(*image)) : std::move(image);
 }
 
 std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* reason) {
   Image out;
   std::vector<uint8_t> memory;
-  return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) {
-    const bool cmyk = info.jpeg_color_space == JCS_CMYK || info.jpeg_color_space == JCS_YCCK;
-    info.out_color_space = cmyk ? JCS_CMYK : JCS_RGB;
-    info.dct_method = JDCT_ISLOW;
-    jpeg_start_decompress(&info);
-    const int width = static_cast<int>(info.output_width), height = static_cast<int>(info.output_height);
-    out = Image(PixelFamily::kRgb, width, height);
-    if (cmyk) memory.resize(static_cast<size_t>(width) * 4);
-    for (int y = 0; y < height; y++) {
-      uint8_t* row = cmyk ? memory.data() : out.pixel(0, y);
-      jpeg_read_scanlines(&info, &row, 1);
-      if (cmyk) cmyk_to_rgb(memory.data(), width, info.saw_Adobe_marker, out.pixel(0, y));
-    }
-  });
+  return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) { read_rgb(info, out, memory); });
 }
 
 }  // namespace lf::jpeg
