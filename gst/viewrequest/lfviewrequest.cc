@@ -137,11 +137,11 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     return FALSE;
   }
   lf_view_request_warn_without_effect(self);
-  self->state->agreed = {};
   lf::ObjectLock again(self);
   const lf::RequestStream& stream = *self->state->stream;
   base->segment.duration = stream.schedule.end().value_or(GST_CLOCK_TIME_NONE);
   self->state->requests_left = settings.num_buffers;
+  self->state->agreed = self->state->form;  // the rate that the stream begins with
   again.unlock();
   GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
                   stream.from_file() ? settings.location.c_str() : "properties");
