@@ -181,7 +181,9 @@ export class Notice {
     if (still < kStopped || !this.box.hidden) return;
     this.show('The picture has stopped. Waiting for the server');
     // No word of what it says: that it says something is enough.
-    fetch(new URL('healthz', this.viewer.stream.endpoint), { mode: 'no-cors', cache: 'no-store' })
+    // Pages of other sites may not load healthz (Cross-Origin-Resource-Policy), but the element's own files.
+    const ask = (name, mode) => fetch(new URL(name, this.viewer.stream.endpoint), { mode, cache: 'no-store' });
+    ask('healthz', 'no-cors').catch(() => ask('lightfield-viewer.js', 'cors'))
       .catch(() => performance.now() - this.frame > kStopped && connection.lose());
   }
 }
