@@ -145,7 +145,7 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
     if (!self->run) return true;
     self->run->used = true;
     lf_cam_src_start_tail(self->run->chain);
-  } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
+  } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY || transition == GST_STATE_CHANGE_READY_TO_NULL) {
     lf_cam_src_cancel_plans(self);
     if (!self->run) return true;
     lf_cam_src_stop_flow(self);
@@ -201,12 +201,8 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
     }
     if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
     const bool may_wait = result == GST_STATE_CHANGE_SUCCESS && self->run && !lf_cam_src_may_be_lost(self);
-    if (may_wait && fails_at_start(self)) {
-      prepare(self, GST_STATE_CHANGE_PAUSED_TO_READY);
-      change_children(self, GST_STATE_CHANGE_PAUSED_TO_READY);
-      self->service->stop();
-      result = GST_STATE_CHANGE_FAILURE;
-    }
+    // The children are stopped on the way to NULL, behind the sinks, which may hold their threads.
+    if (may_wait && fails_at_start(self)) result = GST_STATE_CHANGE_FAILURE;
   }
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
