@@ -46,7 +46,8 @@ COMMANDS = [
     "lf-calibrate solve --tracks tracks.json --prior stills/rig.json --bar 0.25 --out solved.json",
 ]
 DIFFER = {"lf-bench"}
-TIMES = re.compile(r"\d+(?:[.,:]\d+)*\s*(?:ms|s\b|seconds)|\d+:\d\d:\d\d\.\d+|0x[0-9a-f]+|^\s*Execution ended.*$|^Got .*$|^Setting .*$", re.M)
+TIMES = re.compile(r"\d+(?:[.,:]\d+)*\s*(?:ms|s\b|seconds)|\d+:\d\d:\d\d\.\d+|0x[0-9a-f]+|^\s*Execution ended.*$|^Got .*$|^Setting .*$|"
+                   r"(?<=\d) +\d+\.\d+$", re.M)  # the last column of lf-render's table is milliseconds
 
 
 def programs():

@@ -69,7 +69,7 @@ def main():
             of = argument(text, match.end())
             last = "" if of.endswith(")") else (re.findall(r"[A-Za-z_]\w*", of) or [""])[-1]  # not of what a call gives
             is_float = re.search(r"\d\.\d|\d[eE][-+]?\d|\b(?:double|float)\b|\.[xyz]\b", of) or (
-                last in own - own_integers or (re.match("k[A-Z]", last) and last in floats - integers))
+                "." not in of and last in own - own_integers or (re.match("k[A-Z]", last) and last in floats - integers))
             is_float = is_float and not re.match(r"(?:std::l*round|static_cast<(?!double|float)\w+)\b", of)
             if is_float:
                 report(match.start(), f"std::to_string({of}) of a floating point number: use number_text() or format_text()")
