@@ -12,6 +12,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "base/file.h"
 #include "rig/location_text.h"
 
 namespace cli {
@@ -161,7 +162,7 @@ namespace {
 // An error may repeat what is in a file: without secrets, bytes that control a terminal, and the rest of megabytes.
 std::string printable(const std::string& what) {
   constexpr size_t kMost = 4000;
-  std::string text = lf::location_text(what.substr(0, kMost));
+  std::string text = lf::without_staging(lf::location_text(what.substr(0, kMost)));
   for (char& c : text)
     if (static_cast<unsigned char>(c) < ' ' && c != '\n' && c != '\t') c = '?';
   return text;

@@ -206,6 +206,15 @@ void FileReplacement::commit() {
   sync_folder(folder_of(target_));
 }
 
+std::string without_staging(std::string text) {
+  for (size_t at = 0; (at = text.find(std::string("/") + kStaging, at)) != text.npos;) {
+    const size_t end = text.find('/', at + 1);
+    if (end == text.npos) break;
+    text.erase(at, end - at);
+  }
+  return text;
+}
+
 FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
   const auto fail = [&](const std::string& reason) { throw Error(folder + ": can't be made: " + reason); };
   std::error_code error;
@@ -248,6 +257,9 @@ void FolderUpdate::commit() {
       if (error) fail(name, error.message());
     }
     std::ranges::sort(files);
+    // The most likely failure is found before the first file is replaced.
+    for (const fs::path& name : files)
+      if (fs::is_directory(fs::path(folder_) / name)) fail(name, "it is a folder");
     for (const fs::path& name : files) {
       const std::string target = follow_links((fs::path(folder_) / name).string());
       std::error_code error;

@@ -63,4 +63,7 @@ class FolderUpdate {
   bool created_ = false;
 };
 
+// A message with the names that files get at the end in place of their names in staging folders.
+std::string without_staging(std::string text);
+
 }  // namespace lf

@@ -176,13 +176,19 @@ TEST_F(LfScene, SaysWhatIsWrong) {
   EXPECT_FALSE(fs::exists(path("o")));
 }
 
-TEST_F(LfScene, AFailedRunLeavesNoRigFile) {
+TEST_F(LfScene, AFailedRunLeavesTheOldRecording) {
   ASSERT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 0) << output_;
   fs::remove(path("o/cam_00_01.mkv"));
   fs::create_directories(path("o/cam_00_01.mkv/in-the-way"));
-  EXPECT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 1);
+  const auto content = [&](const char* name) {
+    std::ifstream file(path(name), std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  const std::string rig = content("o/rig.json"), film = content("o/cam_00_00.mkv");
+  EXPECT_EQ(run(out("o") + "--grid 1x2 --width 24 --height 16 --frames 3"), 1);
   EXPECT_NE(output_.find("cam_00_01.mkv"), std::string::npos) << output_;
-  EXPECT_FALSE(fs::exists(path("o/rig.json")));
+  EXPECT_EQ(content("o/rig.json"), rig);
+  EXPECT_EQ(content("o/cam_00_00.mkv"), film);
 }
 
 // What the options of `lights` change in the recording of the first camera.

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -196,4 +197,20 @@ TEST(FolderUpdate, LeavesNoFolderThatItMadeInVain) {
 }
 
 }  // namespace
+TEST(FolderUpdate, MessagesNameTheFilesOfTheEnd) {
+  EXPECT_EQ(without_staging("films/.new-c1a61b9962118843/a.mkv: full; films/.new-1/b.mkv"),
+            "films/a.mkv: full; films/b.mkv");
+  EXPECT_EQ(without_staging("films/.new-c1a6"), "films/.new-c1a6");
+}
+
+TEST(FolderUpdate, AFolderInTheWayLeavesAllFiles) {
+  const TempDir dir;
+  dir.write("a.txt", "old");
+  std::filesystem::create_directories(dir / "b.txt");
+  FolderUpdate update(dir.path());
+  for (const char* name : {"a.txt", "b.txt"}) std::ofstream(update.staging() + "/" + name) << "new";
+  EXPECT_THROW(update.commit(), Error);
+  EXPECT_EQ(read_file(dir / "a.txt"), "old");
+}
+
 }  // namespace lf
