@@ -158,7 +158,10 @@ void show_sweep(const Options& options) {
 cli::App* add_command(cli::App& app, const char* name, const char* help, Options& options,
                       void (*show)(const Options&)) {
   cli::App* command = app.add_subcommand(name, help);
-  command->callback([&options, show] { show(options); });
+  command->callback([&options, show] {
+    options.output.check();
+    show(options);
+  });
   return command;
 }
 

@@ -41,7 +41,7 @@ REFUSED = [
     ("lf-rig", "new --grid 2x2 --rows 3 --pitch 1 --fov 60 --out o", "--rows"),
     ("lf-rig", "new --arc 4 --rows 3 --pitch 1 --radius 3 --fov 60 --out o", "--rows"),
     ("lf-rig", "new --grid 2x2 --radius 3 --pitch 1 --fov 60 --out o", "--radius"),
-    ("lf-scene", "--out a --frames 3 chart --rig r.json --out o", "--out"),
+    ("lf-scene", "--out a chart --rig r.json --out o", "--out"),
     ("lf-scene", "--frames 3 lights --rig r.json --out o", "--frames"),
     ("lf-scene", "--out o --format png --quality 50", "--quality"),
     ("lf-show", "contributions --rig r.json --out o.png --framerate 30", "--framerate"),

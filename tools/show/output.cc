@@ -47,14 +47,18 @@ void Output::finish() {
 
 void OutputOptions::add_to(cli::App& command, const char* what) {
   command.add_option("--out", out, what)->required()->type_name("FILE");
-  framerate_option = command.add_option("--framerate", framerate, "Of a film, pictures per second")
-                         ->capture_default_str()
-                         ->check(cli::Range(0.1, 1000.0));
+  framerate_options.push_back(command.add_option("--framerate", framerate, "Frame rate of a film, pictures per second")
+                                  ->capture_default_str()
+                                  ->check(cli::Range(0.1, 1000.0)));
+}
+
+void OutputOptions::check() const {
+  const bool given = std::ranges::any_of(framerate_options, [](const cli::Option* option) { return bool(*option); });
+  if (given && !out.ends_with(".mkv"))
+    throw lf::Error("--framerate: only a film (.mkv) has a frame rate; --out " + out + " is not a film");
 }
 
 Output OutputOptions::open() const {
-  if (framerate_option && *framerate_option && !out.ends_with(".mkv"))
-    throw lf::Error("--framerate: of films; --out " + out + " is none");
   FrameRate rate;
   gst_util_double_to_fraction(framerate, &rate.numerator, &rate.denominator);
   return Output(out, rate);

@@ -37,11 +37,13 @@ class Output {
 struct OutputOptions {
   std::string out;
   double framerate = 15;
-  const cli::Option* framerate_option = nullptr;
+  std::vector<const cli::Option*> framerate_options;  // one of each command
 
   // This outlives the command.
   void add_to(cli::App& command,
               const char* what = "Picture (.png, .jpg); several are numbered (NAME_%03d.png) or a film (NAME.mkv)");
+  // Throws lf::Error for a frame rate of pictures that are not a film.
+  void check() const;
   Output open() const;
 };
 
