@@ -105,6 +105,9 @@ lf::Rig recorded_in(const std::string& folder, lf::Rig rig) {
     require_one(found.films, camera, "films");
     if (found.films.empty()) require_one(found.stills, camera, "stills");
     camera.source = found.films.empty() ? "" : name_of(found.films[0]);
+    // A single file that is neither is a damaged film: the error of its reader names it.
+    if (found.films.empty() && found.stills.empty() && found.others.size() == 1)
+      camera.source = name_of(found.others[0]);
     camera.image = found.stills.size() == 1 ? name_of(found.stills[0]) : "";
   }
   return rig;

@@ -162,7 +162,7 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
     options.linear_solver_ordering.reset(order);
     options.max_num_iterations = 40;
     options.function_tolerance = 1e-6;
-    options.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
+    options.num_threads = 1;  // more threads add in another order each time: the last digits would differ
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);

@@ -121,12 +121,12 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   make_video(name(0), "videotestsrc num-buffers=45 pattern=solid-color foreground-color=0xff404040");
   dir.write("rec/" + truth.cameras[2].name + ".mkv", "this is no video");
   std::filesystem::remove(name(3));
-  dir.write("rec/" + truth.cameras[4].name + ".mp4", "one too many");
+  std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // one too many
   const Outcome none = run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path());
   EXPECT_EQ(none.status, 1) << none.output;
   EXPECT_THAT(none.output, HasSubstr("shows no light: "));
   EXPECT_THAT(none.output, HasSubstr("has no recording " + truth.cameras[3].name + ".*"));
-  EXPECT_THAT(none.output, HasSubstr("are both of one camera"));
+  EXPECT_THAT(none.output, HasSubstr("are both films of camera " + truth.cameras[4].name));
   EXPECT_THAT(none.output, HasSubstr("fewer than two cameras saw a moving light: nothing is written"));
   EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
 }
