@@ -200,9 +200,13 @@ def check_options(program, words):
     if not program.is_file() or program.name.startswith(("test-", "bench-sum")):
         return "known"  # Google's options; or built by name alone
     text, subcommand = help_of(program), []
-    if words and re.fullmatch(r"[a-z][a-z-]*", words[0]) and re.search(rf"(^|\s){words[0]}\b", text):
-        subcommand = [words[0]]
-        text += help_of(program, *subcommand)
+    level = text
+    for word in words:
+        if not re.fullmatch(r"[a-z][a-z-]*", word) or not re.search(rf"(^|\s){word}\b", level):
+            break
+        subcommand.append(word)
+        level = help_of(program, *subcommand)
+        text += level
     for word in words:
         option = word.split("=")[0]
         if option.startswith("-") and not re.search(rf"(^|[\s,|(\[]){re.escape(option)}\b", text):

@@ -22,11 +22,11 @@ std::string text_of(GstStructure* structure) {
 TEST(V4l2Controls, AreNamedAsOldAndNewKernelsDoSwitchesFirst) {
   EXPECT_EQ(text_of(v4l2_extra_controls(
                 {{"exposure", 0.0123}, {"white_balance", std::nullopt}, {"mains_frequency", 50}, {"sharpness", 3.4}})),
-            "controls, auto_exposure=(int)1, exposure_auto=(int)1, white_balance_automatic=(int)1, "
+            "lightfield-controls, auto_exposure=(int)1, exposure_auto=(int)1, white_balance_automatic=(int)1, "
             "white_balance_temperature_auto=(int)1, exposure_time_absolute=(int)123, exposure_absolute=(int)123, "
             "power_line_frequency=(int)1, sharpness=(int)3;");
   EXPECT_EQ(text_of(v4l2_extra_controls({{"exposure", std::nullopt}, {"mains_frequency", 60}})),
-            "controls, auto_exposure=(int)3, exposure_auto=(int)3, power_line_frequency=(int)2;");
+            "lightfield-controls, auto_exposure=(int)3, exposure_auto=(int)3, power_line_frequency=(int)2;");
 }
 
 TEST(V4l2Controls, AreReadInOurUnits) {
