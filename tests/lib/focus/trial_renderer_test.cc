@@ -133,7 +133,8 @@ TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
   const Vec3& corner = walls.rig.cameras.back().pose.position;
   view.pose.position = corner + 0.5 * (corner - walls.rig.cameras[4].pose.position);
   const std::vector<Trial> trials{{kPlane, 60}, {kPlane, 170}};
-  for (const uint16_t weight : walls.moments(view, trials, walls.own)[0].weight) ASSERT_EQ(weight, 0);
+  const std::vector<Moments> by_mesh = walls.moments(view, trials, walls.own);
+  for (const uint16_t weight : by_mesh[0].weight) ASSERT_EQ(weight, 0);
   view.blending = {Blending::Kind::kAngle, 0, 9};
   ASSERT_EQ(trial_view(view).blending.nearest, kTrialCameras) << "more cameras tell no more";
   const std::vector<Moments> all = walls.moments(view, trials, walls.own);
