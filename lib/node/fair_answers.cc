@@ -2,18 +2,43 @@
 #include "node/fair_answers.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "view/request_limits.h"
 
 namespace lf {
 
-// Where it would end before what the running one has had by now. Nobody is left for an answer that may take any time.
-bool FairAnswers::goes_before(const View& view, uint32_t running) const {
-  if (!view.waits() || view.waiting.front().work == 0) return false;
+// Nanoseconds that the running view may still have before it has had as much as the one that waits by the end of its
+// answer. Nobody is left for an answer that may take any time: infinity.
+double FairAnswers::ahead(const View& view, uint32_t running) const {
+  if (!view.waits() || view.waiting.front().work == 0) return std::numeric_limits<double>::infinity();
   const View& other = views_.at(running);
-  if (view.is_new && other.is_new) return view.end() < other.used;
-  return used_among_all(view) + view.waiting.front().work < used_among_all(other);
+  if (view.is_new && other.is_new) return view.end() - other.used;
+  return used_among_all(view) + view.waiting.front().work - used_among_all(other);
+}
+
+bool FairAnswers::goes_before(const View& view, uint32_t running) const { return ahead(view, running) < 0; }
+
+// Finds when the first of those that wait is to go before the running one, which has just been charged: it has more and
+// more of the thread, so that the time comes without another request, too.
+void FairAnswers::look_ahead() {
+  double least = std::numeric_limits<double>::infinity();
+  if (depth_ < kDeepest && !stopped_)
+    for (const auto& [id, view] : views_) least = std::min(least, ahead(view, running_));
+  urgent_at_ = std::isinf(least) ? kNever : least < 0 ? since_ : since_ + static_cast<uint64_t>(least) + 1;
+}
+
+void FairAnswers::go_on_with(uint32_t view) {
+  running_ = view;
+  since_ = now_();
+  look_ahead();
+}
+
+bool FairAnswers::is_urgent() const {
+  const uint64_t at = urgent_at_;
+  return at != kNever && now_() >= at;
 }
 
 // None of its requests waits yet.
@@ -52,7 +77,7 @@ bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped
   const bool too_many = state.waiting.size() > kMostWaiting + 2 * (of_set - 1);
   if (too_many) state.waiting.pop_front();
   if (dropped) *dropped = too_many;
-  if (depth_ > 0 && depth_ < kDeepest) urgent_ = urgent_ || goes_before(state, running_);
+  if (depth_ > 0) look_ahead();
   changed_.notify_all();
   return true;
 }
@@ -93,10 +118,8 @@ void FairAnswers::answer(Views::iterator first, std::unique_lock<std::mutex>& lo
   state.since = order_++;
   state.in_flight = true;
   virtual_time_ = std::max(virtual_time_, used_among_all(state));
-  running_ = view;
-  since_ = now_();
   depth_++;
-  urgent_ = false;
+  go_on_with(view);
   const auto finish = [&] {
     lock.lock();
     charge_running();
@@ -121,9 +144,9 @@ void FairAnswers::answer(Views::iterator first, std::unique_lock<std::mutex>& lo
 void FairAnswers::run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task) {
   std::atomic<size_t> next = 0;
   while (next < count) {
-    if (urgent_) let_others_go_first(view);
+    if (is_urgent()) let_others_go_first(view);
     parallel_(std::min(threads_, count - next), [&](size_t) {
-      while (!urgent_) {
+      while (!is_urgent()) {
         const size_t i = next++;
         if (i >= count) return;
         task(i);
@@ -141,14 +164,12 @@ void FairAnswers::let_others_go_first(uint32_t view) {
     try {
       answer(first, lock);
     } catch (...) {
-      running_ = view;
-      since_ = now_();
+      go_on_with(view);
       throw;
     }
-    running_ = view;
-    since_ = now_();
+    go_on_with(view);
   }
-  urgent_ = false;
+  look_ahead();
 }
 
 bool FairAnswers::work() {

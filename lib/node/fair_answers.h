@@ -72,13 +72,17 @@ class FairAnswers {
   using Views = std::map<uint32_t, View>;
   // All these with the lock held.
   double used_among_all(const View& view) const { return view.is_new ? used_by_new_ : view.used; }
+  double ahead(const View& view, uint32_t running) const;
   bool goes_before(const View& view, uint32_t running) const;
+  void look_ahead();
+  void go_on_with(uint32_t view);
   template <typename May>
   Views::iterator first_of(const May& may);  // of those that wait, if they may
   Views::iterator first_waiting();
   void charge_running();
   void begin_to_wait(View& view);
   void answer(Views::iterator first, std::unique_lock<std::mutex>& lock);
+  bool is_urgent() const;                                                                // without the lock
   void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);  // without the lock
   void let_others_go_first(uint32_t view);                                               // without the lock
 
@@ -92,10 +96,11 @@ class FairAnswers {
   double used_by_new_ = 0;   // by all views that are new, as one of them
   uint64_t order_ = 0;
   bool stopped_ = false;
-  int depth_ = 0;                     // answers in flight
-  std::atomic<bool> urgent_ = false;  // another view is to go before the one that runs
-  uint32_t running_ = 0;              // while depth_ > 0
-  uint64_t since_ = 0;                // when the running view was last charged, by now_()
+  static constexpr uint64_t kNever = UINT64_MAX;
+  int depth_ = 0;                             // answers in flight
+  std::atomic<uint64_t> urgent_at_ = kNever;  // by now_(), when another view is to go before the one that runs
+  uint32_t running_ = 0;                      // while depth_ > 0
+  uint64_t since_ = 0;                        // when the running view was last charged, by now_()
 };
 
 // As many views of the set that the request is one of as may wait together, for add(): what they keep is then no more

@@ -137,7 +137,8 @@ TEST_F(FragmentLimitsTest, OthersGoBeforeTheRestOfAStrangeLens) {
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
   gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
-  for (int i = 0; i < 5; i++) {  // the node learns how long answers of this view take
+  set("max-delay", "60000000000");  // once the node knows what the lens takes it would skip it
+  for (int i = 0; i < 5; i++) {     // the node learns how long answers of this view take
     EXPECT_EQ(request(asked(1)), GST_FLOW_OK);
     pull();
   }

@@ -50,6 +50,12 @@ class Simulation {
     std::ranges::sort(delays);
     return delays.empty() ? 0 : delays[(delays.size() * 95 - 1) / 100];
   }
+  uint64_t slowest(uint32_t view) const {
+    uint64_t most = 0;
+    for (const auto& [of, delay] : delays_)
+      if (of == view) most = std::max(most, delay);
+    return most;
+  }
   size_t answered(uint32_t view) const {
     return static_cast<size_t>(std::ranges::count(delays_, view, &std::pair<uint32_t, uint64_t>::first));
   }
@@ -150,6 +156,18 @@ TEST(FairAnswers, NobodyIsLeftForWhatMayTakeAnyTime) {
   Simulation both(asked);
   both.run(kEnd);
   EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1)));
+}
+
+// Both ask at once, and nobody asks later on: the long one goes first, as nobody knows that it is long, and is left as
+// soon as it has had more than the other will have.
+TEST(FairAnswers, WhatTurnsOutLongIsLeftWithoutAnotherRequest) {
+  constexpr size_t kOwn = 10, kLong = 1000;
+  Simulation both({{3, kOwn, 1}, {100, kLong, 2, false}, {100, kOwn, 1}});
+  both.run(kEnd);
+  EXPECT_EQ(both.answered(1), 2u);
+  EXPECT_EQ(both.answered(2), 1u);
+  EXPECT_LE(both.slowest(1), 2 * kOwn + 1);
+  EXPECT_EQ(both.slowest(2), kLong + kOwn);
 }
 
 TEST(FairAnswers, NumbersThatAreMadeUpAreForgotten) {
