@@ -134,6 +134,8 @@ void CameraStream::check_jpeg(GstBuffer* buffer) {
 
 void CameraStream::stamp_arrivals(GstElement* multipartdemux) {
   live_ = stamps_arrival_ = true;
+  // Else decodebin waits for further streams until its queue is full, which takes small pictures many seconds.
+  g_object_set(multipartdemux, "single-stream", TRUE, nullptr);
   const GClosureNotify free = [](gpointer data, GClosure*) { delete static_cast<std::weak_ptr<CameraStream>*>(data); };
   g_signal_connect_data(multipartdemux, "pad-added", G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer stream) {
                           add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_arrival>,

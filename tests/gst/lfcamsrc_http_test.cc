@@ -119,6 +119,14 @@ TEST_F(CamSrcHttpTest, StaysJpegForANode) {
   EXPECT_EQ(run(pipeline.get()), "");
 }
 
+// No second stream is waited for, which would take 10 s at pictures as small as these.
+TEST_F(CamSrcHttpTest, StartsWithTheFirstPictures) {
+  const MjpegServer server(*files, true, 1000);
+  CameraPipeline camera("num-frames=1 is-live=true rig=" + rig_with_source(server.uri()));
+  camera.set_state(GST_STATE_PLAYING);
+  EXPECT_EQ(camera.wait(5 * GST_SECOND), "EOS");
+}
+
 TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
   const MjpegServer server(*files, true, 5);
   CameraPipeline camera("num-frames=12 is-live=true loop=true retry=true rig=" + rig_with_source(server.uri()));
