@@ -59,11 +59,22 @@ class CameraPipeline {
     const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 10 * GST_SECOND);
     return result == GST_STATE_CHANGE_SUCCESS || result == GST_STATE_CHANGE_NO_PREROLL;
   }
-  // "EOS", the text of the first error, or "timeout".
+  // "EOS", the text of the first error, or "timeout". The warnings before it are in `warnings`.
   std::string wait(GstClockTime timeout = 20 * GST_SECOND) {
     GstBus* bus = gst_element_get_bus(pipeline_);
-    GstMessage* message =
-        gst_bus_timed_pop_filtered(bus, timeout, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+    const gint64 end = g_get_monotonic_time() + static_cast<gint64>(timeout / GST_USECOND);
+    GstMessage* message = nullptr;
+    for (;;) {
+      const gint64 left = std::max<gint64>(0, end - g_get_monotonic_time());
+      message = gst_bus_timed_pop_filtered(
+          bus, static_cast<GstClockTime>(left) * GST_USECOND,
+          static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING));
+      if (!message || GST_MESSAGE_TYPE(message) != GST_MESSAGE_WARNING) break;
+      g_autoptr(GError) warning = nullptr;
+      gst_message_parse_warning(message, &warning, nullptr);
+      warnings += warning->message;
+      gst_clear_message(&message);
+    }
     gst_object_unref(bus);
     std::string text = message ? "EOS" : "timeout";
     if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
@@ -88,6 +99,7 @@ class CameraPipeline {
   // Read these in state NULL (or while nothing flows).
   std::vector<Frame> frames;
   std::vector<std::string> items;  // names of events, "buffer"
+  std::string warnings;            // their texts, one behind another
   GstVideoInfo info{};
   guint camera_index = G_MAXUINT;
   guint64 rig_hash = 0;

@@ -48,15 +48,6 @@ class CamSrcFilesTest : public CamSrcTest {
   static void write(const std::string& name, const std::string& bytes) {
     std::ofstream(files->path(name), std::ios::binary) << bytes;
   }
-  // Plays to the end and collects the texts of posted warnings.
-  static std::string play(CameraPipeline& camera, std::string* warnings) {
-    camera.set_state(GST_STATE_PLAYING);
-    const std::string end = camera.wait();
-    GstBus* bus = gst_element_get_bus(camera.pipeline());
-    *warnings = warnings_on(bus);
-    gst_object_unref(bus);
-    return end;
-  }
 };
 
 TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
@@ -65,9 +56,9 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
     cut("damaged_4" + ending, 0.5);
     for (const std::string loop : {"false", "true"}) {
       CameraPipeline camera("num-frames=10 loop=" + loop + " rig=" + rig_of("damaged_%d" + ending));
-      std::string warnings;
-      ASSERT_EQ(play(camera, &warnings), "EOS");
-      EXPECT_THAT(warnings, HasSubstr("damaged_4" + ending)) << "the file is named";
+      camera.set_state(GST_STATE_PLAYING);
+      ASSERT_EQ(camera.wait(), "EOS");
+      EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "the file is named";
       StructurePtr stats;
       GstStructure* taken = nullptr;
       g_object_get(camera.camera(), "stats", &taken, nullptr);
@@ -200,10 +191,8 @@ TEST_F(CamSrcFilesTest, ExifOrientationIsMentionedAndNotFollowed) {
   jpeg.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"s);
   write("turned.jpg", jpeg);
   CameraPipeline camera("num-frames=1 rig=" + rig_of("turned.jpg"));
-  std::string warnings;
-  ASSERT_EQ(play(camera, &warnings), "EOS");
-  EXPECT_THAT(warnings, HasSubstr("turned by 90 degrees (orientation 6). It is shown as stored"));
-  camera.set_state(GST_STATE_NULL);
+  ASSERT_EQ(camera.play(), "EOS");
+  EXPECT_THAT(camera.warnings, HasSubstr("turned by 90 degrees (orientation 6). It is shown as stored"));
   EXPECT_EQ(camera.info.width, CameraFiles::kWidth);
 }
 

@@ -167,11 +167,15 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   ASSERT_GT(kept.size(), 10u) << came.size();
   EXPECT_EQ(recorded.kind, "video/x-h264");
   EXPECT_TRUE(recorded.keys[0]);
-  const auto begin = std::ranges::find(came, kept[0]);
-  ASSERT_NE(begin, came.end());
-  const auto common = std::min(kept.size(), static_cast<size_t>(came.end() - begin));
-  EXPECT_GT(common, 10u);
-  for (size_t i = 0; i < common; i++) EXPECT_EQ(kept[i], begin[static_cast<ptrdiff_t>(i)]) << i;
+  // Pictures of one colour have the same bytes time and again: the recording begins with one of those that are alike.
+  size_t most = 0;
+  for (size_t begin = 0; begin < came.size(); begin++) {
+    const size_t common = std::min(kept.size(), came.size() - begin);
+    if (std::equal(kept.begin(), kept.begin() + static_cast<ptrdiff_t>(common),
+                   came.begin() + static_cast<ptrdiff_t>(begin)))
+      most = std::max(most, common);
+  }
+  EXPECT_GT(most, 10u);
 }
 
 // A node of a network camera, which is late, and a film: both are in the picture.
