@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
 #include <utility>
 
 #include "base/schedule.h"
@@ -100,6 +101,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
   const bool paced = settings.is_live && !network && !catches_up;
   (*self->shedder)->restart(paced);
+  const gint64 num_frames =
+      settings.num_frames < 0 ? settings.num_frames : std::max<gint64>(0, settings.num_frames - self->frames);
   auto stream = std::make_shared<lf::CameraStream>(
       GST_ELEMENT(self), chain,
       lf::StreamOptions{.camera = index,
@@ -107,7 +110,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .width = camera.width,
                         .height = camera.height,
                         .time_offset = camera.time_offset,
-                        .num_frames = settings.num_frames,
+                        .num_frames = num_frames,
                         .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska ||
                                                           source.kind == Kind::kFile || source.kind == Kind::kUri),
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
@@ -195,6 +198,7 @@ void lf_cam_src_close(LfCamSrc* self) {
   if (run) {
     self->end = run->stream->ends_at();
     self->round = run->stream->round();
+    self->frames += static_cast<gint64>(run->stream->frames_out());
   }
   delete run;
 }

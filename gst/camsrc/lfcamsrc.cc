@@ -116,6 +116,7 @@ static bool open_camera(LfCamSrc* self) {
   lf_cam_src_close(self);
   self->live = false;
   self->end = self->round = 0;
+  self->frames = 0;
   std::unique_ptr<CamSrcFailure> failure;
   if (!lf_cam_src_open(self, &failure)) {
     lf_cam_src_post(self, GST_MESSAGE_ERROR, *failure);

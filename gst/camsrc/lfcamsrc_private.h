@@ -37,6 +37,7 @@ struct _LfCamSrc {
   std::atomic<bool> live;  // whether the camera is live, as far as is known; read by any thread
   GstClockTime end;        // running time of the end of the stream before
   GstClockTime round;      // how long a round of a film that loops has been found to be; 0: not known
+  gint64 frames;           // frames of the streams before
   guint camera;            // id of the camera last opened
   std::string* name;
   gint expendable;   // atomic; 1: the camera's loss is no error
