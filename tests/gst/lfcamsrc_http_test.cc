@@ -101,7 +101,10 @@ TEST_F(CamSrcHttpTest, FramesAreDatedByTheirArrival) {
       ASSERT_EQ(camera.wait(), "EOS");
       camera.set_state(GST_STATE_NULL);
       ASSERT_EQ(camera.frames.size(), 12u);
-      for (size_t k = 2; k < camera.frames.size(); k++) {  // the first one may have waited for PLAYING
+      // The first ones come together, as the kind of stream is found from them, and may have waited for PLAYING.
+      size_t first = 2;
+      while (first < 6 && camera.frames[first - 1].running_time == 0) first++;
+      for (size_t k = first; k < camera.frames.size(); k++) {
         EXPECT_GT(camera.frames[k].running_time, camera.frames[k - 1].running_time) << k;
         EXPECT_NEAR(static_cast<double>(camera.frames[k].capture_time),
                     static_cast<double>(begin + camera.frames[k].running_time), 1e6)
