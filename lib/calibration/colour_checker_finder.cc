@@ -65,6 +65,8 @@ std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex came
   const cv::Mat from(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
   cv::Mat bgr;
   cv::cvtColor(from, bgr, cv::COLOR_RGB2BGR);
+  // The search draws random numbers. Without a seed the result would depend on the images before this one.
+  cv::setRNGSeed(1);
   std::vector<cv::Point2f> box;
   try {
     box = corners_of(bgr);

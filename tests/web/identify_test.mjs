@@ -47,7 +47,7 @@ async function start(...command) {
   };
   return { url, stop };
 }
-const identify = () => start('identify', file, '--port', '0');
+const identify = () => start('identify', file, '--trust-rig', '--port', '0');
 
 async function open(url) {
   const page = await browser.newPage({ viewport: { width: 800, height: 600 } });
@@ -113,7 +113,7 @@ async function isOnlyForThisMachinesPage() {
 
 async function servedBesideTheLightField() {
   await makeRig();
-  const served = await serve('--rig', file), page = await open(new URL('cameras.html', served.url).href);
+  const served = await serve('--rig', file, '--trust-rig'), page = await open(new URL('cameras.html', served.url).href);
   await until(async () => (await lit(page)).join() === '1', 'the camera that is waved at lights up');
   await until(async () => (await page.locator('.tile.ill').textContent()).includes('nosuchelement'), 'who is ill');
   expect(await page.locator('[data-id="0"]').getAttribute('draggable') === 'false', 'nothing is changed from here');
