@@ -63,6 +63,10 @@ ColourModel sound_model(Parameters p, const Camera& camera) {
 
 bool is_in(const std::vector<bool>& list, size_t i) { return list.empty() || list[i]; }
 
+// Order of elimination. Ceres sorts a group by address, which differs between runs for blocks of several vectors: then
+// the last digits of the result differ, too. So each vector has a group of its own.
+enum EliminationGroup { kColourGroup, kCameraGroup, kLightGroup, kReflectanceGroup };
+
 // What the places of a chart have in common, for patches that the problem has.
 void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::ParameterBlockOrdering& order,
                std::vector<std::array<double, 3>>& colours, std::vector<std::array<double, kLight>>& lights,
@@ -78,8 +82,8 @@ void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::Par
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ChartCost, 3, 3, kLight, 3>(
                                  new ChartCost{(column - wide) / wide, (row - high) / high}),
                              nullptr, colours[i].data(), lights[i / n].data(), reflectances[patch].data());
-    order.AddElementToGroup(lights[i / n].data(), 1);
-    order.AddElementToGroup(reflectances[patch].data(), 1);
+    order.AddElementToGroup(lights[i / n].data(), kLightGroup);
+    order.AddElementToGroup(reflectances[patch].data(), kReflectanceGroup);
     for (size_t c = 0; c < 3; c++) reflectances[patch][c] += colours[i][c];
     seen[patch]++;
   }
@@ -136,12 +140,12 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
     const double r2 = field_of(rig.cameras[sample.camera]).square(sample.place.x, sample.place.y);
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SampleCost, 3, kCount, 3>(new SampleCost{sample, r2}),
                              &loss, cameras[sample.camera].data(), colours[sample.patch].data());
-    order->AddElementToGroup(colours[sample.patch].data(), 0);
+    order->AddElementToGroup(colours[sample.patch].data(), kColourGroup);
     in_use.insert(sample.camera);
   }
   const std::vector<int> constant = constant_places(terms);
   for (const CameraIndex camera : in_use) {
-    order->AddElementToGroup(cameras[camera].data(), 1);
+    order->AddElementToGroup(cameras[camera].data(), kCameraGroup);
     if (!constant.empty()) problem.SetManifold(cameras[camera].data(), new ceres::SubsetManifold(kCount, constant));
     if (apart.empty() || !apart[camera])
       problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, kCount, kCount>(new PriorCost), nullptr,
