@@ -187,10 +187,6 @@ void define(std::string& text, std::string_view name, std::integral auto value) 
   text += "#define " + std::string(name) + " " + std::to_string(value) + "\n";
 }
 
-void define(std::string& text, std::string_view name, double value) {
-  text += "#define " + std::string(name) + " " + format_text("%f", value) + "\n";
-}
-
 void declare(std::string& text, std::string_view name, double value, std::string_view times = "") {
   text += "const highp float " + std::string(name) + " = " + format_text("%f", value) + std::string(times) + ";\n";
 }
