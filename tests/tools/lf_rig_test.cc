@@ -158,7 +158,7 @@ TEST(LfRig, RefusesFilesThatNeverEnd) {
   write_rig(dir);
   fs::create_symlink("/dev/zero", dir / "zero.json");
   ASSERT_EQ(mkfifo((dir / "fifo.json").c_str(), 0600), 0);
-  for (const std::string& name : {"zero.json", "fifo.json"}) {
+  for (const std::string name : {"zero.json", "fifo.json"}) {
     EXPECT_FAILURE(lf_rig("info " + name, dir.path()), name + ": can't be read: it is not a regular file");
     for (const char* format : {"nerf", "kalibr", "opencv"})
       EXPECT_FAILURE(lf_rig(std::string("import ") + format + " " + name + " --out o.json", dir.path()),
