@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <fstream>
 #include <string>
 #include <thread>
@@ -32,6 +33,7 @@ long resident_megabytes() {
 // The server on this thread, asked by another one.
 class IdentifyServerTest : public testing::Test {
  protected:
+  static constexpr std::chrono::seconds kPatience{20};
   // What comes back once the body has been sent as often as that, "" if nothing does within seconds.
   std::string post(const std::string& path, const std::string& headers, const std::string& body, int times = 1) {
     return request("POST", path, headers, body, times);
@@ -66,7 +68,7 @@ class IdentifyServerTest : public testing::Test {
  private:
   std::string ask(int port, const std::string& head, const std::string& body, int times) {
     const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
-    const timeval patience{.tv_sec = 20, .tv_usec = 0};
+    const timeval patience{.tv_sec = kPatience.count(), .tv_usec = 0};
     setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     sockaddr_in to{};
     to.sin_family = AF_INET;
@@ -103,6 +105,10 @@ TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
   }
   EXPECT_THAT(post("/swap", "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n", "1\r\nx\r\n0\r\n\r\n"),
               StartsWith("HTTP/1.1 411"));
+  const std::string chunk = "4000\r\n" + std::string(0x4000, 'x') + "\r\n";
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(post("/swap", "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n", chunk, 1000), "");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, kPatience) << "a body without end is cut off";
   EXPECT_EQ(swapped_, "");
 }
 

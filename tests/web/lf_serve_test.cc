@@ -495,7 +495,7 @@ TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
   EXPECT_THAT(said(options()), HasSubstr("chmod 600 " + dir_ / "key.pem"));
 }
 
-// GLib does each handshake in one of a few threads.
+// GLib does each handshake in one of a few threads. Half of the clients begin a handshake and stall.
 TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
   Served served(options());
   trust(dir_ / "certificate.pem");

@@ -57,7 +57,7 @@ void IdentifyServer::begin(SoupServerMessage* message) {
   lf::serve::set_common_headers(message, "no-store");
   const lf::serve::Refusal* const refusal = lf::serve::refuse_early(message, kLongestBody);
   if (!refusal) return;
-  connections_->asked(message);
+  connections_->refused(message);
   respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
 }
 

@@ -14,7 +14,7 @@
 namespace lf::serve {
 namespace {
 
-constexpr guint kTickMs = 1000;
+constexpr guint kTickMs = 1000, kHandshakeTickMs = 100;
 
 // "ADDRESS PORT", unique among the open connections.
 std::string name_of(GSocketAddress* address) {
@@ -39,6 +39,8 @@ struct Connections::Handshake {
   GSocketConnection* connection;
   GIOStream* tls = nullptr;
   GSource* first_byte = nullptr;
+  bool has_begun = false;  // the first byte is there
+  int64_t since = 0;       // g_get_monotonic_time() when `tls` was made
   GCancellable* cancellable = g_cancellable_new();
 
   Handshake(Connections* owner, GSocketConnection* connection)
@@ -93,6 +95,7 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
 
 Connections::~Connections() {
   g_source_remove(timer_);
+  if (handshake_timer_) g_source_remove(handshake_timer_);
   g_socket_service_stop(service_);
   g_socket_listener_close(G_SOCKET_LISTENER(service_));
   g_signal_handlers_disconnect_by_data(service_, this);
@@ -145,24 +148,24 @@ size_t Connections::choose_victim(const std::vector<Standing>& all, int64_t now)
   return victim;
 }
 
-// Closes connections in the phases `least` to `most` until there are fewer than `limit`.
-void Connections::make_room(Phase least, Phase most, size_t limit) {
+// Closes connections until there are fewer than kMost.
+void Connections::make_room() {
   forget_closed();
   const int64_t now = g_get_monotonic_time();
   for (;;) {
     std::vector<Standing> standings;
     std::vector<Connection*> of;
     for (Connection& state : open_) {
-      if (state.ended || state.phase < least || state.phase > most) continue;
+      if (state.ended) continue;
       g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&state.connection));
       if (!connection) continue;
-      const Progress progress = state.phase == Phase::kResponse                                ? Progress::kRequest
-                                : state.phase == Phase::kHandshake || has_received(connection) ? Progress::kSome
-                                                                                               : Progress::kNothing;
+      const Progress progress = state.phase == Phase::kResponse ? Progress::kRequest
+                                : has_received(connection)      ? Progress::kSome
+                                                                : Progress::kNothing;
       standings.push_back({state.subscriber, state.since, progress});
       of.push_back(&state);
     }
-    if (standings.size() < limit) return;
+    if (standings.size() < kMost) return;
     end(*of[choose_victim(standings, now)]);
   }
 }
@@ -171,13 +174,13 @@ void Connections::accept(GSocketConnection* connection) {
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
   if (!remote) return;  // closed already
   const std::string name = name_of(remote);
-  make_room(Phase::kHello, Phase::kResponse, kMost);
+  make_room();
   Connection& state = open_.emplace_back();
   g_weak_ref_init(&state.connection, connection);
   state.subscriber = subscriber(name.substr(0, name.find(' ')));
   state.remote = name;
   state.since = g_get_monotonic_time();
-  state.phase = certificate_ ? Phase::kHello : Phase::kRequest;
+  state.phase = certificate_ ? Phase::kHandshake : Phase::kRequest;
   if (certificate_)
     await_hello(connection);
   else
@@ -191,21 +194,71 @@ void Connections::await_hello(GSocketConnection* connection) {
   handshake->first_byte = g_socket_create_source(g_socket_connection_get_socket(connection), G_IO_IN, nullptr);
   const GSocketSourceFunc ready = [](GSocket*, GIOCondition, gpointer data) -> gboolean {
     auto* self = static_cast<Handshake*>(data);
-    self->owner->start_handshake(self);
+    self->has_begun = true;
+    self->owner->start_handshakes();
     return G_SOURCE_REMOVE;
   };
   g_source_set_callback(handshake->first_byte, G_SOURCE_FUNC(ready), handshake, nullptr);
   g_source_attach(handshake->first_byte, nullptr);
 }
 
-void Connections::start_handshake(Handshake* handshake) {
-  Connection* state = find(handshake->connection);
-  const bool closed = g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0;
-  if (!state || state->ended || closed) return finish_handshake(handshake, false);
-  make_room(Phase::kHandshake, Phase::kHandshake, kMostHandshakes);
-  state->phase = Phase::kHandshake;  // the time goes on
+// Starts those that wait, as far as others have ended or have had their time.
+void Connections::start_handshakes() {
+  const auto is_open = [this](Handshake* handshake) {
+    const Connection* state = find(handshake->connection);
+    return state && !state->ended;
+  };
+  handshakes_.remove_if([&](Handshake* handshake) {
+    if (handshake->tls || is_open(handshake)) return false;
+    delete handshake;
+    return true;
+  });
+  const int64_t now = g_get_monotonic_time();
+  std::map<std::string, size_t> counts;
+  for (const Connection& state : open_) counts[state.subscriber]++;
+  for (;;) {
+    size_t running = 0;
+    Handshake *oldest = nullptr, *next = nullptr;
+    size_t fewest = 0;
+    for (Handshake* handshake : handshakes_) {
+      if (!is_open(handshake)) continue;
+      const size_t count = counts[find(handshake->connection)->subscriber];
+      if (handshake->tls) {
+        running++;
+        if (!oldest || handshake->since < oldest->since) oldest = handshake;
+      } else if (handshake->has_begun && (!next || count <= fewest)) {
+        next = handshake;
+        fewest = count;
+      }
+    }
+    if (!next) return;
+    if (running >= kMostHandshakes && now - oldest->since >= kSlice) {
+      end(*find(oldest->connection));
+    } else if (running >= kMostHandshakes) {
+      if (handshake_timer_) return;
+      handshake_timer_ = g_timeout_add(
+          kHandshakeTickMs,
+          [](gpointer data) -> gboolean {
+            auto* self = static_cast<Connections*>(data);
+            self->handshake_timer_ = 0;
+            self->start_handshakes();
+            return G_SOURCE_REMOVE;
+          },
+          this);
+      return;
+    } else if (!start_handshake(next)) {
+      handshakes_.remove(next);
+      delete next;
+    }
+  }
+}
+
+// False if there is nothing to start: the client has closed the connection.
+bool Connections::start_handshake(Handshake* handshake) {
+  if (g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0) return false;
+  handshake->since = g_get_monotonic_time();
   handshake->tls = g_tls_server_connection_new(G_IO_STREAM(handshake->connection), certificate_, nullptr);
-  if (!handshake->tls) return finish_handshake(handshake, false);
+  if (!handshake->tls) return false;
   g_tls_connection_set_require_close_notify(G_TLS_CONNECTION(handshake->tls), FALSE);
   g_tls_connection_handshake_async(
       G_TLS_CONNECTION(handshake->tls), G_PRIORITY_DEFAULT, handshake->cancellable,
@@ -218,6 +271,7 @@ void Connections::start_handshake(Handshake* handshake) {
           delete self;
       },
       handshake);
+  return true;
 }
 
 void Connections::finish_handshake(Handshake* handshake, bool done) {
@@ -229,6 +283,7 @@ void Connections::finish_handshake(Handshake* handshake, bool done) {
     hand_over(handshake->connection, handshake->tls);
   }
   delete handshake;
+  start_handshakes();
 }
 
 void Connections::hand_over(GSocketConnection* connection, GIOStream* stream) {
@@ -265,6 +320,34 @@ void Connections::asked(SoupServerMessage* message) {
     }
 }
 
+void Connections::refused(SoupServerMessage* message) {
+  asked(message);
+  SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
+  if (soup_message_headers_get_encoding(headers) == SOUP_ENCODING_CONTENT_LENGTH) return;
+  const std::string name = name_of(soup_server_message_get_remote_address(message));
+  const auto state = std::ranges::find(open_, name, &Connection::remote);
+  if (state == open_.end()) return;
+  struct Body {
+    GWeakRef connection;
+    size_t received = 0;
+    explicit Body(GObject* object) { g_weak_ref_init(&connection, object); }
+    ~Body() { g_weak_ref_clear(&connection); }
+    Body(const Body&) = delete;
+  };
+  g_autoptr(GObject) connection = static_cast<GObject*>(g_weak_ref_get(&state->connection));
+  g_signal_connect_data(message, "got-chunk", G_CALLBACK(+[](SoupServerMessage*, GBytes* chunk, gpointer data) {
+                          auto* body = static_cast<Body*>(data);
+                          body->received += g_bytes_get_size(chunk);
+                          if (body->received <= kRefusedBody) return;
+                          g_autoptr(GSocketConnection) connection =
+                              static_cast<GSocketConnection*>(g_weak_ref_get(&body->connection));
+                          if (connection)
+                            g_socket_shutdown(g_socket_connection_get_socket(connection), TRUE, TRUE, nullptr);
+                        }),
+                        new Body(connection), [](gpointer data, GClosure*) { delete static_cast<Body*>(data); },
+                        static_cast<GConnectFlags>(0));
+}
+
 void Connections::tick() {
   forget_closed();
   const int64_t now = g_get_monotonic_time();
@@ -274,6 +357,7 @@ void Connections::tick() {
                                                           : kHandshake;
     if (!state.ended && now - state.since > most * G_USEC_PER_SEC) end(state);
   }
+  if (!handshakes_.empty()) start_handshakes();
 }
 
 }  // namespace lf::serve

@@ -129,7 +129,7 @@ void HttpServer::begin(SoupServerMessage* message) {
   set_common_headers(message, "no-cache");
   const Refusal* const refusal = refuse_early(message, Offer::kMaxBytes);
   if (!refusal) return;
-  connections_->asked(message);
+  connections_->refused(message);
   refusals_.answer(message, client_of(message).address, *refusal);
 }
 
