@@ -157,12 +157,17 @@ std::string file_uri(const std::string& path) {
   return uri;
 }
 
-void add_pictures(GstBin* bin, const CameraSource& source, const ChainOptions& options, int fps_n, int fps_d,
-                  GstElement* convert, const std::shared_ptr<std::atomic<guint64>>& damaged) {
+void add_pictures(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
+                  int fps_d, GstElement* convert, const std::shared_ptr<std::atomic<guint64>>& damaged) {
   const bool passes = may_bypass(convert) && source.codec == CameraSource::Codec::kJpeg;
   if (passes) bypass(convert);
-  GstElement* pictures = new_picture_source(
-      source, {.fps_n = fps_n, .fps_d = fps_d, .loop = options.loop, .decode = !passes, .damaged = damaged});
+  GstElement* pictures = new_picture_source(source, {.width = camera.width,
+                                                     .height = camera.height,
+                                                     .fps_n = fps_n,
+                                                     .fps_d = fps_d,
+                                                     .loop = options.loop,
+                                                     .decode = !passes,
+                                                     .damaged = damaged});
   gst_bin_add(bin, pictures);
   append(pictures, convert);
 }
@@ -184,7 +189,7 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       }
       [[fallthrough]];
     case Kind::kSequence:
-    case Kind::kJpegStream: add_pictures(bin, source, options, fps_n, fps_d, convert, chain->damaged); break;
+    case Kind::kJpegStream: add_pictures(bin, source, camera, options, fps_n, fps_d, convert, chain->damaged); break;
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
     case Kind::kFile: add_uri_decoder(bin, file_uri(source.location), options, convert); break;
     case Kind::kDevice: chain->device = add_device(bin, source.location, camera, options, convert); break;

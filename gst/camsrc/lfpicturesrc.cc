@@ -249,18 +249,21 @@ static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffe
   return GST_FLOW_OK;
 }
 
-// Gives the caps that the picture's header claims. A picture of another size than the camera's is refused downstream
-// then, before it is decoded: a small file may claim much memory. True where the header is damaged, as decoding tells.
+// Gives the caps that the picture's header claims. Returns false if they are refused or the picture is not of the
+// camera's size, because a small file may claim much memory. Decoding tells of damage in the header.
 static bool set_claimed_caps(LfPictureSrc* self, const Bytes& bytes) {
+  const auto set = [self](GstVideoFormat format, int width, int height) {
+    return set_caps(self, format, width, height) && width == self->options->width && height == self->options->height;
+  };
   if (lf::picture_coding(bytes) == lf::PictureCoding::kJpeg) {
     const auto header = lf::jpeg::parse_header(bytes, nullptr);
-    return !header || set_caps(self, GST_VIDEO_FORMAT_I420, header->width, header->height);
+    return !header || set(GST_VIDEO_FORMAT_I420, header->width, header->height);
   }
   constexpr size_t kWidthAt = 16, kHeightAt = 20;  // in a PNG
   if (bytes.size() < kHeightAt + 4) return true;
   const guint32 width = GST_READ_UINT32_BE(&bytes[kWidthAt]), height = GST_READ_UINT32_BE(&bytes[kHeightAt]);
   if (width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize) return true;
-  return set_caps(self, GST_VIDEO_FORMAT_RGB, static_cast<int>(width), static_cast<int>(height));
+  return set(GST_VIDEO_FORMAT_RGB, static_cast<int>(width), static_cast<int>(height));
 }
 
 static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {

@@ -11,6 +11,7 @@
 namespace lf {
 
 struct PictureSourceOptions {
+  int width = 0, height = 0;  // of the camera, pixels; a picture of another size ends the stream before it is decoded
   int fps_n = 0, fps_d = 1;
   bool loop = false;                                   // begins again behind the last picture, with time going on
   bool decode = true;                                  // false: JPEG pictures stay JPEG

@@ -187,12 +187,12 @@ std::optional<ClaimedSize> claimed_size(std::string_view bytes) {
 
 ImageSize checked_size(const std::string& path, std::string_view bytes) {
   const std::optional<ClaimedSize> size = claimed_size(bytes);
-  if (!size || size->width < 1 || size->height < 1)
-    throw Error(path + ": not an image that can be read");
+  if (!size || size->width < 1 || size->height < 1) throw Error(path + ": not an image that can be read");
   const auto [width, height] = *size;
   if (width > kMostImageSide || height > kMostImageSide || width * height > kMostImagePixels)
     throw Error(path + ": is " + std::to_string(width) + "x" + std::to_string(height) + " pixels: at most " +
-                std::to_string(kMostImageSide) + " a side can be read");
+                std::to_string(kMostImageSide) + " a side and " + std::to_string(kMostImagePixels / 1'000'000) +
+                " million in all can be read");
   return {static_cast<int>(width), static_cast<int>(height)};
 }
 

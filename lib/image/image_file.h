@@ -15,8 +15,8 @@ struct ImageSize {
 };
 
 // What a file may claim. Its pixels are not decoded if it claims more.
-inline constexpr int kMostImageSide = 16384;                   // pixels
-inline constexpr int64_t kMostImagePixels = int64_t{1} << 28;  // 800 MB as RGB
+inline constexpr int kMostImageSide = 16384;              // pixels
+inline constexpr int64_t kMostImagePixels = 160'000'000;  // 480 MB as RGB
 
 // Reads the size of an image file from its header: PNG, JPEG, BMP, TIFF, WebP, PNM (PBM, PGM, PPM), PFM or Radiance
 // HDR. Decodes no pixel. Throws Error naming the file, also for a size above the limits.

@@ -10,6 +10,7 @@
 #include <png.h>
 
 #include "base/error.h"
+#include "image/image_file.h"
 #include "jpeg/full_decode.h"
 #include "jpeg/header.h"
 #include "rig/rig.h"
@@ -50,6 +51,8 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
   png_set_read_fn(png, &input, read_png_bytes);
   png_set_user_limits(png, kMaxImageSize, kMaxImageSize);
   png_read_info(png, info);
+  if (int64_t{png_get_image_width(png, info)} * png_get_image_height(png, info) > kMostImagePixels)
+    png_error(png, "too many pixels");
   png_set_expand(png);
   png_set_strip_16(png);
   png_set_strip_alpha(png);
@@ -182,7 +185,9 @@ Image decode_picture(Bytes bytes, PixelFamily jpeg_family) {
   if (coding == PictureCoding::kOther) throw Error("neither PNG nor JPEG");
   std::string reason;
   bool unsupported = false;
-  if (!jpeg::parse_header(bytes, &reason, &unsupported)) throw Error((unsupported ? "" : "damaged JPEG: ") + reason);
+  const auto header = jpeg::parse_header(bytes, &reason, &unsupported);
+  if (!header) throw Error((unsupported ? "" : "damaged JPEG: ") + reason);
+  if (int64_t{header->width} * header->height > kMostImagePixels) throw Error("damaged JPEG: too many pixels");
   std::optional<Image> image =
       jpeg_family == PixelFamily::kRgb ? jpeg::decode_rgb(bytes, &reason) : jpeg::decode_whole(bytes, &reason);
   if (!image) throw Error("damaged JPEG: " + reason);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "image/picture_bytes.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <span>
 
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
@@ -64,6 +66,37 @@ TEST(PictureBytes, DamageIsAnError) {
     EXPECT_ERROR(decode_picture(hole, PixelFamily::kI420), "damaged");
   }
   EXPECT_ERROR(decode_picture(Bytes{1, 2, 3, 4}, PixelFamily::kRgb), "neither PNG nor JPEG");
+}
+
+void put_be(Bytes& bytes, size_t at, uint32_t value, int size) {
+  for (int i = 0; i < size; i++) bytes[at + static_cast<size_t>(i)] = static_cast<uint8_t>(value >> 8 * (size - 1 - i));
+}
+
+uint32_t png_crc(std::span<const uint8_t> bytes) {
+  uint32_t crc = 0xffffffff;
+  for (const uint8_t byte : bytes) {
+    crc ^= byte;
+    for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320 : 0);
+  }
+  return ~crc;
+}
+
+// A file of a few kilobytes may claim 16384 x 16384 pixels.
+TEST(PictureBytes, TooManyPixelsAreNotDecoded) {
+  Bytes png = noisy_png();
+  constexpr size_t kType = 12, kSize = 16, kCrc = 29;
+  for (const size_t side : {size_t{0}, size_t{4}}) put_be(png, kSize + side, 16000, 4);
+  put_be(png, kCrc, png_crc(std::span(png).subspan(kType, kCrc - kType)), 4);
+  EXPECT_ERROR(decode_picture(png, PixelFamily::kRgb), "too many pixels");
+
+  Bytes jpeg = noisy_jpeg();
+  constexpr uint8_t kFrame[] = {0xff, 0xc0, 0x00};
+  const auto frame = static_cast<size_t>(std::ranges::search(jpeg, kFrame).begin() - jpeg.begin());
+  ASSERT_LT(frame, jpeg.size());
+  for (const size_t side : {size_t{5}, size_t{7}}) put_be(jpeg, frame + side, 16000, 2);
+  EXPECT_ERROR(decode_picture(jpeg, PixelFamily::kRgb), "too few bytes");
+  jpeg.resize(1 << 22);
+  EXPECT_ERROR(decode_picture(jpeg, PixelFamily::kRgb), "too many pixels");
 }
 
 TEST(PictureBytes, PaddingIsNoDamage) {
