@@ -196,7 +196,7 @@ std::vector<CameraIndex> Node::cameras_of(const std::vector<Plan>& plans) {
   for (const Plan& plan : plans)
     cameras.insert(cameras.end(), plan.task->cameras().begin(), plan.task->cameras().end());
   std::ranges::sort(cameras);
-  cameras.erase(std::ranges::unique(cameras).begin(), cameras.end());
+  cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
   return cameras;
 }
 
@@ -229,7 +229,7 @@ uint64_t Node::describe(const Plan& plan, const FrameSources& sources, const Fou
     }
   }
   std::ranges::sort(blind);
-  blind.erase(std::ranges::unique(blind).begin(), blind.end());
+  blind.erase(std::unique(blind.begin(), blind.end()), blind.end());
   header.cameras = CameraRanges(own);
   header.blind = CameraRanges(blind);
   return worst_skew;
@@ -282,7 +282,7 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   std::vector<AnswerMaker::Work> works;
   uint64_t worst_skew = 0, plan_ns = 0;
   for (size_t i = 0; i < plans.size(); i++) {
-    AnswerMaker::Work& work = works.emplace_back(plans[i].task.get(), headers[i]);
+    AnswerMaker::Work& work = works.emplace_back(AnswerMaker::Work{plans[i].task.get(), headers[i]});
     // Without an image in the view the answer still says what the node's images are.
     work.header.family = family;
     work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
