@@ -71,11 +71,7 @@ std::string json_of(const Rig::Data& data, const lf::Rig& rig) {
 
 // Written and read again, so that a rig from values is checked as one from a file is.
 std::shared_ptr<const Rig::Data> checked(const lf::Rig& rig) {
-  try {
-    return data_of(lf::parse_rig(lf::rig_to_json(rig), "rig"));
-  } catch (const nlohmann::json::exception&) {
-    throw Error("rig: a camera's name, image or source is no text in UTF-8");
-  }
+  return data_of(lf::parse_rig(lf::rig_to_json(rig), "rig"));
 }
 
 }  // namespace

@@ -172,9 +172,13 @@ std::string rig_to_json(const Rig& rig, const json* original) {
 
   // One line per camera: small enough to read, and a change to one camera is a change to one line.
   std::string text = "{\n \"format\": \"" + std::string(kRigFormat) +
-                     "\",\n \"version\": " + std::to_string(kRigVersion) +
-                     ",\n \"cameras\": [\n";
+                     "\",\n \"version\": " + std::to_string(kRigVersion) + ",\n \"cameras\": [\n";
   for (size_t i = 0; i < rig.cameras.size(); i++) {
+    for (const std::string* name : {&rig.cameras[i].name, &rig.cameras[i].image, &rig.cameras[i].source})
+      if (!is_utf8(*name))
+        throw Error("cameras[" + std::to_string(i) +
+                    "]: " + json(*name).dump(-1, ' ', true, json::error_handler_t::replace) +
+                    " is no text in UTF-8, which a rig must be: rename the file");
     ordered_json camera = to_json(rig.cameras[i]);
     if (const auto kept = original_cameras.find(rig.cameras[i].id); kept != original_cameras.end())
       keep_unknown(*kept->second,

@@ -18,7 +18,8 @@ Rig load_rig(const std::string& path);
 Rig parse_rig(const std::string& text, const std::string& name, const std::string& directory = "");
 
 // Writes the rig. Where `original` (a parsed rig file) is given, keys that this version does not know are kept from it:
-// top-level ones, and those of each camera with the same id. Throws Error if the file can't be written.
+// top-level ones, and those of each camera with the same id. Throws Error if a name or a location is not UTF-8
+// or the file can't be written.
 void save_rig(const Rig& rig, const std::string& path, const nlohmann::json* original = nullptr);
 // The same, where the original is what is in a rig file now.
 void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path);

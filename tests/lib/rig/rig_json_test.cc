@@ -262,6 +262,16 @@ TEST(RigJson, RefusesTooManyCameras) {
   EXPECT_ERROR(parse(file), "r.json: cameras: at most 65535 cameras, has 65536");
 }
 
+// Names of files may be any bytes.
+TEST(RigJson, WritesOnlyUtf8) {
+  const Rig good = parse(good_rig());
+  for (std::string Camera::*member : {&Camera::name, &Camera::image, &Camera::source}) {
+    Rig rig = good;
+    rig.cameras[1].*member = "caf\xe9";
+    EXPECT_ERROR(rig_to_json(rig), "cameras[1]: \"caf\\ufffd\" is no text in UTF-8");
+  }
+}
+
 TEST(RigJson, ReadsTheRealRigs) {
   const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
