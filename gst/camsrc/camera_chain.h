@@ -36,7 +36,7 @@ struct CameraChain {
   GstPad* decoded = nullptr;  // sink pad: pictures as decoded, of whatever size
   GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took
   GstPad* out = nullptr;      // source pad
-  std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();  // pictures of files
+  std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();  // pictures left out
   GstElement* device = nullptr;         // the element that may have controls; null but for kDevice and kBin
   std::shared_ptr<SenderClock> sender;  // null but for a network camera that may tell its time
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that

@@ -76,6 +76,10 @@ CameraStream::~CameraStream() {
 
 void CameraStream::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
+  if (factory && g_str_equal(GST_OBJECT_NAME(factory), "jpegdec")) {
+    g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
+    add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_jpeg>, weak_from_this());
+  }
   const bool is_parser =
       options_.seek_to_loop && factory && gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
   if (!is_parser && (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element))) return;

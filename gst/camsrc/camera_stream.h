@@ -107,6 +107,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_output_end(GstPad* pad);
   // camera_stream_coded.cc
   GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_jpeg(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_parsed(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_arrival(GstPad* pad, GstPadProbeInfo* info);  // camera_stream.cc
   void end_round_as_told();
@@ -165,8 +166,9 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime latency_ = 0;      // latency that the source states
   guint64 round_frames_ = 0;      // frames since round_start_
   gint fps_n_ = 0, fps_d_ = 1;
-  bool counts_time_ = false;    // frames have no stamps, and a rate
-  bool is_known_jpeg_ = false;  // a picture's header has been read
+  bool counts_time_ = false;      // frames have no stamps, and a rate
+  bool is_known_jpeg_ = false;    // a picture's header has been read
+  bool jpegs_have_ends_ = false;  // a JPEG picture had its end marker before the decoder
   bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
   bool is_on_time_ = false;        // a stream that catches up has done so
   GstClockTime nearly_since_ = 0;  // running time since when it has been late by a second at most; 0: it is not yet

@@ -6,6 +6,7 @@
 #include "camsrc/camera_stream.h"
 #include "camsrc/chain_links.h"
 #include "common/coded_video.h"
+#include "image/picture_bytes.h"
 
 namespace lf {
 
@@ -43,6 +44,16 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   else if (coded_.admits(picture))
     listener_.on_keepsake(picture, caps, coded_.in_order(*taken, capture_time(*taken)));
   return GST_PAD_PROBE_OK;
+}
+
+// jpegdec shows grey where a picture was cut off, and says nothing. Cameras that never write the end marker exist.
+GstPadProbeReturn CameraStream::on_jpeg(GstPad*, GstPadProbeInfo* info) {
+  const MappedBuffer bytes(GST_PAD_PROBE_INFO_BUFFER(info));
+  const bool is_whole = jpeg_end(bytes.bytes()).has_value();
+  jpegs_have_ends_ = jpegs_have_ends_ || is_whole;
+  if (is_whole || !jpegs_have_ends_) return GST_PAD_PROBE_OK;
+  ++*chain_.damaged;
+  return GST_PAD_PROBE_DROP;
 }
 
 // A file may say how long a coded picture lasts; parsers put a period of theirs in its place.

@@ -32,9 +32,8 @@
  * Motion JPEG over HTTP (`http://HOST/stream`, multipart/x-mixed-replace) is live; a frame was taken when it came.
  *
  * Films are turned as they ask for (the matrix of an MP4). EXIF orientations of pictures are not followed, as COLMAP
- * does not: a warning tells. A damaged still is an error. A damaged picture of an image sequence has no frame and is
- * counted
- * (`damaged` in `stats`); a missing one is an error.
+ * does not: a warning tells. A damaged still is an error. A damaged picture of an image sequence, or one of Motion JPEG
+ * that was cut off, has no frame and is counted (`damaged` in `stats`). A gap in a sequence is an error.
  *
  * With `retry` a camera that fails (or is not there, or ends though it should not) is no error: it is opened again,
  * with a quarter of the time it has been out between attempts, half a second at least and ten at most. Downstream there
@@ -334,8 +333,8 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   lf::Properties<settings_of, stats_of>::install(
       object_class,
       "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-      "dropped: frames left undecoded because this machine can't decode all, damaged: pictures of files that can't be "
-      "shown, and capture-time: how it is known "
+      "dropped: frames left undecoded because this machine can't decode all, damaged: pictures that can't be shown, "
+      "and capture-time: how it is known "
       "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none); "
       "controls: what the camera has of them and of those in the rig (a number, auto, or FALSE: not taken), and "
       "control-values: their numbers now");

@@ -50,6 +50,15 @@ class CamSrcFilesTest : public CamSrcTest {
   }
 };
 
+guint64 count_of_damaged(CameraPipeline& camera) {
+  GstStructure* taken = nullptr;
+  g_object_get(camera.camera(), "stats", &taken, nullptr);
+  const StructurePtr stats(taken);
+  guint64 damaged = 0;
+  EXPECT_TRUE(gst_structure_get_uint64(stats.get(), "damaged", &damaged));
+  return damaged;
+}
+
 TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
   for (const std::string ending : {".png", ".jpg"}) {
     for (int i = 0; i < 6; i++) save_texture("damaged_" + std::to_string(i) + ending, i);
@@ -59,13 +68,7 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
       camera.set_state(GST_STATE_PLAYING);
       ASSERT_EQ(camera.wait(), "EOS");
       EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "the file is named";
-      StructurePtr stats;
-      GstStructure* taken = nullptr;
-      g_object_get(camera.camera(), "stats", &taken, nullptr);
-      stats.reset(taken);
-      guint64 damaged = 0;
-      EXPECT_TRUE(gst_structure_get_uint64(stats.get(), "damaged", &damaged));
-      EXPECT_GE(damaged, loop == "true" ? 2u : 1u);
+      EXPECT_GE(count_of_damaged(camera), loop == "true" ? 2u : 1u);
       camera.set_state(GST_STATE_NULL);
       ASSERT_EQ(camera.frames.size(), loop == "true" ? 10u : 5u);
       for (size_t k = 0; k < camera.frames.size(); k++) {
@@ -75,6 +78,48 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
       }
     }
   }
+}
+
+// jpegdec would show grey in place of what is missing.
+TEST_F(CamSrcFilesTest, AJpegThatWasCutOffInAFilmCostsItsOwnFrame) {
+  for (int i = 0; i < 6; i++) save_texture("film_" + std::to_string(i) + ".jpg", i);
+  cut("film_4.jpg", 0.5);
+  const std::string caps = "image/jpeg,parsed=true,framerate=15/1,width=" + std::to_string(CameraFiles::kWidth) +
+                           ",height=" + std::to_string(CameraFiles::kHeight);
+  GstElement* muxer = gst_parse_launch(
+      ("appsrc name=in format=time caps=" + caps + " ! matroskamux ! filesink location=" + files->path("cut.mkv"))
+          .c_str(),
+      nullptr);
+  ASSERT_TRUE(muxer);
+  g_autoptr(GstElement) in = gst_bin_get_by_name(GST_BIN(muxer), "in");
+  gst_element_set_state(muxer, GST_STATE_PLAYING);
+  GstFlowReturn flow = GST_FLOW_OK;
+  for (int i = 0; i < 6; i++) {
+    const std::string bytes = read("film_" + std::to_string(i) + ".jpg");
+    GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+    GST_BUFFER_PTS(buffer) = static_cast<GstClockTime>(i) * kPeriod;
+    GST_BUFFER_DURATION(buffer) = kPeriod;
+    g_signal_emit_by_name(in, "push-buffer", buffer, &flow);
+    gst_buffer_unref(buffer);
+  }
+  g_signal_emit_by_name(in, "end-of-stream", &flow);
+  g_autoptr(GstBus) bus = gst_element_get_bus(muxer);
+  g_autoptr(GstMessage) end = gst_bus_timed_pop_filtered(
+      bus, 20 * GST_SECOND, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  ASSERT_TRUE(end && GST_MESSAGE_TYPE(end) == GST_MESSAGE_EOS);
+  gst_element_set_state(muxer, GST_STATE_NULL);
+  gst_object_unref(muxer);
+
+  CameraPipeline camera("rig=" + rig_of("cut.mkv"));
+  camera.set_state(GST_STATE_PLAYING);
+  ASSERT_EQ(camera.wait(), "EOS");
+  EXPECT_EQ(count_of_damaged(camera), 1u);
+  camera.set_state(GST_STATE_NULL);
+  ASSERT_EQ(camera.frames.size(), 5u);
+  for (size_t k = 0; k < 5; k++)
+    EXPECT_NEAR(static_cast<double>(camera.frames[k].running_time), static_cast<double>((k == 4 ? 5 : k) * kPeriod),
+                2e6)
+        << k;
 }
 
 TEST_F(CamSrcFilesTest, WhereNoPictureIsWholeThereIsAnError) {
