@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <set>
 #include <string>
 
@@ -13,6 +14,12 @@ inline void check_file_name(const std::string& name, const std::string& place, s
   if (name.empty() || name == "." || name == ".." || name.find_first_of("/%") != std::string::npos)
     throw lf::Error(place + ": \"" + name + "\" can't be the name of a file");
   if (!taken.insert(name).second) throw lf::Error(place + ": \"" + name + "\" names two of them");
+}
+
+// A camera's name as that of one file. COLMAP's names may have folders in them.
+inline std::string flat_file_name(std::string name) {
+  std::ranges::replace(name, '/', '_');
+  return name == "." || name == ".." ? "_" + name : name;
 }
 
 // Those of a rig's cameras.

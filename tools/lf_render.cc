@@ -16,6 +16,7 @@
 #include "base/number_text.h"
 #include "command_line.h"
 #include "composite/still.h"
+#include "file_names.h"
 #include "focus/view_focus.h"
 #include "image/correction.h"
 #include "image/image.h"
@@ -237,7 +238,7 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     if (!predictor.is_in_service(i)) continue;
     const Rendered out = predictor.predict(i);
-    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + out.row.name + ".png");
+    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + flat_file_name(out.row.name) + ".png");
     rows.push_back(out.row);
   }
   progress.finish();

@@ -165,6 +165,9 @@ int run_subset(const Arguments& arguments) {
 
 int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
+  if (std::ranges::all_of(result.rig.cameras, [](const lf::Camera& camera) { return camera.image.empty(); }))
+    std::printf("note: no pictures are named: add \"source\" (or \"image\", a still) to each camera in %s\n",
+                arguments.out.c_str());
   save(result.rig, arguments.out);
   return 0;
 }

@@ -30,13 +30,20 @@ Lens lens_of(const ColmapCamera& camera) {
       std::all_of(camera.params.begin() + 8, camera.params.end(), [](double k) { return k == 0; }))
     model = LensModel::kOpenCv;
   if (!model)
-    throw Error("a rig cannot hold its " + camera.model +
-                " lens; run colmap image_undistorter, and import with --undistorted and --images FOLDER/images");
+    throw Error(
+        "a rig cannot hold its " + camera.model +
+        " lens; run colmap image_undistorter, and import the model that it writes (its sparse folder, as text)");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
   params[camera.num_focal] -= kColmapPixelCentre;
   params[camera.num_focal + 1] -= kColmapPixelCentre;
   return Lens(*model, params);
+}
+
+// Undistorting changes sides by some percent. Both sides much smaller: a copy for viewing, or for quicker training.
+bool is_scaled_copy(const ImageSize& size, const ColmapCamera& camera) {
+  constexpr double kMost = 0.7;
+  return size.width < kMost * camera.width && size.height < kMost * camera.height;
 }
 
 Lens undistorted_lens(const ColmapCamera& camera, int width, int height) {
@@ -141,10 +148,13 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       const ImageSize size = load_image_size(camera.image);
       camera.width = size.width;
       camera.height = size.height;
-      if (!options.undistorted && (camera.width != from.width || camera.height != from.height))
+      const bool is_copy = is_scaled_copy(size, from);
+      if (is_copy || (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) + ", its camera " +
                     std::to_string(image.camera_id) + " in cameras.txt " + size_text(from.width, from.height) +
-                    "; is it an undistorted image (lf-rig import colmap --undistorted)?");
+                    (is_copy ? "; a scaled copy has another focal length: use the pictures that COLMAP saw, or the "
+                               "model that image_undistorter writes beside its pictures"
+                             : "; is it an undistorted image (lf-rig import colmap --undistorted)?"));
       camera.image = fs::proximate(camera.image).string();
     }
     try {

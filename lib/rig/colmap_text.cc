@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "base/error.h"
 #include "base/json_value.h"
@@ -36,6 +37,8 @@ class LineReader {
   bool next() {
     if (!std::getline(text_, line_)) return false;
     number_++;
+    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+    if (number_ == 1 && line_.starts_with(kByteOrderMark)) line_.erase(0, kByteOrderMark.size());
     if (!line_.empty() && line_.back() == '\r') line_.pop_back();
     position_ = 0;
     return true;

@@ -159,6 +159,18 @@ const std::set<std::string_view> kOpenCvKeys = {"cameras",
                                                 "rectification_matrix",
                                                 "fisheye_model"};
 
+// One camera may be where the world is.
+void require_places(const std::vector<JsonValue>& cameras) {
+  size_t without = 0;
+  for (const JsonValue& camera : cameras) {
+    if (camera.find("R") || camera.find("T") || ++without < 2) continue;
+    const bool has_vectors = camera.find("rvec") || camera.find("tvec");
+    camera.fail(std::string("R (3x3) and T (3x1), which take points of the world to the camera, are missing: cameras "
+                            "would all be in one place") +
+                (has_vectors ? "; T is tvec, and cv::Rodrigues() makes R of rvec" : ""));
+  }
+}
+
 // Two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
 std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
   std::vector<Camera> cameras(2);
@@ -188,6 +200,7 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
 }
 
 RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
+  if (text.starts_with("<?xml")) throw Error(path + ": is XML; save it as .yml (cv::FileStorage goes by the ending)");
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
@@ -199,6 +212,7 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
     if (values.empty() || values.size() > kMaxCameras)
       cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
     for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
+    require_places(values);
   } else if (file.find("M1") || file.find("M2")) {
     rig.cameras = parse_stereo(file, directory, result.notes);
   } else {

@@ -92,6 +92,19 @@ void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   }
 }
 
+// Another unit, or clocks that were never set by each other.
+void check_time_offsets(const Rig& rig, std::vector<RigFinding>& findings) {
+  constexpr double kMost = 1;  // s
+  const auto [least, most] = std::ranges::minmax_element(rig.cameras, {}, &Camera::time_offset);
+  if (most->time_offset - least->time_offset <= kMost) return;
+  const auto text = [&](const auto& camera) {
+    return "cameras[" + std::to_string(camera - rig.cameras.begin()) +
+           "].time_offset: " + number_text(camera->time_offset) + " s";
+  };
+  findings.push_back({Severity::kWarning, text(most) + ", " + text(least) +
+                                              ": frames of one time must exist in all films; seconds are expected"});
+}
+
 void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
   size_t triangles = 0, slivers = 0;
   double worst = kSliver;
@@ -180,8 +193,9 @@ class FileChecker {
   void check_picture(const char* key, const std::string& path) {
     const ImageSize size = load_image_size(path);
     if (size != ImageSize{camera_.width, camera_.height})
-      find(Severity::kError, key, path + " is " + size_text(size.width, size.height) + ", the camera is " +
-                                      size_text(camera_.width, camera_.height));
+      find(Severity::kError, key,
+           path + " is " + size_text(size.width, size.height) + ", the camera is " +
+               size_text(camera_.width, camera_.height));
     else
       load_image(path);  // finds damage that the header does not show
     constexpr size_t kHeaders = 1 << 20;
@@ -244,10 +258,14 @@ std::vector<RigFinding> check_rig(const Rig& rig) {
     findings.push_back({Severity::kWarning,
                         turned[0] + (turned.size() > 1 ? "; " + std::to_string(turned.size() - 1) + " more" : "")});
   if (!blind.empty())
-    findings.push_back({Severity::kWarning,
-                        "cameras[" + std::to_string(blind[0]) + "]" +
-                            (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) + " more have" : " has") +
-                            " neither an image nor a source"});
+    findings.push_back(
+        {Severity::kWarning,
+         "cameras[" + std::to_string(blind[0]) + "]" +
+             (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) + " more have" : " has") +
+             " neither an image nor a source: " +
+             (blind.size() == rig.cameras.size() ? "the built-in scene is shown until each camera names one"
+                                                 : "name one, or remove the camera")});
+  check_time_offsets(rig, findings);
   find_duplicates(rig, findings);
   check_mesh(rig, findings);
   return findings;

@@ -114,7 +114,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   else
     result.notes.push_back("the images do not fill a grid: their triangulation is Delaunay's");
   if (options.focus_distance == 0)
-    result.notes.push_back("no focus distance was given: images are taken for unshifted ones");
+    result.notes.push_back("the focus distance is 0: images are taken for unshifted ones");
   return result;
 }
 

@@ -229,6 +229,8 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
     camera.image = camera.name + ".png";
     save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5, 1), folder / camera.image);
   }
+  rig.cameras[3].name = "row/one";  // as COLMAP's names may be
+  rig.cameras[4].name = "../above";
   const std::string off = rig.cameras[12].name;
   rig.cameras[12].pose.orientation = glm::angleAxis(0.05, Vec3(0, 1, 0));
   save_rig(rig, folder / "rig.json");
@@ -240,6 +242,8 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   const std::string said = run("--focus surface --focus-near 1 --focus-far 6 --json out.json");
   EXPECT_THAT(said, ContainsRegex(off + " stands out .* looks elsewhere"));
   EXPECT_EQ(said.find("stands out"), said.rfind("stands out")) << "one alone: " << said;
+  for (const char* name : {"out/row_one.png", "out/.._above.png"})
+    EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
   EXPECT_GT(nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>(), 20);
   EXPECT_THAT(run("--focus surface --focus-near 1 --focus-far 6 --i420"),
               ContainsRegex(off + " stands out .* looks elsewhere"));

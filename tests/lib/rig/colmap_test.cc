@@ -142,6 +142,10 @@ TEST(Colmap, SizesOfImageFilesMustAgree) {
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png" +
                                               ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image "
                                               "(lf-rig import colmap --undistorted)?");
+  save_image(Image(PixelFamily::kRgb, 2, 2), dir / "images/a.png");
+  for (const bool undistorted : {false, true})
+    EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}),
+                 "is 2x2, its camera 1 in cameras.txt 4x3; a scaled copy has another focal length");
   dir.write("images/a.png", "not a picture");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");

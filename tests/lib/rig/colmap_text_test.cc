@@ -14,7 +14,7 @@ const std::map<uint32_t, ColmapCamera> kOneCamera = {{1, {"PINHOLE", 4, 3, {5, 5
 TEST(ColmapText, ReadsCamerasOfEveryModel) {
   const TempDir dir;
   const auto cameras = read_colmap_cameras(dir.write("cameras.txt",
-                                                     "# a comment\n"
+                                                     "\xef\xbb\xbf# a comment\n"
                                                      "\n"
                                                      "  7 SIMPLE_RADIAL 1280 960 1064.91 640 480 0.0187869\r\n"
                                                      "2\tOPENCV_FISHEYE 8 8 1 2 3 4 5 6 7 8\n"

@@ -111,6 +111,25 @@ TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
   EXPECT_NE(error("%YAML:1.0\n---\nK: [1, 2]\n").find("has none of the keys"), std::string::npos);
 }
 
+// calibrateCamera() and solvePnP() give rvec and tvec.
+TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
+  const TempDir dir;
+  const auto error = [&](const std::string& place) {
+    const std::string camera = "{ image_width: 4, image_height: 3, " + place +
+                               "camera_matrix: { rows: 3, cols: 3, data: [5, 0, 2, 0, 5, 1, 0, 0, 1] } }";
+    return text_of_error([&] {
+      import_opencv_yaml(dir.write("x.yml", "%YAML:1.0\n---\ncameras: [ " + camera + ", " + camera + " ]\n"));
+    });
+  };
+  EXPECT_NE(
+      error("").find("cameras[1]: R (3x3) and T (3x1), which take points of the world to the camera, are missing"),
+      std::string::npos)
+      << error("");
+  EXPECT_NE(error("tvec: [1, 2, 3], ").find("T is tvec"), std::string::npos);
+  EXPECT_ERROR(import_opencv_yaml(dir.write("x.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>")),
+               "x.xml: is XML; save it as .yml");
+}
+
 TEST(OpenCvYaml, ListsWhatItDidNotRead) {
   const TempDir dir;
   EXPECT_EQ(import_opencv_yaml(dir.write("x.yaml", single("exposure: 4\nflags: 10\nboard_width: 9\n"))).notes,

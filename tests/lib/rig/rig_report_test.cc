@@ -85,9 +85,22 @@ TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
 
 TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
   rig_.cameras[4].image = "";
-  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[4] has neither an image nor a source"));
+  EXPECT_THAT(check(rig_),
+              ElementsAre("warning: cameras[4] has neither an image nor a source: name one, or remove the camera"));
   rig_.cameras[2].image = "";
-  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source"));
+  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source: name one, "
+                                       "or remove the camera"));
+  for (Camera& camera : rig_.cameras) camera.image = "";
+  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is shown until each camera names one")));
+}
+
+TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
+  rig_.cameras[1].time_offset = 0.9;
+  EXPECT_THAT(check(rig_), IsEmpty());
+  rig_.cameras[2].time_offset = -1000;
+  EXPECT_THAT(check(rig_),
+              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: frames "
+                          "of one time must exist in all films; seconds are expected"));
 }
 
 TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
