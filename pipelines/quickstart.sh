@@ -60,7 +60,7 @@ if $window && [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
   exit 1
 fi
 
-"$root/tools/setup.sh" programs
+"$root/tools/setup.sh" quickstart
 export GST_PLUGIN_PATH=$root/build/gst${GST_PLUGIN_PATH:+:$GST_PLUGIN_PATH}
 PATH=$root/build/tools:$PATH
 mkdir -p "$out"
