@@ -35,6 +35,21 @@ class LfServeMedia : public testing::Test {
   }
 };
 
+// webrtcbin takes any peer: somebody between browser and server could watch.
+TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
+  Served served;
+  WhepClient::Options stranger;
+  stranger.patience = 5;
+  for (const char* byte : {"00", "11"}) {
+    stranger.fingerprint = std::string("sha-256 ") + byte;
+    for (int i = 1; i < 32; i++) stranger.fingerprint += std::string(":") + byte;
+    EXPECT_THROW(watch(served, stranger), std::runtime_error);
+  }
+  EXPECT_THAT(served.said(), HasSubstr("its certificate is not the one of the offer"));
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "0"; }));
+  EXPECT_TRUE(goes_on(*watch(served)));
+}
+
 TEST_F(LfServeMedia, TheCodecIsTheOffers) {
   Served served;
   WhepClient::Options vp8;

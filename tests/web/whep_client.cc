@@ -7,14 +7,13 @@
 #include <libsoup/soup.h>
 
 #include <cstring>
+#include <regex>
 #include <stdexcept>
 
 #include "gst/sanitizer.h"
 
 namespace lf::test {
 namespace {
-
-constexpr guint64 kPatience = kFallsBehind ? 120000000 : 30000000;  // microseconds
 
 // The reply to a call of webrtcbin; to be freed.
 GstStructure* call(GstElement* webrtc, const char* signal, gpointer argument, bool has_argument = true) {
@@ -39,9 +38,9 @@ void describe(GstElement* webrtc, const char* signal, GstWebRTCSessionDescriptio
 }
 
 template <typename Condition>
-void wait_for(const char* what, const Condition& condition) {
-  for (guint64 waited = 0; !condition(); waited += 5000) {
-    if (waited > kPatience) throw std::runtime_error(std::string("never: ") + what);
+void wait_for(const char* what, double seconds, const Condition& condition) {
+  for (double waited = 0; !condition(); waited += 0.005) {
+    if (waited > seconds) throw std::runtime_error(std::string("never: ") + what);
     g_usleep(5000);
   }
 }
@@ -104,11 +103,14 @@ WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nul
   if (!offer) throw std::runtime_error("no offer");
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp);
   describe(webrtc_, "set-local-description", offer);
-  post(text);
+  std::string posted = text;
+  if (!options.fingerprint.empty())
+    posted = std::regex_replace(posted, std::regex("(a=fingerprint:)[^\r]*"), "$1" + options.fingerprint);
+  post(posted);
   GstSDPMessage* sdp = nullptr;
   if (gst_sdp_message_new_from_text(answer_.c_str(), &sdp) != GST_SDP_OK) throw std::runtime_error(answer_);
   describe(webrtc_, "set-remote-description", gst_webrtc_session_description_new(GST_WEBRTC_SDP_TYPE_ANSWER, sdp));
-  wait_for("a picture", [this] { return pictures_ > 0; });
+  wait_for("a picture", options.patience, [this] { return pictures_ > 0; });
 }
 
 WhepClient::~WhepClient() {
@@ -228,7 +230,7 @@ GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer da
 }
 
 void WhepClient::send(const std::string& text) {
-  wait_for("an open channel", [this] {
+  wait_for("an open channel", options_.patience, [this] {
     GstWebRTCDataChannelState state;
     g_object_get(channel_, "ready-state", &state, nullptr);
     return state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN;

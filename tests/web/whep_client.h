@@ -23,10 +23,12 @@ class WhepClient {
   struct Options {
     std::string url;  // of the server, "http://127.0.0.1:8080/"
     int width = kFallsBehind ? 160 : 640, height = kFallsBehind ? 120 : 480;
-    bool vp8 = false;                // offers that alone, else H.264
-    bool playout_delay = false;      // offers this RTP header extension, under kPlayoutDelay
-    double loss = 0;                 // of the packets that come
-    std::string first_message = {};  // on the data channel, as soon as it is open; "": none
+    bool vp8 = false;                           // offers that alone, else H.264
+    bool playout_delay = false;                 // offers this RTP header extension, under kPlayoutDelay
+    double loss = 0;                            // of the packets that come
+    std::string fingerprint = {};               // that the offer names in place of its own; "": its own
+    double patience = kFallsBehind ? 120 : 30;  // seconds until a picture must have come
+    std::string first_message = {};             // on the data channel, as soon as it is open; "": none
   };
 
   // Offers, connects, and blocks until the first picture has come.

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "base/error.h"
 #include "client_address.h"
@@ -37,14 +38,15 @@ bool has_received(GSocketConnection* connection) {
 struct Connections::Handshake {
   Connections* owner;  // null once that is gone
   GSocketConnection* connection;
+  Connection* state;  // in owner->open_ as long as there is a reference to `connection`
   GIOStream* tls = nullptr;
   GSource* first_byte = nullptr;
   bool has_begun = false;  // the first byte is there
   int64_t since = 0;       // g_get_monotonic_time() when `tls` was made
   GCancellable* cancellable = g_cancellable_new();
 
-  Handshake(Connections* owner, GSocketConnection* connection)
-      : owner(owner), connection(G_SOCKET_CONNECTION(g_object_ref(connection))) {}
+  Handshake(Connections* owner, GSocketConnection* connection, Connection* state)
+      : owner(owner), connection(G_SOCKET_CONNECTION(g_object_ref(connection))), state(state) {}
   ~Handshake() {
     if (first_byte) {
       g_source_destroy(first_byte);
@@ -182,14 +184,14 @@ void Connections::accept(GSocketConnection* connection) {
   state.since = g_get_monotonic_time();
   state.phase = certificate_ ? Phase::kHandshake : Phase::kRequest;
   if (certificate_)
-    await_hello(connection);
+    await_hello(connection, state);
   else
     hand_over(connection, G_IO_STREAM(connection));
 }
 
 // GLib does each handshake in a thread of a small pool. A silent client must not hold one.
-void Connections::await_hello(GSocketConnection* connection) {
-  auto* handshake = new Handshake(this, connection);
+void Connections::await_hello(GSocketConnection* connection, Connection& state) {
+  auto* handshake = new Handshake(this, connection, &state);
   handshakes_.push_back(handshake);
   handshake->first_byte = g_socket_create_source(g_socket_connection_get_socket(connection), G_IO_IN, nullptr);
   const GSocketSourceFunc ready = [](GSocket*, GIOCondition, gpointer data) -> gboolean {
@@ -204,53 +206,51 @@ void Connections::await_hello(GSocketConnection* connection) {
 
 // Starts those that wait, as far as others have ended or have had their time.
 void Connections::start_handshakes() {
-  const auto is_open = [this](Handshake* handshake) {
-    const Connection* state = find(handshake->connection);
-    return state && !state->ended;
-  };
-  handshakes_.remove_if([&](Handshake* handshake) {
-    if (handshake->tls || is_open(handshake)) return false;
+  handshakes_.remove_if([](Handshake* handshake) {
+    if (handshake->tls || !handshake->state->ended) return false;
     delete handshake;
     return true;
   });
   const int64_t now = g_get_monotonic_time();
   std::map<std::string, size_t> counts;
   for (const Connection& state : open_) counts[state.subscriber]++;
+  std::set<std::string> limited;  // subscribers
   for (;;) {
     size_t running = 0;
     Handshake *oldest = nullptr, *next = nullptr;
-    size_t fewest = 0;
     for (Handshake* handshake : handshakes_) {
-      if (!is_open(handshake)) continue;
-      const size_t count = counts[find(handshake->connection)->subscriber];
+      const Connection* state = handshake->state;
+      if (state->ended) continue;
       if (handshake->tls) {
         running++;
         if (!oldest || handshake->since < oldest->since) oldest = handshake;
-      } else if (handshake->has_begun && (!next || count <= fewest)) {
+      } else if (handshake->has_begun && !limited.contains(state->subscriber) &&
+                 (!next || counts[state->subscriber] <= counts[next->state->subscriber])) {
         next = handshake;
-        fewest = count;
       }
     }
-    if (!next) return;
-    if (running >= kMostHandshakes && now - oldest->since >= kSlice) {
-      end(*find(oldest->connection));
-    } else if (running >= kMostHandshakes) {
-      if (handshake_timer_) return;
-      handshake_timer_ = g_timeout_add(
-          kHandshakeTickMs,
-          [](gpointer data) -> gboolean {
-            auto* self = static_cast<Connections*>(data);
-            self->handshake_timer_ = 0;
-            self->start_handshakes();
-            return G_SOURCE_REMOVE;
-          },
-          this);
-      return;
+    if (!next) break;
+    if (running >= kMostHandshakes) {
+      if (now - oldest->since < kSlice) break;
+      end(*oldest->state);
+    } else if (!handshake_limit_.take(next->state->subscriber, now)) {
+      limited.insert(next->state->subscriber);
     } else if (!start_handshake(next)) {
       handshakes_.remove(next);
       delete next;
     }
   }
+  const auto waits = [](const Handshake* handshake) { return handshake->has_begun && !handshake->tls; };
+  if (handshake_timer_ || std::ranges::none_of(handshakes_, waits)) return;
+  handshake_timer_ = g_timeout_add(
+      kHandshakeTickMs,
+      [](gpointer data) -> gboolean {
+        auto* self = static_cast<Connections*>(data);
+        self->handshake_timer_ = 0;
+        self->start_handshakes();
+        return G_SOURCE_REMOVE;
+      },
+      this);
 }
 
 // False if there is nothing to start: the client has closed the connection.
@@ -276,8 +276,8 @@ bool Connections::start_handshake(Handshake* handshake) {
 
 void Connections::finish_handshake(Handshake* handshake, bool done) {
   handshakes_.remove(handshake);
-  Connection* state = find(handshake->connection);
-  if (done && state && !state->ended) {
+  Connection* state = handshake->state;
+  if (done && !state->ended) {
     state->phase = Phase::kRequest;
     state->since = g_get_monotonic_time();
     hand_over(handshake->connection, handshake->tls);
@@ -290,14 +290,6 @@ void Connections::hand_over(GSocketConnection* connection, GIOStream* stream) {
   g_autoptr(GSocketAddress) local = g_socket_connection_get_local_address(connection, nullptr);
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
   if (local && remote) soup_server_accept_iostream(server_, stream, local, remote, nullptr);
-}
-
-Connections::Connection* Connections::find(GSocketConnection* connection) {
-  for (Connection& state : open_) {
-    g_autoptr(GObject) same = static_cast<GObject*>(g_weak_ref_get(&state.connection));
-    if (same == G_OBJECT(connection)) return &state;
-  }
-  return nullptr;
 }
 
 // libsoup, or the handshake, sees the end of the stream and releases it.
@@ -335,17 +327,16 @@ void Connections::refused(SoupServerMessage* message) {
     Body(const Body&) = delete;
   };
   g_autoptr(GObject) connection = static_cast<GObject*>(g_weak_ref_get(&state->connection));
-  g_signal_connect_data(message, "got-chunk", G_CALLBACK(+[](SoupServerMessage*, GBytes* chunk, gpointer data) {
-                          auto* body = static_cast<Body*>(data);
-                          body->received += g_bytes_get_size(chunk);
-                          if (body->received <= kRefusedBody) return;
-                          g_autoptr(GSocketConnection) connection =
-                              static_cast<GSocketConnection*>(g_weak_ref_get(&body->connection));
-                          if (connection)
-                            g_socket_shutdown(g_socket_connection_get_socket(connection), TRUE, TRUE, nullptr);
-                        }),
-                        new Body(connection), [](gpointer data, GClosure*) { delete static_cast<Body*>(data); },
-                        static_cast<GConnectFlags>(0));
+  g_signal_connect_data(
+      message, "got-chunk", G_CALLBACK(+[](SoupServerMessage*, GBytes* chunk, gpointer data) {
+        auto* body = static_cast<Body*>(data);
+        body->received += g_bytes_get_size(chunk);
+        if (body->received <= kRefusedBody) return;
+        g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&body->connection));
+        if (connection) g_socket_shutdown(g_socket_connection_get_socket(connection), TRUE, TRUE, nullptr);
+      }),
+      new Body(connection), [](gpointer data, GClosure*) { delete static_cast<Body*>(data); },
+      static_cast<GConnectFlags>(0));
 }
 
 void Connections::tick() {

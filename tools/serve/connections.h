@@ -8,18 +8,22 @@
 #include <string>
 #include <vector>
 
+#include "rate_limit.h"
+
 namespace lf::serve {
 
 // The TCP connections of an HTTP server, with TLS if there is a certificate. Slow connections are closed: a client has
 // kHandshake seconds for the TLS handshake, kRequest seconds for the whole request and kResponse seconds to take the
 // response. At most kMost connections are open; choose_victim() says which one is closed for one more. At most
 // kMostHandshakes handshakes run, and others wait: the next is of the subscriber with the fewest connections, and its
-// latest. A handshake that has run for kSlice is closed when another waits. Main thread only.
+// latest. A handshake that has run for kSlice is closed when another waits. A subscriber gets
+// kHandshakesPerSecond, as each costs the main thread some 10 ms. Main thread only.
 class Connections {
  public:
   // kMostHandshakes: fewer than the 10 threads that GLib starts at once, so that none waits for a thread.
   static constexpr size_t kMost = 256, kMostHandshakes = 8;
-  static constexpr int64_t kSlice = 300000;  // microseconds
+  static constexpr double kHandshakesPerSecond = 20, kHandshakesAtOnce = 40;
+  static constexpr int64_t kSlice = 300000;                                // microseconds
   static constexpr int64_t kHandshake = 5, kRequest = 10, kResponse = 30;  // seconds
   static constexpr size_t kFair = 16;  // connections that a subscriber may have without being the first to lose one
   static constexpr int64_t kIdle = 1000000;  // microseconds after which a connection without a byte is idle
@@ -36,8 +40,8 @@ class Connections {
   uint64_t closed() const { return closed_; }  // connections closed because they were too slow or too many
   // Call when the whole request of this connection has arrived.
   void asked(SoupServerMessage* message);
-  // Call when the request is refused before its body has arrived. libsoup reads a body to its end before it answers: the
-  // connection is closed after kRefusedBody bytes of one that has no length, as it may have no end.
+  // Call when the request is refused before its body has arrived. libsoup reads a body to its end before it answers:
+  // the connection is closed after kRefusedBody bytes of one that has no length, as it may have no end.
   void refused(SoupServerMessage* message);
   static constexpr size_t kRefusedBody = 1 << 20;
 
@@ -64,13 +68,12 @@ class Connections {
   struct Handshake;
 
   void accept(GSocketConnection* connection);
-  void await_hello(GSocketConnection* connection);
+  void await_hello(GSocketConnection* connection, Connection& state);
   void start_handshakes();
   bool start_handshake(Handshake* handshake);
   void finish_handshake(Handshake* handshake, bool done);
   void hand_over(GSocketConnection* connection, GIOStream* stream);
   void make_room();
-  Connection* find(GSocketConnection* connection);
   void end(Connection& state);
   void forget_closed();
   void tick();
@@ -82,6 +85,7 @@ class Connections {
   guint timer_ = 0, handshake_timer_ = 0;
   std::list<Connection> open_;
   std::list<Handshake*> handshakes_;  // until each has ended
+  AddressLimit handshake_limit_{kHandshakesPerSecond, kHandshakesAtOnce};
   uint64_t closed_ = 0;
 };
 

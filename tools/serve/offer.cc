@@ -6,11 +6,13 @@
 #include <charconv>
 #include <string_view>
 
+#include "fingerprint.h"
 #include "playout_delay.h"
 
 namespace lf::serve {
 namespace {
 
+constexpr char kMalformedFingerprint[] = "an a=fingerprint of the offer is malformed";
 constexpr char kTooManyAttributes[] = "the offer has too many formats or attributes";
 
 // The value of "NAME" in "NAME=value;OTHER=value" (RFC 6184: names in either case).
@@ -175,6 +177,21 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
   return "";
 }
 
+// Adds the fingerprints of the session (no `media`) or of a medium. Returns false if one is malformed.
+bool add_fingerprints(const GstSDPMessage* sdp, const GstSDPMedia* media, std::set<std::string>& to) {
+  const guint count = media ? gst_sdp_media_attributes_len(media) : gst_sdp_message_attributes_len(sdp);
+  for (guint i = 0; i < count; i++) {
+    const GstSDPAttribute* attribute =
+        media ? gst_sdp_media_get_attribute(media, i) : gst_sdp_message_get_attribute(sdp, i);
+    if (!g_str_equal(attribute->key, "fingerprint")) continue;
+    const std::string value = attribute->value ? attribute->value : "";
+    const FingerprintKind kind = fingerprint_kind(value);
+    if (kind == FingerprintKind::kMalformed) return false;
+    if (kind == FingerprintKind::kKnown) to.insert(value);
+  }
+  return true;
+}
+
 }  // namespace
 
 const char* to_string(VideoCodec codec) { return codec == VideoCodec::kH264 ? "H264" : "VP8"; }
@@ -206,6 +223,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     if (is_too_large(m)) return fail(kTooManyAttributes);
     const std::string problem = problem_of(sdp, m, "m=" + kind);
     if (!problem.empty()) return fail(problem);
+    if (!add_fingerprints(sdp, m, offer.fingerprints)) return fail(kMalformedFingerprint);
     if (kind == "video" && video) return fail("the offer has more than one video");
     if (kind == "application" && application) return fail("the offer has more than one data channel association");
     if (kind == "video") video = m;
@@ -213,6 +231,8 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     strip_candidates(m, known);
   }
   if (!video) return fail("the offer has no video");
+  if (!add_fingerprints(sdp, nullptr, offer.fingerprints)) return fail(kMalformedFingerprint);
+  if (offer.fingerprints.empty()) return fail("the offer has no a=fingerprint of SHA-256, SHA-384 or SHA-512");
   if (gst_sdp_media_get_attribute_val(video, "sendonly") || gst_sdp_media_get_attribute_val(video, "inactive"))
     return fail("the offer does not receive video");
   const auto formats = read_formats(video);

@@ -28,9 +28,10 @@ struct Offer {
 
   SdpPtr sdp;
   VideoCodec codec;
-  guint payload_type;   // the offer's own number for the codec
-  std::string profile;  // kH264: profile-level-id
-  guint playout_delay;  // the offer's own number for the RTP header extension; 0: it is not offered
+  guint payload_type;                  // the offer's own number for the codec
+  std::string profile;                 // kH264: profile-level-id
+  std::set<std::string> fingerprints;  // of the browser's certificate, of known hashes; at least one
+  guint playout_delay;                 // the offer's own number for the RTP header extension; 0: it is not offered
 };
 
 // Parses an offer in a time proportional to its length. `h264`, `vp8`: the codecs that can be encoded here; H.264 goes

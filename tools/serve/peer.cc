@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "fingerprint.h"
 #include "goodbye.h"
 #include "launch.h"
 #include "playout_delay.h"
@@ -45,6 +46,7 @@ std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->
 
 Peer::Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks)
     : webrtc_(GST_ELEMENT(gst_object_ref(webrtc))),
+      fingerprints_(offer.fingerprints),
       offer_(std::move(offer)),
       ssrc_(ssrc),
       callbacks_(std::move(callbacks)) {}
@@ -99,6 +101,29 @@ void Peer::watch_element(GstElement* element) {
   if (type == "dtlsenc") {
     const std::lock_guard lock(mutex_);
     gst_object_replace(reinterpret_cast<GstObject**>(&dtls_), GST_OBJECT(element));
+  }
+  // The certificate comes before the keys do.
+  if (type == "dtlsdec")
+    connect(
+        element, "notify::peer-pem",
+        +[](GObject* decoder, GParamSpec*, gpointer data) {
+          g_autofree gchar* pem = nullptr;
+          g_object_get(decoder, "peer-pem", &pem, nullptr);
+          const auto peer = peer_of(data);
+          if (!peer || (pem && has_fingerprint(pem, peer->fingerprints_))) return;
+          peer->is_stranger_ = true;
+          peer->fail("its certificate is not the one of the offer");
+        },
+        weak_from_this());
+  if (type == "nicesink") {
+    g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
+    gst_pad_add_probe(
+        sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+        [](GstPad*, GstPadProbeInfo*, gpointer data) {
+          const auto peer = peer_of(data);
+          return peer && peer->is_stranger_ ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+        },
+        new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
   }
   if (type == "rtprtxsend") {
     g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");

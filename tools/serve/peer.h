@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -37,7 +38,8 @@ struct Route {
 
 // One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
 // negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
-// channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more.
+// channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more. Its certificate
+// must have a fingerprint of the offer.
 // Made on the main thread; what it calls back comes on the main thread, but for on_message.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
@@ -93,12 +95,14 @@ class Peer : public std::enable_shared_from_this<Peer> {
   static GstPadProbeReturn asked_to_repeat(GstPad* pad, GstPadProbeInfo* info, gpointer data);
 
   GstElement* const webrtc_;
+  const std::set<std::string> fingerprints_;
   Offer offer_;
   uint32_t ssrc_;
   Callbacks callbacks_;
   std::atomic<int64_t> heard_ = 0;
   std::atomic<int> streams_ = 0;  // SCTP streams from the browser
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
+  std::atomic<bool> is_stranger_ = false;  // the peer has another certificate than the offer says: nothing goes to it
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder
