@@ -18,7 +18,7 @@ inline void check_file_name(const std::string& name, const std::string& place, s
 
 // A camera's name as that of one file. COLMAP's names may have folders in them.
 inline std::string flat_file_name(std::string name) {
-  std::ranges::replace(name, '/', '_');
+  std::ranges::replace_if(name, [](unsigned char c) { return c == '/' || c < ' '; }, '_');
   return name == "." || name == ".." ? "_" + name : name;
 }
 

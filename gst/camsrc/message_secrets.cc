@@ -39,6 +39,12 @@ gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/) {
 
 GstMessage* hide_secrets(GstMessage* message) {
   const GstStructure* structure = gst_message_get_structure(message);
+  // souphttpsrc: the password in Base64, and cookies.
+  if (structure && gst_structure_has_name(structure, "http-headers")) {
+    message = gst_message_make_writable(message);
+    gst_structure_remove_all_fields(gst_message_writable_structure(message));
+    return message;
+  }
   bool found = false;
   if (structure) gst_structure_foreach(structure, find_secret, &found);
   if (!found) return message;

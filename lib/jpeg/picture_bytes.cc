@@ -68,7 +68,22 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
   return true;
 }
 
+// Whether a PNG has many more compressed bytes than its pixels can need: libpng inflates what is behind the last row.
+bool has_excess_data(Bytes bytes) {
+  constexpr size_t kFirstChunk = 8, kMostPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
+  const auto number_at = [&](size_t at) {
+    return size_t{bytes[at]} << 24 | size_t{bytes[at + 1]} << 16 | size_t{bytes[at + 2]} << 8 | bytes[at + 3];
+  };
+  if (bytes.size() < kFirstChunk + 16) return false;
+  const size_t pixels = std::min(number_at(16), size_t{kMaxImageSize}) * std::min(number_at(20), size_t{kMaxImageSize});
+  size_t compressed = 0;
+  for (size_t at = kFirstChunk; at + 12 <= bytes.size(); at += 12 + number_at(at))  // length, kind, data, checksum
+    if (std::memcmp(&bytes[at + 4], "IDAT", 4) == 0) compressed += number_at(at);
+  return compressed > pixels * kMostPerPixel + kSlack;
+}
+
 Image decode_png(Bytes bytes) {
+  if (has_excess_data(bytes)) throw Error("damaged PNG: more data than pixels");
   Image out;
   std::vector<uint8_t*> rows;
   PngInput input{.left = bytes, .jump = {}};

@@ -23,9 +23,7 @@ constexpr auto kTrustedElements = std::to_array<std::string_view>({
     "decklinkvideosrc",
     "filesrc",
     "gltestsrc",
-    "imagesequencesrc",
     "libcamerasrc",
-    "multifilesrc",
     "nvarguscamerasrc",
     "nvv4l2camerasrc",
     "pylonsrc",
@@ -130,6 +128,12 @@ constexpr auto kTrustedElements = std::to_array<std::string_view>({
     "vp8dec",
     "vp9dec",
 });
+
+// Schemes of URIs: cameras, streams and files. Others reach elements that are not on the list above, and GStreamer's
+// imagesequence: and multifile: use what they are given as a format string of printf().
+constexpr auto kTrustedSchemes =
+    std::to_array<std::string_view>({"file", "http", "https", "rtmp", "rtmps", "rtmpt", "rtp", "rtsp", "rtspt", "rtsps",
+                                     "rtspu", "rtsph", "srt", "tcp", "udp", "v4l2"});
 
 // Properties of these elements that a stranger must not set: requests that change something at a server, and files that
 // decide which server is believed.
@@ -251,9 +255,13 @@ bool describes_elements(const Rig& rig, const std::string& source) {
 
 std::optional<std::string> untrusted_part(const std::string& source) {
   if (is_bin_description(source)) return DescriptionReader(source).untrusted_part();
-  const bool is_light_field = source.size() > 3 && (source[0] == 'l' || source[0] == 'L') &&
-                              (source[1] == 'f' || source[1] == 'F') && source[2] == ':';
-  return is_light_field ? std::optional<std::string>("a URI of another light field") : std::nullopt;
+  const size_t colon = source.find(':');
+  if (colon == std::string::npos) return std::nullopt;
+  std::string scheme = source.substr(0, colon);
+  std::ranges::transform(scheme, scheme.begin(), [](unsigned char c) { return std::tolower(c); });
+  if (scheme == "lf") return "a URI of another light field";
+  if (!is_uri(source) || std::ranges::find(kTrustedSchemes, scheme) != kTrustedSchemes.end()) return std::nullopt;
+  return "a URI of the scheme " + scheme;
 }
 
 bool is_trusted_element(const std::string& name) {

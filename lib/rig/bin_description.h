@@ -16,7 +16,7 @@ bool is_bin_description(const std::string& source);
 bool describes_elements(const Rig& rig, const std::string& source);
 
 // The first part of a camera's `source` that may do more than give pictures, as text for a message ("filesink");
-// nothing for a file, for a URI other than lf:, and for a description of elements on a short list of sources and
+// nothing for a file, for a URI of a short list of schemes (http, rtsp, v4l2, ...), and for a description of elements on a short list of sources and
 // converters. A rig with such a part is opened only if its user trusts it: elements can write files and run programs.
 std::optional<std::string> untrusted_part(const std::string& source);
 

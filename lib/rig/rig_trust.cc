@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/rig_trust.h"
 
+#include <grp.h>
+#include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <vector>
 
 #include "base/error.h"
 #include "rig/bin_description.h"
@@ -13,13 +16,26 @@
 namespace lf {
 namespace {
 
+// Debian gives each user a group of the same name, with nobody else in it.
+bool is_private_group(uid_t user, gid_t group) {
+  constexpr size_t kMost = 16384;
+  std::vector<char> user_text(kMost), group_text(kMost);
+  passwd user_entry, *user_found = nullptr;
+  ::group group_entry, *group_found = nullptr;
+  if (getpwuid_r(user, &user_entry, user_text.data(), kMost, &user_found) != 0 || !user_found) return false;
+  if (getgrgid_r(group, &group_entry, group_text.data(), kMost, &group_found) != 0 || !group_found) return false;
+  return std::strcmp(user_entry.pw_name, group_entry.gr_name) == 0 && !group_entry.gr_mem[0];
+}
+
 void require_own_file(const std::string& path) {
   struct stat status;
   if (stat(path.c_str(), &status) != 0) throw Error(path + ": " + std::strerror(errno));
-  if ((status.st_uid == geteuid() || status.st_uid == 0) && !(status.st_mode & S_IWOTH)) return;
+  const bool others_write =
+      (status.st_mode & S_IWOTH) || ((status.st_mode & S_IWGRP) && !is_private_group(status.st_uid, status.st_gid));
+  if ((status.st_uid == geteuid() || status.st_uid == 0) && !others_write) return;
   throw Error(path +
               " is written by others, and a source that describes elements may run any program: only rig files "
-              "of your own may have one (make it yours with chown and chmod o-w, or copy it)");
+              "of your own may have one (make it yours with chown and chmod go-w, or copy it)");
 }
 
 }  // namespace

@@ -73,6 +73,10 @@ TEST(BinDescription, NamesThePartThatNeedsTrust) {
       {"videotestsrc pattern= ", "\"pattern=\""},
       {"lf:///rig.json", "a URI of another light field"},
       {"LF:///rig.json", "a URI of another light field"},
+      {"multifile:///tmp/%25s%25n", "a URI of the scheme multifile"},
+      {"ImageSequence:///tmp/%25s", "a URI of the scheme imagesequence"},
+      {"multifilesrc location=/tmp/%s%n ! pngdec", "multifilesrc"},
+      {"imagesequencesrc location=/tmp/%s%n ! pngdec", "imagesequencesrc"},
   };
   for (const auto& [source, part] : cases) EXPECT_EQ(untrusted_part(source), part) << source;
 }

@@ -2,6 +2,7 @@
 #include "rig/rig_trust.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
@@ -38,6 +39,13 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   chmod(path.c_str(), 0646);
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json is written by others");
+  chmod(path.c_str(), 0664);
+  if (geteuid() == 0) {  // else nobody may give files to other groups
+    ASSERT_EQ(chown(path.c_str(), 0, 33), 0);
+    EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
+    ASSERT_EQ(chown(path.c_str(), 0, 0), 0);
+    require_trust(rig_of("videotestsrc ! queue"), path, false);
+  }
   require_trust(rig_of("a.mkv"), path, false);
   require_trust(rig_of("videotestsrc ! queue"), "", false);
 }
