@@ -74,11 +74,24 @@ lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, cons
   }
 }
 
+// The built-in scene among real pictures would be a ghost in every view. The first camera without pictures warns for
+// all.
+void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
+  const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
+  if (std::ranges::all_of(rig.cameras, is_blind)) return;
+  if (std::ranges::find_if(rig.cameras, is_blind) != rig.cameras.begin() + index) return;
+  const auto count = std::ranges::count_if(rig.cameras, is_blind);
+  const std::string who = place + (count > 1 ? " and " + std::to_string(count - 1) + " more name" : " names");
+  GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
+                      ("%s neither an image nor a source: shown is the built-in scene", who.c_str()), (nullptr));
+}
+
 void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
                   lf::CameraIndex index) {
   const lf::Camera& camera = rig->cameras[index];
   std::string place = place_of(settings, camera);
   const lf::CameraSource source = find_source(*rig, settings, camera, place);
+  if (source.kind == Kind::kScene) warn_of_scene(self, *rig, index, place);
   if (!source.location.empty()) place += ": " + lf::location_text(source.location);
   const bool file = source.is_file() && source.kind != Kind::kStill;
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;

@@ -241,9 +241,6 @@ CameraSource find_source(const Rig& rig, const std::string& text, bool is_image)
 CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   if (!camera.source.empty()) return find_source(rig, camera.source, false);
   if (!camera.image.empty()) return find_source(rig, camera.image, true);
-  // The built-in scene among real pictures would be a ghost in every view.
-  const auto names_one = [](const Camera& other) { return !other.source.empty() || !other.image.empty(); };
-  if (std::ranges::any_of(rig.cameras, names_one)) throw MissingFile("names neither an image nor a source");
   return {};
 }
 

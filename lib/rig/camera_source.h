@@ -40,10 +40,10 @@ struct CameraSource {
 // The path of picture `index` (0, 1, ...) of a sequence.
 std::string sequence_file(const CameraSource& sequence, int index);
 
-// Resolves the camera's `source`, or else its `image`, or else, where no camera has either, the built-in scene. The player, the tools and
+// Resolves the camera's `source`, or else its `image`, or else the built-in scene. The player, the tools and
 // `lf-rig check` all use this function. The first bytes of a file decide its kind. An existing file always counts as
 // that file, whatever its name looks like: a URI, a pattern or elements. Returns kUri for every URI that is no file.
-// Throws MissingFile for a missing file, a gap in a sequence or a camera that names no pictures while others do, and Error for a malformed pattern.
+// Throws MissingFile for a missing file or a gap in a sequence, and Error for a malformed pattern.
 CameraSource find_camera_source(const Rig& rig, const Camera& camera);
 
 // The same for one of the two; `text` is not empty.

@@ -13,6 +13,7 @@
 #include "base/number_text.h"
 #include "image/image_file.h"
 #include "image/picture_bytes.h"
+#include "rig/bin_description.h"
 #include "rig/camera_distances.h"
 #include "rig/camera_source.h"
 #include "rig/mesh.h"
@@ -185,6 +186,8 @@ class FileChecker {
       const CameraSource source = find_source(rig_, text, is_image);
       if (source.kind == CameraSource::Kind::kStill) check_picture(key, source.location);
       if (source.kind == CameraSource::Kind::kSequence) check_sequence(key, source);
+      if (const auto part = source.is_file() ? std::nullopt : untrusted_part(text))
+        find(Severity::kWarning, key, "has " + *part + ": the rig opens with --trust-rig alone");
     } catch (const Error& e) {
       find(Severity::kError, key, e.what());
     }

@@ -121,11 +121,11 @@ TEST_F(OverloadTest, NetworkCamerasDropToo) {
 // are farther apart than pictures may take.
 TEST_F(OverloadTest, ANodeThatStalledIsWaitedForAgain) {
   const std::string path = devices(2);
-  const ElementPtr pipeline =
-      launch("lfviewrequest is-live=true framerate=5/1 width=64 height=48 capture-delay=200000000 rig=" + path +
-             " ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n is-live=true rig=" + path +
-             " ! c.sink_0  r. ! queue leaky=downstream ! c.request lfcompositor name=c latency=100000000 rig=" + path +
-             " ! fakesink sync=false async=false");
+  const ElementPtr pipeline = launch(
+      "lfviewrequest is-live=true framerate=5/1 width=64 height=48 capture-delay=200000000 rig=" + path +
+      " ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n is-live=true trusted=true rig=" +
+      path + " ! c.sink_0  r. ! queue leaky=downstream ! c.request lfcompositor name=c latency=100000000 rig=" + path +
+      " ! fakesink sync=false async=false");
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);

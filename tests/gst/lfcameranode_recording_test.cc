@@ -190,7 +190,7 @@ TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
 
 // The bins around a node have its property.
 TEST_F(LfCameraNodeRecordingTest, AViewSourceRecordsItsCameras) {
-  const std::string source = "lfviewsrc name=v rig=" + devices(2) + " width=64 height=48 record=" + folder();
+  const std::string source = "lfviewsrc name=v trusted=true rig=" + devices(2) + " width=64 height=48 record=" + folder();
   const ElementPtr pipeline = launch(source + " ! fakesink sync=false");
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   const ElementPtr node = child(pipeline.get(), "node");

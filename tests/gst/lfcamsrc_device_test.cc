@@ -104,7 +104,7 @@ CameraFiles* DeviceTest::files = nullptr;
 
 TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
   for (int i = 0; i < 10; i++) {
-    CameraPipeline camera("num-frames=3 rig=" + rig_with_source("webcam://0"));
+    CameraPipeline camera("num-frames=3 trusted=true rig=" + rig_with_source("webcam://0"));
     ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "it is live, said or not";
     ASSERT_EQ(camera.play(), "EOS");
     EXPECT_EQ(camera.info.width, 64);
@@ -115,15 +115,16 @@ TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
 }
 
 TEST_F(DeviceTest, IsAskedForTheRateAndMayGiveJpeg) {
-  CameraPipeline camera("num-frames=3 framerate=30/1 is-live=true rig=" + rig_with_source("webcam://0"));
+  CameraPipeline camera("num-frames=3 framerate=30/1 is-live=true trusted=true rig=" + rig_with_source("webcam://0"));
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.info.fps_n, 30);
   EXPECT_EQ(camera.frames.size(), 3u);
 }
 
 TEST_F(DeviceTest, JpegStaysJpegWhereItIsNotDecoded) {
-  const ElementPtr pipeline = launch("lfcamsrc decode=false num-frames=2 rig=" + rig_with_source("webcam://0") +
-                                     " ! image/jpeg,framerate=30/1 ! fakesink");
+  const ElementPtr pipeline =
+      launch("lfcamsrc decode=false num-frames=2 trusted=true rig=" + rig_with_source("webcam://0") +
+             " ! image/jpeg,framerate=30/1 ! fakesink");
   ASSERT_TRUE(pipeline);
   EXPECT_EQ(run(pipeline.get()), "");
 }
@@ -134,8 +135,8 @@ TEST_F(DeviceTest, ErrorsNameThePlace) {
     camera.width = 62;
   });
   const std::string place = small + ": camera 0 (cam_0): webcam://0: ";
-  EXPECT_THAT(CameraPipeline("rig=" + small).play(), HasSubstr(place + "it gives no pictures of 62x48"));
-  EXPECT_THAT(CameraPipeline("framerate=25/1 rig=" + small).play(), HasSubstr("62x48 at 25/1 frames/s"));
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + small).play(), HasSubstr(place + "it gives no pictures of 62x48"));
+  EXPECT_THAT(CameraPipeline("framerate=25/1 trusted=true rig=" + small).play(), HasSubstr("62x48 at 25/1 frames/s"));
   if (!ElementPtr(gst_element_factory_make("v4l2src", nullptr))) GTEST_SKIP() << "v4l2src is not installed";
   EXPECT_THAT(CameraPipeline("rig=" + rig_with_source("v4l2:///dev/video-none")).play(),
               testing::AllOf(HasSubstr("camera 0 (cam_0): v4l2:///dev/video-none: "), HasSubstr("Cannot identify")));

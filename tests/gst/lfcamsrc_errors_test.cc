@@ -121,7 +121,7 @@ TEST_F(CamSrcTest, ErrorsNameThePlace) {
         return Case{"no video", "rig=" + good("a.json", "sound.mkv"), false, {in_a, "sound.mkv", "no video"}};
       },
       [&] {
-        return Case{"unknown URI", "rig=" + good("a.json", "nothing://x"), false, {in_a, "nothing://x"}};
+        return Case{"unknown URI", "trusted=true rig=" + good("a.json", "nothing://x"), false, {in_a, "nothing://x"}};
       },
   };
   for (const auto& make : cases) {

@@ -249,6 +249,19 @@ TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
     EXPECT_THAT(CameraPipeline("decode=" + decode + " rig=" + rig_of("deep_%d.jpg")).play(), HasSubstr("precision 12"));
 }
 
+// The built-in scene would be a ghost in every view.
+TEST_F(CamSrcFilesTest, ACameraWithoutPicturesAmongOthersIsMentioned) {
+  for (const char* source : {"mjpeg.mkv", ""}) {
+    CameraPipeline camera("num-frames=2 camera=1 rig=" + files->save("two.json", 2, [&](Camera& camera) {
+      camera.image.clear();
+      camera.source = camera.id == 1 ? "" : source;
+    }));
+    ASSERT_EQ(camera.play(), "EOS");
+    EXPECT_EQ(camera.warnings.find("names neither an image nor a source") != std::string::npos, *source != 0)
+        << camera.warnings;
+  }
+}
+
 TEST_F(CamSrcFilesTest, AnyNameIsPlayed) {
   for (const std::string name :
        {"100%_cam.mkv", "cam%201.mkv", "cam-12:30:05.mkv", "take ! two.mkv", "take run=3.mkv"}) {

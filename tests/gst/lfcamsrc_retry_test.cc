@@ -24,7 +24,7 @@ class RetryTest : public LossTest {
 
 TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
   failing_device(0).frames_at_most = 10;
-  const ElementPtr pipeline = camera("rig=" + devices(1));
+  const ElementPtr pipeline = camera("trusted=true rig=" + devices(1));
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
@@ -36,7 +36,7 @@ TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
 
 TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
   failing_device(0).frames_at_most = 10;
-  const ElementPtr pipeline = camera("retry=true rig=" + devices(1));
+  const ElementPtr pipeline = camera("retry=true trusted=true rig=" + devices(1));
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
@@ -113,7 +113,7 @@ TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
 // In PAUSED, too; and the end that an application asks for comes while there is no camera.
 TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   failing_device(0).broken = true;
-  const ElementPtr pipeline = camera("is-live=true retry=true rig=" + devices(1));
+  const ElementPtr pipeline = camera("is-live=true retry=true trusted=true rig=" + devices(1));
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());
   EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);

@@ -173,13 +173,14 @@ class LossTest : public testing::Test {
   static std::string rig(int count, const std::function<std::string(guint)>& source) {
     return files->save("loss.json", count, [&](Camera& camera) { camera.source = source(camera.id); });
   }
+  // Sources of a scheme that only trusted rigs may have.
   static std::string devices(int count) {
     return rig(count, [](guint id) { return "failing://" + std::to_string(id); });
   }
   // A live node and `viewers` of it.
   static std::string line(const std::string& rig, int viewers = 1, const std::string& node = "is-live=true loop=true") {
     std::string text =
-        "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n rig=" + rig + " " +
+        "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n trusted=true rig=" + rig + " " +
         node + " ! tee name=t";
     for (int i = 0; i < viewers; i++) {
       const std::string n = std::to_string(i);

@@ -229,8 +229,8 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
     camera.image = camera.name + ".png";
     save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5, 1), folder / camera.image);
   }
-  rig.cameras[3].name = "row/one";  // as COLMAP's names may be
-  rig.cameras[4].name = "../above";
+  rig.cameras[6].name = "row/one";  // as COLMAP's names may be
+  rig.cameras[7].name = "../above";
   const std::string off = rig.cameras[12].name;
   rig.cameras[12].pose.orientation = glm::angleAxis(0.05, Vec3(0, 1, 0));
   save_rig(rig, folder / "rig.json");

@@ -87,15 +87,6 @@ TEST_F(CameraSourceTest, KindsAreToldByContent) {
   EXPECT_EQ(find("other").kind, Kind::kFile);
 }
 
-// Among real pictures it would be a ghost in every view.
-TEST_F(CameraSourceTest, TheBuiltInSceneIsShownWhereNoCameraNamesPictures) {
-  add_camera("");
-  add_camera("");
-  EXPECT_EQ(find_camera_source(rig_, rig_.cameras[1]).kind, Kind::kScene);
-  rig_.cameras[0].image = "a.png";
-  EXPECT_ERROR(find_camera_source(rig_, rig_.cameras[1]), "neither an image nor a source");
-}
-
 TEST_F(CameraSourceTest, SequencesHaveNoGaps) {
   for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_01.png", "b_02.png", "c_0.png", "c_2.png", "d_2.png"})
     dir_.write(name, kPng);

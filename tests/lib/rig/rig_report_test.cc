@@ -68,6 +68,16 @@ TEST_F(CheckRig, NamesMissingSources) {
                                        "error: cameras[5].source: " + dir_ / long_name + ": no such file"));
 }
 
+TEST_F(CheckRig, WarnsOfSourcesThatNeedTrust) {
+  rig_.cameras[0].source = "videotestsrc ! queue";
+  rig_.cameras[1].source = "videotestsrc ! filesink location=x";
+  rig_.cameras[2].source = "multifile:///tmp/%25s";
+  EXPECT_THAT(check(rig_),
+              ElementsAre("warning: cameras[1].source: has filesink: the rig opens with --trust-rig alone",
+                          "warning: cameras[2].source: has a URI of the scheme multifile: the rig opens with "
+                          "--trust-rig alone"));
+}
+
 TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
   const auto cut = [&](const std::string& name) { fs::resize_file(dir_ / name, fs::file_size(dir_ / name) / 2); };
   for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_0.png", "b_2.png", "still.png", "small.png"})
