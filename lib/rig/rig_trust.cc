@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-// Debian gives each user a group of the same name, with nobody else in it.
+// Debian creates a group for each user, with the user's name and no other members.
 bool is_private_group(uid_t user, gid_t group) {
   constexpr size_t kMost = 16384;
   std::vector<char> user_text(kMost), group_text(kMost);

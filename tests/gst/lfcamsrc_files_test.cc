@@ -80,7 +80,7 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
   }
 }
 
-// jpegdec would show grey in place of what is missing.
+// jpegdec shows the missing part grey.
 TEST_F(CamSrcFilesTest, AJpegThatWasCutOffInAFilmCostsItsOwnFrame) {
   for (int i = 0; i < 6; i++) save_texture("film_" + std::to_string(i) + ".jpg", i);
   cut("film_4.jpg", 0.5);

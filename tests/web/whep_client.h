@@ -26,7 +26,7 @@ class WhepClient {
     bool vp8 = false;                           // offers that alone, else H.264
     bool playout_delay = false;                 // offers this RTP header extension, under kPlayoutDelay
     double loss = 0;                            // of the packets that come
-    std::string fingerprint = {};               // that the offer names in place of its own; "": its own
+    std::string fingerprint = {};               // replaces the one in the offer unless empty
     double patience = kFallsBehind ? 120 : 30;  // seconds until a picture must have come
     std::string first_message = {};             // on the data channel, as soon as it is open; "": none
   };

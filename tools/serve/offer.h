@@ -30,7 +30,7 @@ struct Offer {
   VideoCodec codec;
   guint payload_type;                  // the offer's own number for the codec
   std::string profile;                 // kH264: profile-level-id
-  std::set<std::string> fingerprints;  // of the browser's certificate, of known hashes; at least one
+  std::set<std::string> fingerprints;  // the browser certificate's; at least one
   guint playout_delay;                 // the offer's own number for the RTP header extension; 0: it is not offered
 };
 

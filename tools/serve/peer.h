@@ -102,7 +102,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<int64_t> heard_ = 0;
   std::atomic<int> streams_ = 0;  // SCTP streams from the browser
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
-  std::atomic<bool> is_stranger_ = false;  // the peer has another certificate than the offer says: nothing goes to it
+  std::atomic<bool> is_stranger_ = false;  // the certificate does not match the offer: packets are dropped
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder

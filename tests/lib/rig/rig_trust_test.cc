@@ -40,7 +40,7 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json is written by others");
   chmod(path.c_str(), 0664);
-  if (geteuid() == 0) {  // else nobody may give files to other groups
+  if (geteuid() == 0) {  // only root may give a file to any group
     ASSERT_EQ(chown(path.c_str(), 0, 33), 0);
     EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
     ASSERT_EQ(chown(path.c_str(), 0, 0), 0);
