@@ -93,6 +93,8 @@ async function homeAndWho() {
     await page.evaluate(() => told.length = 0);
     await how();
     await until(async () => !isNear((await page.view())[field], before[field]), `${what} moves it`);
+    // It is told with the next frame of the page.
+    await until(async () => (await page.toldOf('view-change')).length, `${what} is told`);
     const [{ by }] = await page.toldOf('view-change');
     expect(by === who, `${what} is a ${who}'s, not a ${by}'s`);
   };
