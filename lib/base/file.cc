@@ -42,21 +42,29 @@ class Descriptor {
   int number_;
 };
 
-// The file that `path` names once its symbolic links are followed; the file itself need not exist. "": too many links.
-std::string follow_links(std::string path) {
+std::string folder_of(const std::string& path) {
+  const std::string folder = fs::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+// The file that `path` names once its symbolic links are followed; the file itself need not exist. Throws Error where
+// there are too many links, or one that Linux would not follow with its setting protected_symlinks: another user's, in
+// a folder that everybody may write to. Opening a link is subject to that setting, reading it is not.
+std::string follow_links(const std::string& named) {
   constexpr int kMostLinks = 40;  // as Linux has it
+  std::string path = named;
   for (int i = 0; i < kMostLinks; i++) {
+    struct stat link, folder;
+    if (lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
+    if (stat(folder_of(path).c_str(), &folder) == 0 && (folder.st_mode & S_IWOTH) && link.st_uid != geteuid() &&
+        link.st_uid != folder.st_uid)
+      throw Error(named + ": can't be written: it is a symbolic link of another user, in a folder of everybody");
     std::error_code error;
     const fs::path target = fs::read_symlink(path, error);
     if (error) return path;
     path = (fs::path(path).parent_path() / target).string();  // an absolute target replaces the folder
   }
-  return "";
-}
-
-std::string folder_of(const std::string& path) {
-  const std::string folder = fs::path(path).parent_path().string();
-  return folder.empty() ? "." : folder;
+  throw Error(named + ": can't be written: " + std::strerror(ELOOP));
 }
 
 std::string random_name(const std::string& beginning, const std::string& ending) {
@@ -158,7 +166,6 @@ void FileReplacement::fail(int error) const {
 }
 
 FileReplacement::FileReplacement(const std::string& path) : path_(path), target_(follow_links(path)) {
-  if (target_.empty()) fail(ELOOP);
   struct stat old;
   const bool exists = lstat(target_.c_str(), &old) == 0;
   if (!exists && errno != ENOENT) fail(errno);

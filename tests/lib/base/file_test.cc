@@ -88,6 +88,20 @@ TEST(FileReplacement, ALinkStaysALink) {
   EXPECT_EQ(entries_of(dir / "folder"), 2u) << "no temporary file is left";
 }
 
+TEST(FileReplacement, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
+  const TempDir dir;
+  dir.write("victim", "precious");
+  fs::create_symlink("victim", dir / "cam0.png");
+  chmod(dir.path().c_str(), 01777);
+  constexpr uid_t kOther = 12345;
+  if (lchown((dir / "cam0.png").c_str(), kOther, kOther) != 0) GTEST_SKIP() << "only root can give away a link";
+  EXPECT_ERROR(write_text_file("new", dir / "cam0.png"), "cam0.png: can't be written: it is a symbolic link of another");
+  EXPECT_EQ(read_text_file(dir / "victim"), "precious");
+  chmod(dir.path().c_str(), 0755);
+  write_text_file("new", dir / "cam0.png");
+  EXPECT_EQ(read_text_file(dir / "victim"), "new") << "in a folder of ours we follow it";
+}
+
 TEST(FileReplacement, FollowsNoLinkUnderATemporaryName) {
   const TempDir dir;
   dir.write("victim", "precious");
