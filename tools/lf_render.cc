@@ -44,9 +44,7 @@ struct Options {
 
   lf::Blending blending() const { return lf::blending_of(aperture, nearest_cameras); }
   lf::Resampling sampled() const {
-    return resampling == "bilinear"    ? lf::Resampling::kBilinear
-           : resampling == "sharpened" ? lf::Resampling::kSharpened
-                                       : lf::Resampling::kCatmullRom;
+    return resampling == "bilinear" ? lf::Resampling::kBilinear : lf::Resampling::kSharpened;
   }
 };
 
@@ -315,7 +313,7 @@ int main(int argc, char** argv) {
       ->excludes(aperture);
   app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
       ->capture_default_str()
-      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+      ->check(cli::IsMember({"bilinear", "sharpened"}));
   cli::Option* gains =
       app.add_option("--gains", options.gains,
                      "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")

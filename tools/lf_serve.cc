@@ -311,7 +311,7 @@ int main(int argc, char** argv) {
       ->check(cli::IsMember({"on", "off", "auto"}));
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
-      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+      ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_option("--renderer", o.renderer, "what draws views: gl: OpenGL ES; auto: the faster one (of --nodes: theirs)")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));

@@ -17,8 +17,7 @@ GType lf_fragment_codec_get_type(void) {
 GType lf_fragment_resampling_get_type(void) {
   static const GType type = lf::register_enum<lf::Resampling>(
       "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
-                               {lf::Resampling::kSharpened, "Bilinear, of images sharpened before", "sharpened"},
-                               {lf::Resampling::kCatmullRom, "Catmull-Rom, of the 4x4 pixels around", "catmull-rom"}});
+                               {lf::Resampling::kSharpened, "Bilinear, of images sharpened before", "sharpened"}});
   return type;
 }
 
@@ -62,8 +61,8 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                            LF_TYPE_ACCESS),
       property<&S::resampling>(kWhilePlaying, "resampling", "Resampling",
                                "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, "
-                               "which is what is left of the error where the focus is right; Catmull-Rom loses less "
-                               "and takes longer. With access=pixels the compositor samples",
+                               "which is what is left of the error where the focus is right. With access=pixels the "
+                               "compositor samples",
                                LF_TYPE_FRAGMENT_RESAMPLING),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
                               "Live: how long, in nanoseconds, after a request has come its answer can be of use; one "

@@ -39,9 +39,8 @@ struct ImageView {
 
 // How positions between a camera's pixels are sampled.
 enum class Resampling : uint8_t {
-  kBilinear,    // the fastest
-  kSharpened,   // bilinear, of images that are sharpened first: two thirds of the way to Catmull-Rom at little cost
-  kCatmullRom,  // cubic (Keys 1981, a = -1/2) through the 4 x 4 pixels around
+  kBilinear,   // the fastest
+  kSharpened,  // bilinear, of images that are sharpened first, which makes up for what bilinear samples lose
 };
 
 }  // namespace lightfield

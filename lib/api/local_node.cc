@@ -21,7 +21,6 @@ Resampling to_resampling(lightfield::Resampling resampling) {
   switch (resampling) {
     case lightfield::Resampling::kBilinear: return Resampling::kBilinear;
     case lightfield::Resampling::kSharpened: return Resampling::kSharpened;
-    case lightfield::Resampling::kCatmullRom: return Resampling::kCatmullRom;
   }
   throw Error("resampling: is none of the values that there are");
 }

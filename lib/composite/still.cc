@@ -25,7 +25,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   // Cameras one by one, so that a large array's images need not be in memory together: sums do not depend on who adds.
   for (const CameraIndex camera : job.cameras()) {
     const Camera& rig_camera = rig.cameras[camera];
-    Source source{camera, &rig_camera, images(camera).view(), resampling};
+    Source source{camera, &rig_camera, images(camera).view()};
     if (camera == job.cameras().front()) sum.reset(source.image.family, view.width, view.height);
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);

@@ -60,8 +60,8 @@ void divide_by_gain(std::span<uint8_t> luma, float gain);
 int gain_factor(float gain);
 
 // Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and
-// clamped, of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are
-// two thirds of the way to Catmull-Rom's, at a fraction of the cost.
+// clamped, of every sample of each plane, neighbours repeated at the image's border: bilinear samples of the result
+// bring two thirds of what Catmull-Rom's would, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
 // In integers, as shaders do it: v + (kSharpeningFactor (4 v - the four) + 2^7) / 2^8, rounded down, and clamped.
 inline constexpr int kSharpeningBits = 8;

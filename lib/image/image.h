@@ -84,8 +84,7 @@ void save_image(const Image& rgb, const std::string& path);
 // How cameras' images are sampled.
 enum class Resampling {
   kBilinear,
-  kSharpened,   // bilinear, of images that were sharpened (image/correction.h)
-  kCatmullRom,  // cubic (Keys 1981, a = -1/2) through the 4 x 4 samples around, clamped to 0..255
+  kSharpened,  // bilinear, of images that were sharpened (image/correction.h)
 };
 
 }  // namespace lf

@@ -83,7 +83,6 @@ std::vector<AnswerMaker::Units> AnswerMaker::make(Works works, std::span<const S
   const uint64_t begun = now_ns();
   std::vector<Units> units(works.size());
   std::vector<Source> sources(images.begin(), images.end());
-  for (Source& source : sources) source.resampling = options.resampling;
   correct(works, options, scratch.corrected, sources);
   if (works.front().task->gains()) match_gains(works, options, scratch.matched, sources, units);
   for (size_t i = 0; i < works.size(); i++)

@@ -58,7 +58,7 @@ std::vector<uint8_t> seen_line(const Camera& camera, const Image& image, const V
     if (!pixel ||
         !(pixel->x >= -0.5 && pixel->x <= camera.width - 0.5 && pixel->y >= -0.5 && pixel->y <= camera.height - 0.5))
       continue;
-    const plain::Sampler sampler(*pixel, image.width(), image.height(), Resampling::kBilinear);
+    const plain::Sampler sampler(*pixel, image.width(), image.height());
     for (int c = 0; c < 3; c++)
       row[3 * static_cast<size_t>(x) + static_cast<size_t>(c)] =
           static_cast<uint8_t>(sampler.sample(image.data().data() + c, 3 * image.width(), 3) + 0.5f);

@@ -29,7 +29,6 @@ struct Source {
   // Has the camera's size; family kNone: there is no picture, and the camera's weight is lost. May be on the card that
   // is to draw it, in textures that the card's context shares; whatever the CPU then has to do with it, it comes here.
   ImageView image;
-  Resampling resampling = Resampling::kBilinear;  // kSharpened: the image has been sharpened already
 };
 
 // Throws Error unless the image is of the camera's size.

@@ -116,14 +116,13 @@ void render_all(const SumRenderer& renderer, const SumPlanes& out, const Paralle
 }
 
 void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
-         Resampling resampling = Resampling::kBilinear, gl::SumDrawer* card = nullptr) {
+         gl::SumDrawer* card = nullptr) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
   if (surface) scene.view.focus.map = room(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   auto sources = scene.sources(plan);
-  for (Source& source : sources) source.resampling = resampling;
   SumPlanes out{.family = family};
   const ParallelFor parallel = bench::copying_for(card);
   if (card) const SumRenderer compiled(plan, runs, sources, family, coordinates, card);  // the card's programs
@@ -155,14 +154,6 @@ BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
 BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, false, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, true, Coordinates::kExact)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, i420_cubic, PixelFamily::kI420, true, Coordinates::kGrid, false, Resampling::kCatmullRom)
-    ->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, i420_cubic_surface, PixelFamily::kI420, true, Coordinates::kGrid, true, Resampling::kCatmullRom)
-    ->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, rgb_cubic, PixelFamily::kRgb, true, Coordinates::kGrid, false, Resampling::kCatmullRom)
-    ->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, rgb_cubic_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true, Resampling::kCatmullRom)
-    ->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 
@@ -172,7 +163,7 @@ void drawn_sum(benchmark::State& state, PixelFamily family, bool surface) {
   static std::string why;
   static const auto card = gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
-  Sum(state, family, true, Coordinates::kGrid, surface, Resampling::kBilinear, card.get());
+  Sum(state, family, true, Coordinates::kGrid, surface, card.get());
 }
 constexpr auto DrawnSum = drawn_sum<gl::SumDrawer::Shaders::kFitting>;
 constexpr auto ComputedSum = drawn_sum<gl::SumDrawer::Shaders::kCompute>;

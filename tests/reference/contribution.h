@@ -12,8 +12,8 @@
 // The rule for one camera's part in a view, pixel by pixel: what the plain renderers share, whatever they write.
 namespace lf::plain {
 
-inline void sample_rgb(const ImageView& image, const Vec2& position, Resampling resampling, float rgb[3]) {
-  const Sampler at(position, image.width, image.height, resampling);
+inline void sample_rgb(const ImageView& image, const Vec2& position, float rgb[3]) {
+  const Sampler at(position, image.width, image.height);
   const RgbLayout& layout = image.layout;
   rgb[0] = at.sample(image.plane[0] + layout.r, image.stride[0], layout.pixel_stride);
   rgb[1] = at.sample(image.plane[0] + layout.g, image.stride[0], layout.pixel_stride);
@@ -70,8 +70,8 @@ class Contribution {
 // Chroma has the mean valid weight of its (up to four) luma pixels, so that luma and chroma of all cameras together are
 // covered alike.
 template <class Luma, class Lost, class Chroma>
-bool for_each_i420(const Contribution& contribution, const ImageView& image, Resampling resampling, const Rect& rect,
-                   const Luma& luma, const Lost& lost, const Chroma& chroma) {
+bool for_each_i420(const Contribution& contribution, const ImageView& image, const Rect& rect, const Luma& luma,
+                   const Lost& lost, const Chroma& chroma) {
   const int chroma_width = chroma_size(rect.width()), chroma_height = chroma_size(rect.height());
   struct Block {
     float weight = 0;
@@ -84,7 +84,7 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, Res
       lost(i, own);
       return;
     }
-    const Sampler at(position, image.width, image.height, resampling);
+    const Sampler at(position, image.width, image.height);
     luma(i, own, own * at.sample(image.plane[0], image.stride[0], 1));
     Block& block = blocks[static_cast<size_t>((y - rect.y0) / 2) * chroma_width + (x - rect.x0) / 2];
     block.weight += own;
@@ -100,7 +100,7 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, Res
       Vec2 position;
       if (!contribution.project_chroma(x, y, position)) position = blocks[i].position;
       const Vec2 chroma_position = (position - 0.5) / 2.0;
-      const Sampler at(chroma_position, chroma_size(image.width), chroma_size(image.height), resampling);
+      const Sampler at(chroma_position, chroma_size(image.width), chroma_size(image.height));
       chroma(i, weight * (at.sample(image.plane[1], image.stride[1], 1) - 128),
              weight * (at.sample(image.plane[2], image.stride[2], 1) - 128));
     }

@@ -11,7 +11,7 @@
 namespace lf {
 
 // One camera's part in a view, pixel by pixel in double precision along the production plan, rounded nowhere: what the
-// SIMD sums are measured against in every family, blending and resampling.
+// SIMD sums are measured against in every family and blending.
 struct FloatFragment {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;                       // chroma-aligned for kI420
@@ -22,7 +22,6 @@ struct FloatFragment {
 // `camera` is `rig_camera`'s index in the rig of the plan, `image` of its size (else Error); `owners` cover the
 // camera's rectangle, chroma-aligned for kI420. Nothing if the camera has no weight anywhere in the view.
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
-                                          const Camera& rig_camera, const ImageView& image,
-                                          Resampling resampling = Resampling::kBilinear);
+                                          const Camera& rig_camera, const ImageView& image);
 
 }  // namespace lf

@@ -48,26 +48,6 @@ std::array<Real, 3> sample(const Image& image, const P2& at) {
   return colour;
 }
 
-// Keys's cubic kernel, a = -1/2, at a distance from a sample.
-Real catmull_rom(Real x) {
-  x = std::abs(x);
-  if (x >= 2) return 0;
-  return x < 1 ? (1.5L * x - 2.5L) * x * x + 1 : ((-0.5L * x + 2.5L) * x - 4) * x + 2;
-}
-
-// The sum of all samples that the kernel reaches, clamped; the image's outer pixels go on beyond it.
-std::array<Real, 3> sample_cubic(const Image& image, const P2& at) {
-  const Real x = std::clamp<Real>(at.x, 0, image.width() - 1), y = std::clamp<Real>(at.y, 0, image.height() - 1);
-  std::array<Real, 3> colour{};
-  for (int j = static_cast<int>(std::floor(y)) - 1; j <= std::floor(y) + 2; j++)
-    for (int i = static_cast<int>(std::floor(x)) - 1; i <= std::floor(x) + 2; i++)
-      for (int c = 0; c < 3; c++)
-        colour[c] += catmull_rom(x - i) * catmull_rom(y - j) *
-                     image.pixel(std::clamp(i, 0, image.width() - 1), std::clamp(j, 0, image.height() - 1))[c];
-  for (Real& c : colour) c = std::clamp<Real>(c, 0, 255);
-  return colour;
-}
-
 // A camera with what its samples need.
 struct Viewpoint {
   const Camera* camera;
@@ -174,8 +154,7 @@ Real inverse_distance(const FocalMap& map, int x, int y) {
   return (1 - b) * ((1 - a) * at(i, j) + a * at(i + 1, j)) + b * ((1 - a) * at(i, j + 1) + a * at(i + 1, j + 1));
 }
 
-Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
-               Resampling resampling) {
+Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
   const V3 eye = to_v3(view.pose.position);
   const ReferenceLens view_lens(view.lens);
   const Sight sight(rig, mesh, eye);
@@ -244,8 +223,7 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
         coverage += seen.weight[k];
         if (images.empty()) continue;
         const Image& image = images[owner.camera[k]];
-        const std::array<Real, 3> colour =
-            resampling == Resampling::kCatmullRom ? sample_cubic(image, *at) : sample(image, *at);
+        const std::array<Real, 3> colour = sample(image, *at);
         for (int c = 0; c < 3; c++) sum[c] += seen.weight[k] * colour[c];
       }
       pixel.lost = static_cast<double>(lost);

@@ -52,8 +52,7 @@ struct Picture {
 };
 
 // `images`: one kRgb image per camera of the rig; or none at all: colours stay black, all else is computed.
-Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
-               Resampling resampling = Resampling::kBilinear);
+Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images);
 
 // What a map has for a pixel: bilinear between the nodes, which stand in the middle of step x step pixels; the outer
 // ones go on.

@@ -143,7 +143,7 @@ double told(const WhepClient& client, const std::string& name) {
 
 // Pictures are of a focal surface, unless a plane is asked for by name.
 TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
-  Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "catmull-rom"});
+  Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "bilinear"});
   const auto client = watch(served);
   client->send("{}");  // opens the channel
   EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));

@@ -116,7 +116,7 @@ bool is_seen(const simd::SumTask& task, const simd::Slot& slot, const FacePlan& 
     off_x *= more;
     off_y *= more;
   }
-  const double border = slot.is_cubic() ? 5 : 2;  // of chroma, too
+  const double border = 2;  // of chroma, too
   const auto fits = [&](const Range& u, double off, double focal, double centre, int size) {
     const double total = focal * off + 2e-7 * (focal * u.largest() + std::abs(centre));
     return focal * u.low + centre > border && focal * u.high + centre < size - 1 - border && total < kMaxPositionError;

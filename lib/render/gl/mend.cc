@@ -78,7 +78,7 @@ void mend_pixel(const simd::SumTask& task, FetchedImages& images, int x, int y, 
       continue;
     }
     const ImageView& image = images.of(*part.slot);
-    const plain::Sampler at(part.position, image.width, image.height, part.slot->resampling);
+    const plain::Sampler at(part.position, image.width, image.height);
     const int offset[3] = {rgb ? image.layout.r : 0, image.layout.g, image.layout.b};
     for (int c = 0; c < (rgb ? 3 : 1); c++)
       sum[c] +=
@@ -117,8 +117,7 @@ void mend_chroma(const simd::SumTask& task, FetchedImages& images, const Rect& r
     if (!share.slot->projection->project_beyond(plan.rays().at_centre_of_four(x, y), plan.inverse_at(x + 0.5, y + 0.5),
                                                 position))
       position = share.position;
-    const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height),
-                            share.slot->resampling);
+    const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height));
     for (int c = 0; c < 2; c++)
       sum[c] += share.weight / pixels * (at.sample(image.plane[1 + c], image.stride[1 + c], 1) - 128);
   }

@@ -143,16 +143,10 @@ int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
 }
 #endif
 
-vec4 cubic_weights(float t, bool is_cubic) {
-  float near = t * (1.0 - t) * (1.0 - t), far = t * t * (1.0 - t);
-  return is_cubic ? vec4(-near / 2.0, 1.0 - t + near - far / 2.0, t + far - near / 2.0, -far / 2.0)
-                  : vec4(0.0, 1.0 - t, t, 0.0);
-}
-
 // The least of the pixels that a sample is made of, and where in between it is; beyond the outer pixels' centres these
 // go on.
 ivec2 pixel_before(inout vec2 position, vec2 image_size) {
-#if defined(CAREFUL) || defined(CUBIC)
+#ifdef CAREFUL
   position = clamp(position, vec2(0.0), image_size - 1.0);
   ivec2 first = min(ivec2(position), max(ivec2(image_size) - 2, ivec2(0)));
 #else
@@ -166,7 +160,7 @@ ivec2 pixel_before(inout vec2 position, vec2 image_size) {
 ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
 
 // What is lost is looked up as well, anywhere.
-#if defined(CAREFUL) || defined(CUBIC)
+#ifdef CAREFUL
 #define IN_ATLAS(at) clamp(at, ivec2(0), textureSize(images, 0) - 1)
 #else
 #define IN_ATLAS(at) (at)
@@ -177,55 +171,32 @@ uniform ivec4 chroma_places;    // kI420: where its Cb and Cr begin
 
 // 0..1, at a position in an image of that size, which begins in the atlas at `place`.
 #define TEXEL(at) texelFetch(images, IN_ATLAS(place + (at)), 0)
-#ifdef CUBIC
-#define SAMPLED(T, name, texel_of) \
-  T name(int k, ivec2 place, vec2 image_size, vec2 position) { \
-    bool is_cubic = (int(corner(k, CORNER_ALONG).w) & IS_CUBIC) != 0; \
-    ivec2 first = pixel_before(position, image_size), last = ivec2(image_size) - 1; \
-    vec4 across = cubic_weights(position.x, is_cubic), down = cubic_weights(position.y, is_cubic); \
-    T sum = T(0.0); \
-    for (int j = 0; j < 4; j++) \
-      for (int i = 0; i < 4; i++) \
-        sum += down[j] * across[i] * texel_of(k, TEXEL(clamp(first + ivec2(i, j) - 1, ivec2(0), last))); \
-    return clamp(sum, 0.0, 1.0); \
-  }
-#else
-#define SAMPLED(T, name, texel_of) \
-  T name(int k, ivec2 place, vec2 image_size, vec2 position) { \
-    ivec2 first = pixel_before(position, image_size); \
-    T upper = mix(texel_of(k, TEXEL(first)), texel_of(k, TEXEL(first + ivec2(1, 0))), position.x); \
-    T lower = mix(texel_of(k, TEXEL(first + ivec2(0, 1))), texel_of(k, TEXEL(first + 1)), position.x); \
-    return mix(upper, lower, position.y); \
-  }
-#endif
-
 #ifdef RGB
 vec3 rgb_of(int k, vec4 bytes) {
   int order = int(corner(k, CORNER_DOWN).w);
   return vec3(bytes[order & 3], bytes[(order >> 2) & 3], bytes[order >> 4]);
 }
-SAMPLED(vec3, sampled_rgb, rgb_of)
-vec3 colour_at(int k, vec2 position) { return sampled_rgb(k, place_of(k), corner(k, CORNER_IMAGE).xy, position); }
+vec3 colour_at(int k, vec2 position) {
+  ivec2 place = place_of(k), first = pixel_before(position, corner(k, CORNER_IMAGE).xy);
+  vec3 upper = mix(rgb_of(k, TEXEL(first)), rgb_of(k, TEXEL(first + ivec2(1, 0))), position.x);
+  vec3 lower = mix(rgb_of(k, TEXEL(first + ivec2(0, 1))), rgb_of(k, TEXEL(first + 1)), position.x);
+  return mix(upper, lower, position.y);
+}
 #else
-#ifdef CUBIC
-#define BYTE_OF(k, bytes) bytes.r
-SAMPLED(float, sampled_byte, BYTE_OF)
-#else
-float sampled_byte(int k, ivec2 place, vec2 image_size, vec2 position) {
+float sampled_byte(ivec2 place, vec2 image_size, vec2 position) {
   ivec2 first = pixel_before(position, image_size);
   return bilinear(textureGather(images, vec2(place + first + 1) / vec2(textureSize(images, 0))), position);
 }
-#endif
 vec3 colour_at(int k, vec2 position) {
-  return vec3(sampled_byte(k, place_of(k), corner(k, CORNER_IMAGE).xy, position));
+  return vec3(sampled_byte(place_of(k), corner(k, CORNER_IMAGE).xy, position));
 }
 // `position`: in the image of luma. Cb and Cr, in levels from grey on.
 vec2 chroma_at(int k, vec2 position) {
   vec2 image_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
   ivec2 place = place_of(k) / 2;
   position = (position - 0.5) / 2.0;
-  return 255.0 * vec2(sampled_byte(k, place + chroma_places.xy, image_size, position),
-                      sampled_byte(k, place + chroma_places.zw, image_size, position)) - 128.0;
+  return 255.0 * vec2(sampled_byte(place + chroma_places.xy, image_size, position),
+                      sampled_byte(place + chroma_places.zw, image_size, position)) - 128.0;
 }
 #endif
 

@@ -203,7 +203,6 @@ std::string head(const SumProgram& program) {
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
   if (program.is_distorted) text += "#define DISTORTED\n";
-  if (program.is_cubic) text += "#define CUBIC\n";
   define(text, "CELL_BITS", BlendGrid::kStepBits);
   define(text, "WEIGHT_ONE", BlendGrid::kOne);
   define(text, "CELL_WORDS", kCellWords);
@@ -240,7 +239,6 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_CELLS", kViewCells);
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
-  define(text, "IS_CUBIC", int{kIsCubic});
   define(text, "SHARPENING", kSharpeningFactor);
   define(text, "DOUBT", kDoubt);
   define(text, "CHROMA_DOUBT", kChromaDoubt);

@@ -44,7 +44,6 @@ struct SumProgram {
   bool has_map = false;
   bool has_rays = false;      // lines of sight are looked up; careful, but for moments
   bool is_distorted = false;  // a camera's lens is
-  bool is_cubic = false;      // a camera is sampled by Catmull-Rom
   bool has_cells = false;     // kBlocks alone: weights are those of a BlendGrid, and not of the mesh
 
   auto operator<=>(const SumProgram&) const = default;
@@ -79,7 +78,7 @@ enum CornerTexel {
 constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : kCornerTexels; }
 constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
 inline constexpr int kMaxTableTexels = face_texels(true);
-enum CornerFlags { kHasImage = 1, kIsCubic = 2 };
+enum CornerFlags { kHasImage = 1 };
 
 // What compute shaders know of each view of a pass: 32-bit words, in front of all views' runs.
 enum ViewWord {

@@ -69,7 +69,7 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   const simd::ProjectionTerms terms = !plan.rays().separable() ? terms_of_rays(*slot.projection, near)
                                       : has_map                ? simd::terms_at(slot, anchor.x, anchor.y, near)
                                                                : simd::terms_at(slot, anchor.x, anchor.y);
-  const int flags = (slot.image.family != PixelFamily::kNone ? kHasImage : 0) | (slot.is_cubic() ? kIsCubic : 0);
+  const int flags = slot.image.family != PixelFamily::kNone ? kHasImage : 0;
   const RgbLayout& layout = slot.image.layout;
   tables.add(terms.from, place.x);
   tables.add(terms.along, flags);
@@ -106,10 +106,8 @@ SumProgram program_of(const simd::SumTask& task) {
   program.has_map = task.plan->view().focus.map != nullptr;
   program.has_rays = !task.plan->rays().separable();
   program.has_cells = task.plan->blend() != nullptr;
-  for (const simd::Slot& slot : task.slots) {
+  for (const simd::Slot& slot : task.slots)
     program.is_distorted = program.is_distorted || slot.radial || slot.tangential;
-    program.is_cubic = program.is_cubic || slot.is_cubic();
-  }
   return program;
 }
 

@@ -36,8 +36,6 @@ struct Slot {
   // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
   alignas(16) uint8_t pixel_pairs[16] = {};
   alignas(16) uint8_t pixel_taps[16] = {};  // which bytes of four pixels are R, then G, then B
-  Resampling resampling = Resampling::kBilinear;
-  bool is_cubic() const { return resampling == Resampling::kCatmullRom; }
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;

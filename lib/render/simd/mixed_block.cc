@@ -39,7 +39,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
         continue;
       }
       const float weight = static_cast<float>(w) / kWeightOne;
-      const plain::Sampler at(position, image.width, image.height, slot.resampling);
+      const plain::Sampler at(position, image.width, image.height);
       if (image.family == PixelFamily::kI420) {
         add(scratch.sum[r][0][out * kBlock + i], weight * at.sample(image.plane[0], image.stride[0], 1));
         chroma[i / 2].weight += weight;
@@ -60,8 +60,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
     if (!slot.projection->project_beyond(rays.at_centre_of_four(x + 2 * k, y + 2 * pair),
                                          task.plan->inverse_at(x + 2 * k + 0.5, y + 2 * pair + 0.5), position))
       position = chroma[k].position;
-    const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height),
-                            slot.resampling);
+    const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height));
     for (int c = 1; c <= 2; c++)
       add(scratch.sum[pair][c][out * kChromaBlock + k], weight * (at.sample(image.plane[c], image.stride[c], 1) - 128));
   }

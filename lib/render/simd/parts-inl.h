@@ -15,7 +15,6 @@
 #include "render/simd/sums-inl.h"
 #if HWY_TARGET != HWY_SCALAR
 #include "render/simd/cell_samples-inl.h"
-#include "render/simd/cubic-inl.h"
 #include "render/simd/gather-inl.h"
 #endif
 
@@ -107,22 +106,12 @@ inline void add_samples(const int16_t* samples, const int16_t* weights, int16_t*
 inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
   const D16 d;
   const ImageView& image = slot.image;
-  const CubicPlane luma{image.plane[0], image.stride[0], image.width, image.height, 1};
-  const auto chroma = [&image](int c) {
-    return CubicPlane{image.plane[c], image.stride[c], chroma_size(image.width), chroma_size(image.height), 1};
-  };
   alignas(64) int16_t values[kBlock];
   for (int r = 0; r < 2; r++) {
-    if (slot.is_cubic())
-      gather_cubic_bytes(samples.at[r], luma, luma, values);
-    else
-      gather_bytes(samples.at[r], image.plane[0], image.plane[0], image.stride[0], image.stride[0], values);
+    gather_bytes(samples.at[r], image.plane[0], image.plane[0], image.stride[0], image.stride[0], values);
     add_samples(values, samples.weight[r], scratch.sum[2 * place.pair + r][0] + place.out * kBlock);
   }
-  if (slot.is_cubic())
-    gather_cubic_bytes(samples.at[2], chroma(1), chroma(2), values);
-  else
-    gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
+  gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
   for (size_t i = 0; i < kBlock; i += hn::Lanes(d))
     hn::Store(weigh_chroma(hn::Load(d, values + i), chroma_weights<15>(samples.weight[0], samples.weight[1])), d,
               values + i);
@@ -135,10 +124,7 @@ inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPla
 inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
   alignas(64) int16_t values[3][kBlock];
   for (int r = 0; r < 2; r++) {
-    if (slot.is_cubic())
-      gather_cubic_pixels(samples.at[r], slot, values);
-    else
-      gather_pixels(samples.at[r], slot, values);
+    gather_pixels(samples.at[r], slot, values);
     for (int c = 0; c < 3; c++)
       add_samples(values[c], samples.weight[r], scratch.sum[2 * place.pair + r][c] + place.out * kBlock);
   }

@@ -120,7 +120,7 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     const auto column = hn::Floor(low_x), row = hn::Floor(low_y);
     const auto half = hn::Floor(hn::Sub(at_x(plane.t_half), slack));
     if (plane.shuffles) {
-      const auto reach = set(kWindow - 1 - 2 * plane.border);
+      const auto reach = set(kWindow - 1);
       const auto rightmost = hn::Floor(hn::Add(at_x(plane.t_before_half), slack));
       const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
       const auto narrow =
@@ -130,15 +130,12 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
       constexpr float kWithin16Bits = (1 << (16 - kPositionBits)) - 1;
       const auto fixed_fit = hn::And(hn::And(hn::Lt(dx, set(kWithin16Bits)), hn::Lt(hn::Abs(dy), set(8))),
                                      hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
-      const auto third = hn::Add(row, set(2 + plane.border));
+      const auto third = hn::Add(row, set(2));
       const auto readable =
           hn::Or(hn::Lt(third, set(plane.height - 1)),
                  hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
       const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
-      auto fits = hn::And(hn::And(rises, narrow), hn::And(fixed_fit, hn::And(readable, two_steps)));
-      if (plane.border > 0)
-        fits = hn::And(fits, hn::And(hn::And(hn::Ge(low_x, set(plane.border)), hn::Ge(low_y, set(plane.border))),
-                                     hn::Lt(high_x, set(plane.width - 1 - plane.border))));
+      const auto fits = hn::And(hn::And(rises, narrow), hn::And(fixed_fit, hn::And(readable, two_steps)));
       fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), code(Fetch::kShuffle), fetch);
     }
     const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
@@ -235,19 +232,18 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   // Room for what happens between the rows that were looked at. Windows may run over into the next image row, but not
   // beyond the last one.
   constexpr float kLargestSecond = 0.75f;
-  const float border = border_of(slot), room = 3 + 2 * border;
-  const float right = static_cast<float>(image.width - 1) - room,
-              bottom = static_cast<float>(image.height) - 8 - border;
-  const float largest_step = 1.7f - 0.25f * border;
+  constexpr float kRoom = 3;
+  const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
+  constexpr float kLargestStep = 1.7f;
   const auto calm = [&](int j, int i) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
     const auto bends = [&](const std::vector<float>& v, size_t step) {
       return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
     };
-    if (!(x[at] > room && x[at] < right && y[at] > room && y[at] < bottom)) return false;
+    if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
     if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
     const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-    if (!(dx > 0.25f * kBlock && dx < largest_step * kBlock && std::abs(dy) < 0.8f)) return false;
+    if (!(dx > 0.25f * kBlock && dx < kLargestStep * kBlock && std::abs(dy) < 0.8f)) return false;
     if (i + 2 >= columns) return true;
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;

@@ -92,7 +92,6 @@ struct PlaneGeometry {
   int32_t stride, pixel_bytes;
   float spare_columns;                  // columns on the right that are left to the slow way
   bool shuffles;                        // samples are bytes side by side, and rows have at least a window
-  float border;                         // taps on each side beyond those of bilinear samples
   float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15, or of the last one of the only half
 };
 
@@ -102,8 +101,6 @@ inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels by which 
 // The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
 
-inline float border_of(const Slot& slot) { return slot.is_cubic() ? 1 : 0; }
-
 inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
   const ImageView& image = slot.image;
   return {.width = static_cast<float>(image.width),
@@ -112,7 +109,6 @@ inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
           .pixel_bytes = i420 ? 1 : image.layout.pixel_stride,
           .spare_columns = i420 ? 0.f : 1.f,
           .shuffles = i420 && image.width >= kWindow,
-          .border = border_of(slot),
           .t_before_half = 7.f / kBlock,
           .t_half = 8.f / kBlock,
           .t_last = 15.f / kBlock};
@@ -126,7 +122,6 @@ inline PlaneGeometry chroma_geometry(const Slot& slot) {
           .pixel_bytes = 1,
           .spare_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
-          .border = border_of(slot),
           .t_before_half = 14.5f / kBlock,
           .t_half = 0,  // Cb and Cr have a half each
           .t_last = 14.5f / kBlock};

@@ -43,7 +43,6 @@ static_assert(kMostParts >= 4 * BlendGrid::kMaxShares);    // those of four node
 struct BlockParts {
   Part part[kMostParts];
   int count = 0;
-  bool plain = true;    // all are bilinear
   uint32_t calm = ~0u;  // bit p: all are to be shuffled in pair p
   uint32_t rows = ~0u;  // that all of them have a weight in
 };
@@ -57,7 +56,6 @@ inline void find_parts(const SumTask& task, int block, int out, bool shuffles, c
     const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
                                  seen ? SlotBand::kShuffle : SlotBand::kAllLost};
-    parts.plain = parts.plain && !task.slots[weights.slot].is_cubic();
     parts.calm &= shuffles && seen ? band.calm_pairs(block - band.first_block) : 0;
     parts.rows &= weights.rows;
   }
@@ -69,8 +67,8 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const int x = block * kBlock;
   const bool i420 = task.family == PixelFamily::kI420, separable = task.plan->rays().separable();
   const bool surface = view.focus.map != nullptr;
-  const auto sum_plain = surface ? sum_i420<true, true> : sum_i420<false, true>,
-             sum_any = surface ? sum_i420<true, false> : sum_i420<false, false>;
+  const auto sum_flat = surface ? sum_i420<true, true> : sum_i420<false, true>,
+             sum_any = surface ? sum_i420<true, false> : sum_flat;
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
   const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
   BlockParts all;
@@ -83,11 +81,11 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
     // Nearly everywhere there is nothing to ask.
     if (HWY_LIKELY(!odd && (all.calm >> pair & 1) && (all.rows >> (2 * pair) & 3))) {
-      (all.plain ? sum_plain : sum_any)(all.part, all.count, place, scratch);
+      sum_flat(all.part, all.count, place, scratch);
       continue;
     }
     int num_shuffled = 0, num_slow = 0;
-    bool plain = all.plain;
+    bool flat = true;
     for (int i = 0; i < all.count; i++) {
       Part part = all.part[i];
       if (!(part.weights->rows >> (2 * pair) & 3)) continue;
@@ -100,12 +98,12 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       if (part.verdict == SlotBand::kAllLost)
         add_lost(*part.weights, place, scratch);
       else if (shuffles && part.verdict >= SlotBand::kTall)
-        shuffled[num_shuffled++] = part, plain = plain && part.verdict == SlotBand::kShuffle;
+        shuffled[num_shuffled++] = part, flat = flat && part.verdict == SlotBand::kShuffle;
       else
         slow[num_slow++] = part;
     }
     if (i420)
-      (plain ? sum_plain : sum_any)(shuffled, num_shuffled, place, scratch);
+      (flat ? sum_flat : sum_any)(shuffled, num_shuffled, place, scratch);
     else
       clear_pair(i420, place, scratch);
     for (int i = 0; i < num_slow; i++)

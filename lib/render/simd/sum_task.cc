@@ -66,7 +66,6 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   Slot slot;
   slot.camera = source.camera;
   slot.image = source.image;
-  slot.resampling = source.resampling;
   if (family == PixelFamily::kRgb) pick_pixels(source.image.layout, slot);
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());

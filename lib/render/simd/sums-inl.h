@@ -16,7 +16,6 @@
 #include "render/simd/band_data.h"
 #if HWY_TARGET != HWY_SCALAR
 #include "render/simd/cell_samples-inl.h"
-#include "render/simd/cubic-inl.h"
 #include "render/simd/samples-inl.h"
 #endif
 
@@ -41,7 +40,7 @@ struct PairPlace {
 
 #if HWY_TARGET == HWY_SCALAR
 
-template <bool kSurface, bool kPlain>
+template <bool kSurface, bool kFlat>
 inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
@@ -85,7 +84,7 @@ inline constexpr int kPrefetchRows = 8;
 struct WeightedPair {
   V16 upper, lower, chroma;
 };
-template <bool kSurface, bool kCubic, bool kTall>
+template <bool kSurface, bool kTall>
 HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   const D16 d;
   const SlotBand& band = *part.band;
@@ -112,12 +111,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
   const auto sample = [&](auto steps, const FixedPositions& at, const uint8_t* low, const uint8_t* high,
                           ptrdiff_t step) HWY_ATTR {
-    constexpr int kSteps = decltype(steps)::value;
-    const auto x = hn::BitCast(DU16(), at.x);
-    if constexpr (kCubic)
-      return sample_cubic_windows<(kSteps > kFlatSteps)>(x, at.y, low - step - 1, high - step - 1, step, lane);
-    else
-      return sample_windows<kSteps>(x, at.y, low, high, step, lane);
+    return sample_windows<decltype(steps)::value>(hn::BitCast(DU16(), at.x), at.y, low, high, step, lane);
   };
   constexpr std::integral_constant<int, kTall ? kTallSteps : kFlatSteps> kLuma;
   constexpr std::integral_constant<int, kTall ? kTallChromaSteps : kFlatSteps> kChroma;
@@ -134,34 +128,27 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
     const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
     v2 = sample(kChroma, plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
   }
-  constexpr int kCut = kCubic ? 0 : kCutOff;
   const DU16 du;
   // Takes half of the 256-fold samples, makes up for what was cut off, and weighs.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
-    const auto halved = hn::AverageRound(samples, hn::Set(du, kCut));
+    const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
   };
-  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCut)));
+  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
   return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
-// The weighted samples of any kind of part; kPlain: of bilinear ones in windows that are not tall alone.
-template <bool kSurface, bool kPlain>
+// The weighted samples of any kind of part; kFlat: none has windows that are tall.
+template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
-  if constexpr (!kPlain) {
-    const bool cubic = part.band->slot->is_cubic();
-    if constexpr (kSurface)
-      if (part.verdict == SlotBand::kTall)
-        return cubic ? weigh_windows<true, true, true>(part, pair, lane)
-                     : weigh_windows<true, false, true>(part, pair, lane);
-    if (cubic) return weigh_windows<kSurface, true, false>(part, pair, lane);
-  }
-  return weigh_windows<kSurface, false, false>(part, pair, lane);
+  if constexpr (kSurface && !kFlat)
+    if (part.verdict == SlotBand::kTall) return weigh_windows<true, true>(part, pair, lane);
+  return weigh_windows<kSurface, false>(part, pair, lane);
 }
 
 // The hottest loop: the sum of `count` parts into scratch.
-template <bool kSurface, bool kPlain>
+template <bool kSurface, bool kFlat>
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
   const int upper = 2 * at.pair, lower = upper + 1;
@@ -169,7 +156,7 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     auto sum_upper = hn::Zero(d), sum_lower = hn::Zero(d), sum_chroma = hn::Zero(d);
     for (int i = 0; i < count; i++) {
-      const WeightedPair part = weigh_pair<kSurface, kPlain>(parts[i], at.pair, lane);
+      const WeightedPair part = weigh_pair<kSurface, kFlat>(parts[i], at.pair, lane);
       sum_upper = hn::Add(sum_upper, part.upper);
       sum_lower = hn::Add(sum_lower, part.lower);
       sum_chroma = hn::Add(sum_chroma, part.chroma);

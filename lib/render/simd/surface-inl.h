@@ -57,24 +57,22 @@ struct CellPlace {
   HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest, float tall) const {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
-    const auto inside = [&](float border, float right) HWY_ATTR {
-      return hn::And(hn::And(hn::Ge(low_x, set(border)), hn::Lt(high_x, set(plane.width - 1 - right))),
-                     hn::And(hn::Ge(low_y, set(border)), hn::Lt(high_y, set(plane.height - 1 - border))));
-    };
+    const auto inside =
+        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
+                hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
     const auto fits = hn::And(hn::Lt(width, set(widest)), hn::Lt(height, set(kWindow - 1)));
-    const auto good = hn::And(inside(0, plane.spare_columns), fits);
+    const auto good = hn::And(inside, fits);
     const auto code = [&](hn::Mask<D> when, int v, auto otherwise)
                           HWY_ATTR { return hn::IfThenElse(hn::RebindMask(di, when), hn::Set(di, v), otherwise); };
     const auto out = code(good, kSampleBit, hn::Zero(di));
     if (!plane.shuffles) return out;
-    const auto narrow = hn::And(good, hn::Lt(width, set(kWindow - 1 - 2 * plane.border)));
-    const auto reaches = plane.border > 0 ? hn::And(narrow, inside(plane.border, plane.border)) : narrow;
+    const auto narrow = hn::And(good, hn::Lt(width, set(kWindow - 1)));
     // Windows run over into the next image row: it has to be there.
     const auto rows = [&](float n) HWY_ATTR {
-      return hn::And(hn::Lt(height, set(n)), hn::Lt(last_row, set(plane.height - 1 - n - plane.border)));
+      return hn::And(hn::Lt(height, set(n)), hn::Lt(last_row, set(plane.height - 1 - n)));
     };
-    const auto flat = code(hn::And(reaches, rows(kFlatSteps)), kFlatBit, out);
-    return hn::Or(flat, code(hn::And(reaches, rows(tall)), kTallBit, hn::Zero(di)));
+    const auto flat = code(hn::And(narrow, rows(kFlatSteps)), kFlatBit, out);
+    return hn::Or(flat, code(hn::And(narrow, rows(tall)), kTallBit, hn::Zero(di)));
   }
 };
 

@@ -213,8 +213,8 @@ int main(int argc, char** argv) {
                "The surface finds its range all the same: --near and --far are for planes alone");
   app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(cli::PositiveNumber);
   app.add_option("--mode", a.mode, "surface or auto")->check(cli::IsMember({"surface", "auto"}));
-  app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
-      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+  app.add_option("--resampling", a.resampling, "How images are sampled: bilinear or sharpened")
+      ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");

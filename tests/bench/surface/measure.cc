@@ -44,7 +44,6 @@ class Renderer {
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
     if (matched_ && gains.use) sources = match(job, sources, matcher_.gains_for(0, gains));
-    for (Source& source : sources) source.resampling = resampling_;
     const bool sharpened = resampling_ == Resampling::kSharpened;
     sharp_.resize(sharpened ? std::max(sharp_.size(), sources.size()) : 0);
     for (size_t i = 0; sharpened && i < sources.size(); i++)
@@ -217,9 +216,9 @@ double percentile(std::vector<double> values, double part) {
 
 std::optional<Depths> find_depths(const Case& c, size_t view) {
   // Bilinear samples would tell planes that need few of them between pixels from those that are in focus.
-  Renderer cubic(c, view, {.resampling = Resampling::kCatmullRom});
-  return find_depths(c.rig, cubic.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
-                     [&](const View& v) { return cubic.picture(v, view); });
+  Renderer sharpened(c, view, {.resampling = Resampling::kSharpened});
+  return find_depths(c.rig, sharpened.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
+                     [&](const View& v) { return sharpened.picture(v, view); });
 }
 
 StillResult measure_still(const Case& c, size_t view, const Options& options) {

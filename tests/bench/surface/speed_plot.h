@@ -9,8 +9,8 @@
 
 namespace lf::focus {
 
-inline constexpr Resampling kResamplings[] = {Resampling::kBilinear, Resampling::kSharpened, Resampling::kCatmullRom};
-inline constexpr const char* kResamplingNames[] = {"bilinear", "sharpened", "catmull-rom"};  // in that order
+inline constexpr Resampling kResamplings[] = {Resampling::kBilinear, Resampling::kSharpened};
+inline constexpr const char* kResamplingNames[] = {"bilinear", "sharpened"};  // in that order
 
 // Speed against error: how long a picture takes, and how near the truth it comes, through the best plane and through
 // the surface, sampled in each way. Means over the views.

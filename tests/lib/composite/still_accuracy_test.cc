@@ -61,8 +61,7 @@ void measure(int n, PixelFamily family, Resampling resampling, Image (*make)(Ran
   const Still still = render_still(
       rig, mesh, view, [&](CameraIndex i) -> const Image& { return images[i]; }, resampling);
   if (still.cameras.empty()) return;  // nothing to be seen: black
-  const reference::Picture exact = reference::render(
-      rig, mesh, view, seen, resampling == Resampling::kCatmullRom ? resampling : Resampling::kBilinear);
+  const reference::Picture exact = reference::render(rig, mesh, view, seen);
   for (size_t i = 0; i < exact.pixels.size(); i++) {
     const reference::Pixel& pixel = exact.pixels[i];
     double error = 0;
@@ -78,18 +77,15 @@ void print(const char* what, PixelFamily family, Resampling resampling, const Co
   std::printf(
       "%s, %s, %s: %.4f %% of %ld pixels off by more than 1; of %ld half-lost ones %.3f %%; most with weight %.2f\n",
       what, family == PixelFamily::kRgb ? "RGB" : "I420",
-      resampling == Resampling::kBilinear    ? "bilinear"
-      : resampling == Resampling::kSharpened ? "sharpened"
-                                             : "catmull-rom",
-      100. * counts.all.off / counts.all.pixels, counts.all.pixels, counts.part.pixels,
-      100. * counts.part.off / counts.part.pixels, counts.left.worst);
+      resampling == Resampling::kBilinear ? "bilinear" : "sharpened", 100. * counts.all.off / counts.all.pixels,
+      counts.all.pixels, counts.part.pixels, 100. * counts.part.off / counts.part.pixels, counts.left.worst);
 }
 
 // Of 1000 pixels, whatever part of their cameras sees them, 999 are within one level of exact arithmetic in all
 // channels.
 TEST(RenderStill, IsWithinALevelOfExactArithmeticEvenWhereWeightIsLost) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
-    for (const Resampling resampling : {Resampling::kBilinear, Resampling::kSharpened, Resampling::kCatmullRom}) {
+    for (const Resampling resampling : {Resampling::kBilinear, Resampling::kSharpened}) {
       Counts counts;
       for (int n = 0; n < 24; n++) measure(n, family, resampling, reference::smooth_image, counts);
       print("smooth", family, resampling, counts);

@@ -31,7 +31,7 @@ struct Worst {
 
 // Sums of render_float() over the view, per plane: R, G, B or Y, Cb, Cr.
 struct FloatSum {
-  FloatSum(const Rig& rig, const Production& production, const std::vector<Image>& images, Resampling resampling) {
+  FloatSum(const Rig& rig, const Production& production, const std::vector<Image>& images) {
     const View& view = production.plan.view();
     const bool i420 = images.front().family() == PixelFamily::kI420;
     width = view.width;
@@ -41,7 +41,7 @@ struct FloatSum {
     }
     lost.resize(static_cast<size_t>(width) * view.height);
     for (const CameraIndex i : production.plan.contributors()) {
-      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view(), resampling);
+      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view());
       if (!f) continue;
       const Rect& rect = f->rect;
       size_t from = 0;
@@ -64,14 +64,13 @@ struct FloatSum {
 
 // Beside render_float(), in sums that are not divided by what was lost.
 inline void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                    Coordinates coordinates, Worst& worst, Resampling resampling = Resampling::kBilinear) {
+                    Coordinates coordinates, Worst& worst) {
   const Mesh mesh = build_mesh(rig);
   const Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? i420_of(rgb) : rgb;
-  const FloatSum expected(rig, production, images, resampling);
+  const FloatSum expected(rig, production, images);
   const OwnerRuns runs(production.plan, whole(view));
   auto sources = sources_of(rig, production.plan, images);
-  for (Source& source : sources) source.resampling = resampling;
   const SumRenderer renderer(production.plan, runs, sources, family, coordinates);
   const Rect& rect = renderer.rect();
   if (rect.empty()) return;

@@ -70,19 +70,17 @@ TEST(SumRenderer, ReadsNothingOutsideOfImages) {
         const auto rgb = images_of(rig, random, reference::noise_image);
         const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
         const std::vector<Source> sources = sources_of(rig, production.plan, images);
-        for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
-          for (const bool at_front : {false, true}) {
-            std::vector<std::unique_ptr<GuardedImage>> guarded;
-            std::vector<Source> all = sources;
-            for (Source& source : all) {
-              guarded.push_back(std::make_unique<GuardedImage>(source.image, at_front));
-              source.image = guarded.back()->view();
-              source.resampling = resampling;
-            }
-            const SumRenderer renderer(production.plan, production.owners.runs(), all, family);
-            Sum sum(family, renderer.rect());
-            renderer.render_rows(renderer.rect().y0, renderer.rect().y1, sum.planes);
+        for (const bool at_front : {false, true}) {
+          std::vector<std::unique_ptr<GuardedImage>> guarded;
+          std::vector<Source> all = sources;
+          for (Source& source : all) {
+            guarded.push_back(std::make_unique<GuardedImage>(source.image, at_front));
+            source.image = guarded.back()->view();
           }
+          const SumRenderer renderer(production.plan, production.owners.runs(), all, family);
+          Sum sum(family, renderer.rect());
+          renderer.render_rows(renderer.rect().y0, renderer.rect().y1, sum.planes);
+        }
       }
     hwy::SetSupportedTargetsForTest(0);
   }

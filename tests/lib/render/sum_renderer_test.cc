@@ -80,36 +80,8 @@ TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
   }
 }
 
-// On a plane and through a map. Steep as a checkerboard is, cubic samples are steeper, and overshoot on either side.
-TEST(SumRenderer, IsWithinItsBoundWithCatmullRom) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (const bool mapped : {false, true})
-        for (const bool hard : {false, true}) {
-          Worst worst;
-          for (int trial = 0; trial < 3; trial++) {
-            Random random(trial);
-            const int side = 3 + trial, width = trial % 2 ? 157 : 160, height = trial % 2 ? 121 : 120;
-            const Rig rig = jittered_array(random, side, width, height, trial == 0 ? 0 : -0.25);
-            View view = view_into(rig, side, width, height, random.small_rotation(0.2));
-            if (mapped) view.focus.map = depths(random, view, FocalMap::kFinestStep, trial == 2);
-            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
-            compare(rig, view, images, family, Coordinates::kGrid, worst, Resampling::kCatmullRom);
-          }
-          std::printf("%-8s %s cubic %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-                      hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ", mapped ? "map" : "plane",
-                      hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
-          EXPECT_LE(worst.level, hard ? 1.2 : 0.2);
-          EXPECT_LE(worst.chroma, hard ? 1.2 : 0.2);
-          EXPECT_LE(worst.lost, 1e-4);
-        }
-    hwy::SetSupportedTargetsForTest(0);
-  }
-}
-
-// The yardstick of the above beside the reference, which knows the kernel by its formula.
-TEST(FloatRenderer, SamplesByCatmullRomAsTheReference) {
+// The yardstick of the above beside the reference.
+TEST(FloatRenderer, SamplesAsTheReference) {
   Random random(5);
   const Rig rig = jittered_array(random, 3, 93, 71, -0.1);
   View view = view_into(rig, 3, 93, 71, random.small_rotation(0.1));
@@ -117,8 +89,8 @@ TEST(FloatRenderer, SamplesByCatmullRomAsTheReference) {
   const auto images = images_of(rig, random, reference::noise_image);
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
-  const FloatSum sums(rig, production, images, Resampling::kCatmullRom);
-  const reference::Picture expected = reference::render(rig, mesh, view, images, Resampling::kCatmullRom);
+  const FloatSum sums(rig, production, images);
+  const reference::Picture expected = reference::render(rig, mesh, view, images);
   int compared = 0;
   for (int y = 0; y < view.height; y++)
     for (int x = 0; x < view.width; x++) {

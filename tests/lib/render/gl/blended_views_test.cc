@@ -63,7 +63,6 @@ TEST_F(BlendedViews, AreTheCpus) {
       if (seed % 6 == 5) std::erase_if(eye.sources, [](const Source& source) { return source.camera % 3 == 0; });
       for (Source& source : eye.sources) {
         if (seed % 3 == 1 && source.camera % 5 == 2) source.image = {.family = PixelFamily::kNone};
-        if (seed % 4 == 1) source.resampling = Resampling::kCatmullRom;
       }
       worst.add(difference(eye));
       mended += card_->mended();

@@ -124,7 +124,6 @@ class CardImages : public testing::TestWithParam<EGLenum> {
         ImageView& made = here[i].image = image.fetch();
         if (gain != 1) made = divide_by_gain(made, all, gain, memory.emplace_back());
         if (sharpened) made = sharpen(made, all, memory.emplace_back());
-        if (i % 4 == 3) here[i].resampling = there[i].resampling = Resampling::kCatmullRom;
       }
     }
     std::unique_ptr<SumRenderer> renderer(bool of_there, gl::SumDrawer* card,

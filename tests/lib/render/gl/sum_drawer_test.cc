@@ -43,7 +43,7 @@ class SumDrawer : public testing::TestWithParam<Shaders> {
   gl::SumDrawer& card() const { return card_with(GetParam()); }
   // Of the card's sums from the CPU's. `change`: what is special about the sources.
   Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                        Resampling resampling, const std::function<void(std::vector<Source>&)>& change = {}) const;
+                        const std::function<void(std::vector<Source>&)>& change = {}) const;
 };
 INSTANTIATE_TEST_SUITE_P(, SumDrawer, testing::Values(Shaders::kCompute, Shaders::kFragment),
                          [](const auto& of) { return of.param == Shaders::kCompute ? "Compute" : "Fragment"; });
@@ -57,12 +57,11 @@ Image checkered(Random&, int width, int height) {
 }
 
 Difference SumDrawer::difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                                 Resampling resampling, const std::function<void(std::vector<Source>&)>& change) const {
+                                 const std::function<void(std::vector<Source>&)>& change) const {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
   std::vector<Source> sources = test::sources_of(rig, production.plan, images);
-  for (Source& source : sources) source.resampling = resampling;
   if (change) change(sources);
   const OwnerRuns& runs = production.owners.runs();
   const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
@@ -86,29 +85,26 @@ Difference SumDrawer::difference(const Rig& rig, const View& view, const std::ve
 TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
   std::printf("%s\n", card().device().c_str());
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
-    for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
-      for (const bool map : {false, true})
-        for (const bool hard : {false, true}) {
-          Difference worst;
-          for (int trial = 0; trial < 4; trial++) {
-            Random random(trial);
-            const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
-            const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-            View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
-            if (map) view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
-            const auto images = images_of(rig, random, hard ? checkered : reference::smooth_image);
-            const Difference one = difference(rig, view, images, family, resampling);
-            worst.level = std::max(worst.level, one.level);
-            worst.lost = std::max(worst.lost, one.lost);
-            worst.mended += one.mended;
-          }
-          std::printf("%s %-11s %s %-12s: levels %.3f, lost %.2g, %zu mended\n",
-                      family == PixelFamily::kI420 ? "I420" : "RGB ",
-                      resampling == Resampling::kBilinear ? "bilinear" : "Catmull-Rom", map ? "map  " : "plane",
-                      hard ? "checkerboard" : "smooth", worst.level, worst.lost, worst.mended);
-          EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
-          EXPECT_LE(worst.lost, 1e-4);
+    for (const bool map : {false, true})
+      for (const bool hard : {false, true}) {
+        Difference worst;
+        for (int trial = 0; trial < 4; trial++) {
+          Random random(trial);
+          const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+          const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+          View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
+          if (map) view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+          const auto images = images_of(rig, random, hard ? checkered : reference::smooth_image);
+          const Difference one = difference(rig, view, images, family);
+          worst.level = std::max(worst.level, one.level);
+          worst.lost = std::max(worst.lost, one.lost);
+          worst.mended += one.mended;
         }
+        std::printf("%s %s %-12s: levels %.3f, lost %.2g, %zu mended\n", family == PixelFamily::kI420 ? "I420" : "RGB ",
+                    map ? "map  " : "plane", hard ? "checkerboard" : "smooth", worst.level, worst.lost, worst.mended);
+        EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+        EXPECT_LE(worst.lost, 1e-4);
+      }
 }
 
 // Views a few pixels wide, whose pixels are as wide as faces: what ends in half a block is drawn, too. And views that
@@ -131,7 +127,7 @@ TEST_P(SumDrawer, DrawsTinyViewsAndAllScales) {
     view.pose.position.z = random.uniform(-0.2, 0.05);
     const auto images = images_of(rig, random, reference::smooth_image);
     const PixelFamily family = n % 4 ? PixelFamily::kI420 : PixelFamily::kRgb;
-    const Difference one = difference(rig, view, images, family, Resampling::kBilinear);
+    const Difference one = difference(rig, view, images, family);
     EXPECT_LE(one.level, 0.2) << view.width << "x" << view.height;
     EXPECT_LE(one.lost, 1e-4);
     worst.level = std::max(worst.level, one.level);
@@ -150,7 +146,7 @@ TEST_P(SumDrawer, DrawsTheHardCases) {
         Random random(trial);
         const auto [rig, view] = hard.make(random);
         const auto images = images_of(rig, random, reference::smooth_image);
-        const Difference one = difference(rig, view, images, PixelFamily::kI420, Resampling::kBilinear);
+        const Difference one = difference(rig, view, images, PixelFamily::kI420);
         worst.level = std::max(worst.level, one.level);
         worst.lost = std::max(worst.lost, one.lost);
       }
@@ -190,10 +186,6 @@ TEST_P(SumDrawer, DrawsWhateverSourcesThereAre) {
       source.image.layout = {4, 2, 1, 0};
     }
   };
-  const auto mixed_samples = [](std::vector<Source>& sources) {
-    for (Source& source : sources)
-      if (source.camera % 2 == 0) source.resampling = Resampling::kCatmullRom;
-  };
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const bool lens : {false, true})
       for (const bool map : {false, true}) {
@@ -201,11 +193,10 @@ TEST_P(SumDrawer, DrawsWhateverSourcesThereAre) {
         if (lens) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * kWidth, 78, 60, -0.1});
         if (map) view.focus.map = test::depths(random, view, FocalMap::kFinestStep, false);
         int number = 0;
-        for (const auto& change :
-             {std::function<void(std::vector<Source>&)>{}, {others}, {blind}, {mixed_layouts}, {mixed_samples}}) {
+        for (const auto& change : {std::function<void(std::vector<Source>&)>{}, {others}, {blind}, {mixed_layouts}}) {
           SCOPED_TRACE(testing::Message() << (family == PixelFamily::kRgb ? "RGB" : "I420") << (lens ? ", lens" : "")
                                           << (map ? ", map" : "") << ", sources " << number++);
-          const Difference one = difference(rig, view, images, family, Resampling::kBilinear, change);
+          const Difference one = difference(rig, view, images, family, change);
           EXPECT_LE(one.level, 0.2);
           EXPECT_LE(one.lost, 1e-4);
         }
@@ -228,8 +219,7 @@ TEST_P(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
     view.pose = rig.cameras[0].pose;
     view.lens = Lens::pinhole(200, 79.5 + 10.5, 59.5);  // column 10 shows the border
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
-    const Difference one =
-        difference(rig, view, images_of(rig, random, reference::smooth_image), family, Resampling::kBilinear);
+    const Difference one = difference(rig, view, images_of(rig, random, reference::smooth_image), family);
     EXPECT_LE(one.level, 0.2);
     EXPECT_LE(one.lost, 1e-4);
     EXPECT_GE(one.mended, 100u);
@@ -279,8 +269,8 @@ TEST_P(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
   const auto blind = [](std::vector<Source>& of) {
     for (Source& source : of) source.image = {.family = PixelFamily::kNone};
   };
-  EXPECT_LE(difference(rig, before, images, PixelFamily::kI420, Resampling::kBilinear, blind).lost, 1e-4);
-  const Difference one = difference(rig, view, images, PixelFamily::kI420, Resampling::kBilinear);
+  EXPECT_LE(difference(rig, before, images, PixelFamily::kI420, blind).lost, 1e-4);
+  const Difference one = difference(rig, view, images, PixelFamily::kI420);
   EXPECT_LE(one.level, 0.2);
   EXPECT_LE(one.lost, 1e-4);
 }
