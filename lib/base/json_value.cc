@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "base/json_value.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <nlohmann/json.hpp>
@@ -202,7 +203,18 @@ int64_t JsonValue::integer(int64_t least, int64_t most) const {
 
 std::string JsonValue::text() const {
   if (!value_->is_string()) fail(std::string("must be a string, is ") + value_->type_name());
-  return value_->get<std::string>();
+  std::string text = value_->get<std::string>();
+  if (text.find('\0') != text.npos) fail("has a character NUL (\\u0000)");
+  return text;
+}
+
+std::string JsonValue::name() const {
+  constexpr size_t kMost = 200;  // of 255 bytes that a file's name can have
+  std::string name = text();
+  if (name.size() > kMost)
+    fail("must have at most " + std::to_string(kMost) + " bytes, has " + std::to_string(name.size()));
+  if (std::ranges::any_of(name, [](unsigned char c) { return c < ' ' || c == 0x7f; })) fail("has control characters");
+  return name;
 }
 
 Vec3 JsonValue::vec3() const {

@@ -42,7 +42,7 @@ ColourModel parse_colour(const JsonValue& value, const Camera& camera) {
 Camera parse_camera(const JsonValue& value) {
   Camera camera;
   camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
-  camera.name = value.at("name").text();
+  camera.name = value.at("name").name();
   camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
   camera.height = static_cast<int>(value.at("height").integer(1, kMaxImageSize));
   camera.lens = parse_lens(value);
@@ -67,7 +67,13 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
                  " columns do not make the rig's " + std::to_string(num_cameras) + " cameras");
   } else if (type == "triangles") {
     topology.type = Topology::Type::kTriangles;
-    for (const JsonValue& triangle : value.at("triangles").elements()) {
+    const std::vector<JsonValue> triangles = value.at("triangles").elements();
+    // A surface through n points has fewer than 2 n triangles (Euler).
+    if (triangles.size() > 2 * num_cameras)
+      value.at("triangles")
+          .fail("at most " + std::to_string(2 * num_cameras) + " for " + std::to_string(num_cameras) +
+                " cameras, has " + std::to_string(triangles.size()));
+    for (const JsonValue& triangle : triangles) {
       std::array<CameraIndex, 3> corners;
       const std::vector<JsonValue> values = triangle.elements(3);
       for (int i = 0; i < 3; i++)
@@ -179,6 +185,9 @@ std::string rig_to_json(const Rig& rig, const json* original) {
         throw Error("cameras[" + std::to_string(i) +
                     "]: " + json(*name).dump(-1, ' ', true, json::error_handler_t::replace) +
                     " is no text in UTF-8, which a rig must be: rename the file");
+    const json name = rig.cameras[i].name;
+    const std::string place = "cameras[" + std::to_string(i) + "].name";
+    JsonValue(name, place).name();  // what could not be read again is not written
     ordered_json camera = to_json(rig.cameras[i]);
     if (const auto kept = original_cameras.find(rig.cameras[i].id); kept != original_cameras.end())
       keep_unknown(*kept->second,

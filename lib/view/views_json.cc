@@ -62,9 +62,9 @@ NamedView parse_view(const JsonValue& value, size_t index) {
   NamedView view;
   view.name = default_name(index);
   if (const auto name = value.find("name")) {
-    view.name = name->text();
+    view.name = name->name();
     // Pictures are written under this name.
-    if (view.name.empty() || view.name.find_first_of(std::string("/\0", 2)) != std::string::npos)
+    if (view.name.empty() || view.name.find('/') != std::string::npos)
       name->fail("must be usable as a file name");
   }
   if (const auto time = value.find("time")) {

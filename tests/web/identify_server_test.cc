@@ -127,6 +127,13 @@ TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
   EXPECT_THAT(request("GET", "/mosaic.json", "Host: evil.example\r\n"), StartsWith("HTTP/1.1 400")) << "two hosts";
 }
 
+// Each range would be sent, and thousands of them fit into a request.
+TEST_F(IdentifyServerTest, AnswersAreWholeWhateverRangesAreAskedFor) {
+  const std::string response = request("GET", "/mosaic.json", "Range: bytes=0-,0-,0-\r\n");
+  EXPECT_THAT(response, StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(response, testing::Not(HasSubstr("Content-Range")));
+}
+
 TEST_F(IdentifyServerTest, SwapsAndClosesTheConnection) {
   const std::string body = R"({"a": 3, "b": 5})";
   const std::string response =

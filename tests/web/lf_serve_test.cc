@@ -510,6 +510,40 @@ TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
+// The system's trusted certificates, some 300 kB of them, are not loaded: no client has a certificate.
+TEST_F(LfServeTls, AHandshakeReadsNoFiles) {
+  Served served(options());
+  trust(dir_ / "certificate.pem");
+  ASSERT_EQ(ask(served, "GET", "healthz").status, 200u);
+  const auto bytes_read = [&served] {
+    std::ifstream io("/proc/" + served.pid() + "/io");
+    std::string name;
+    uint64_t bytes = 0;
+    io >> name >> bytes;
+    EXPECT_EQ(name, "rchar:");
+    return bytes;
+  };
+  constexpr int kClients = 40;
+  const uint64_t before = bytes_read();
+  std::vector<std::unique_ptr<Client>> clients;
+  for (int i = 0; i < kClients; i++) {
+    clients.push_back(std::make_unique<Client>(served, "127.0.1." + std::to_string(1 + i)));
+    clients.back()->send("\x16\x03\x01\x02");
+  }
+  for (const auto& client : clients) EXPECT_EQ(client->read(), "");
+  EXPECT_LT(bytes_read() - before, kClients * 50'000u);
+}
+
+// Thousands of ranges fit into a request, and libsoup would send the body for each of them.
+TEST_F(LfServe, AnswersAreWholeWhateverRangesAreAskedFor) {
+  Served served;
+  for (const char* path : {"mosaic.jpg", "lightfield-viewer.js", ""}) {
+    const Response response = ask(served, "GET", path, {{"Range", "bytes=0-,0-,0-"}});
+    EXPECT_EQ(response.status, 200u) << path;
+    EXPECT_EQ(response.headers.count("Content-Range"), 0u) << path;
+  }
+}
+
 // As many addresses as a customer with IPv6 has networks: here of loopback's.
 TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
   Served served;

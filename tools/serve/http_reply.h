@@ -46,6 +46,7 @@ inline constexpr Refusal kPath{404, "path", "there is no such path (--path)"};
 
 // Call before a request's body is read. Returns why the request is refused: a header that decides who may ask came
 // twice, or the body is longer than `most` bytes or has no length. Null if it is not; else the body is thrown away.
+// Takes the header Range from the request: answers are whole.
 const Refusal* refuse_early(SoupServerMessage* message, size_t most);
 // Sets the headers that all responses have. `caching`: the value of Cache-Control.
 void set_common_headers(SoupServerMessage* message, const char* caching);

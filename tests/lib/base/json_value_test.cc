@@ -52,6 +52,10 @@ TEST(JsonValue, ReportsWhatIsWrongWhere) {
   EXPECT_EQ(o.at("i").number(), 7);
   EXPECT_EQ(o.at("i").integer(0, 7), 7);
   EXPECT_EQ(o.at("s").text(), "x");
+  EXPECT_EQ(o.at("s").name(), "x");
+  const nlohmann::json longest = std::string(200, 'x'), longer = std::string(201, 'x');
+  EXPECT_EQ(JsonValue(longest, name).name().size(), 200u);
+  EXPECT_ERROR(JsonValue(longer, name).name(), "f.json: must have at most 200 bytes, has 201");
   EXPECT_EQ(o.at("v").vec3(), Vec3(1, 2, 3));
   EXPECT_FALSE(o.find("none"));
 

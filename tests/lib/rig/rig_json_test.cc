@@ -88,7 +88,7 @@ TEST(RigJson, RoundTripsToTheLastBit) {
   rig.cameras[1].pose.orientation = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
   rig.cameras[2].lens = Lens(LensModel::kOpenCv, {1e3 / 7, 1e3 / 11, 0.1, 0.2, 1e-17, 1 / 3.0, -1 / 7.0, 1e-5});
   rig.cameras[3].id = UINT32_MAX;
-  rig.cameras[3].name = "quote \" and \u00fc and \n";
+  rig.cameras[3].name = "quote \" and \u00fc";
   for (const Topology& topology :
        {rig.topology, Topology{}, Topology{Topology::Type::kTriangles, 0, 0, {{0, 1, 2}, {3, 2, 1}}}}) {
     rig.topology = topology;
@@ -201,6 +201,9 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"id": 7})", "cameras[3].id: 7 is also the id of cameras[2]"},
       {R"({"name": null})", "cameras[3]: key \"name\" is missing"},
       {R"({"name": 1})", "cameras[3].name: must be a string, is number"},
+      {R"({"name": ".profile\u0000"})", "cameras[3].name: has a character NUL"},
+      {R"({"name": "\u001b[31mred"})", "cameras[3].name: has control characters"},
+      {R"({"source": "a\u0000b.mkv"})", "cameras[3].source: has a character NUL"},
       {R"({"width": null})", "cameras[3]: key \"width\" is missing"},
       {R"({"width": 0})", "cameras[3].width: must be 1 to 16384, is 0"},
       {R"({"width": 16385})", "cameras[3].width: must be 1 to 16384, is 16385"},
@@ -254,6 +257,16 @@ TEST(RigJson, ErrorsOfTheTextNameLineAndPlace) {
   infinite.replace(infinite.find("159.5"), 5, "1e999");
   EXPECT_ERROR(parse_rig(infinite, "r.json"), "r.json: cameras[0].params[1]: not valid JSON: number overflow");
   EXPECT_ERROR(load_rig(testing::TempDir() + "no_such_rig.json"), "no_such_rig.json: can't be read");
+}
+
+TEST(RigJson, RefusesMoreTrianglesThanASurfaceHas) {
+  json file = good_rig();
+  const size_t cameras = file["cameras"].size();
+  const json most(2 * cameras, {0, 1, 2}), more(2 * cameras + 1, {0, 1, 2});
+  file["topology"] = {{"type", "triangles"}, {"triangles", most}};
+  EXPECT_EQ(parse(file).topology.triangles.size(), 2 * cameras);
+  file["topology"]["triangles"] = more;
+  EXPECT_ERROR(parse(file), "r.json: topology.triangles: at most " + std::to_string(2 * cameras));
 }
 
 TEST(RigJson, RefusesTooManyCameras) {

@@ -82,6 +82,8 @@ TEST(ViewsJson, ErrorsNameThePlace) {
       {0, R"({"name": 3})", "views[0].name: must be a string"},
       {0, R"({"name": ""})", "views[0].name: must be usable as a file name"},
       {0, R"({"name": "../x"})", "views[0].name: must be usable as a file name"},
+      {0, R"({"name": "x\u0000"})", "views[0].name: has a character NUL"},
+      {0, R"({"name": "x\n"})", "views[0].name: has control characters"},
       {1, R"({"name": "first"})", "views[1]: name \"first\" is also that of views[0]"},
       {0, R"({"name": "view_01"})", "views[1]: name \"view_01\" is also that of views[0]"},
       {0, R"({"time": -1})", "views[0].time: must be 0 to 1e9 seconds"},
