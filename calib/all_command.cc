@@ -180,8 +180,7 @@ class Afternoon {
 
   // A rig file that says the same is left as it is: whoever watches it need not read it again.
   static void write_if_other(const lf::Rig& rig, const std::string& path, const json& text) {
-    const std::string rig_text = lf::rig_to_json(rig, &text);
-    if (!fs::exists(path) || lf::read_text_file(path) != rig_text) lf::write_text_file(rig_text, path);
+    if (!fs::exists(path) || lf::read_text_file(path) != lf::rig_to_json(rig, &text)) lf::save_rig(rig, path, &text);
   }
 
   void publish(const std::string& path) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/rig_json.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <initializer_list>
@@ -9,8 +11,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "geometry/lens.h"
+#include "rig/location_text.h"
 
 namespace lf {
 namespace {
@@ -163,7 +167,14 @@ Rig parse_rig(const std::string& text, const std::string& name, const std::strin
 }
 
 void save_rig(const Rig& rig, const std::string& path, const json* original) {
-  write_text_file(rig_to_json(rig, original), path);
+  FileReplacement file(path);
+  // A file that exists keeps its mode. A new one with a password is for its owner alone.
+  const bool has_secret = std::ranges::any_of(
+      rig.cameras, [](const Camera& camera) { return location_text(camera.source) != camera.source; });
+  std::error_code ignored;
+  if (has_secret && !std::filesystem::exists(path, ignored)) fchmod(file.descriptor(), 0600);
+  file.write(rig_to_json(rig, original));
+  file.commit();
 }
 
 void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path) {

@@ -54,6 +54,8 @@ class WhepClient {
   // (PLI).
   void ask_again();
   void ask_for_key_frame();
+  // Any RTCP feedback about the video (RFC 4585): type, format, and the control information.
+  void send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control);
   // One more data channel.
   void open_channel(const std::string& label);
   // Whether the server has closed the connection.
@@ -70,7 +72,6 @@ class WhepClient {
   static GstPadProbeReturn leaves(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstPadProbeReturn packet(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   void post(const std::string& offer);
-  void send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control);
 
   Options options_;
   GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr, *srtp_ = nullptr;  // srtp_: the encoder

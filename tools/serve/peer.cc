@@ -42,6 +42,53 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
 
+// What becomes of a buffer: null if it is dropped. Takes the buffer over and returns one that the caller owns.
+using Filter = std::function<GstBuffer*(GstBuffer*)>;
+
+// Sends each buffer that leaves `element` by the pad through the filter.
+void filter(GstElement* element, const char* pad_name, Filter by) {
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(element, pad_name);
+  const auto each = [](GstBuffer** buffer, guint, gpointer data) -> gboolean {
+    *buffer = (*static_cast<Filter*>(data))(*buffer);
+    return TRUE;
+  };
+  struct Probe {
+    Filter by;
+    GstBufferListFunc each;
+  };
+  gst_pad_add_probe(
+      pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        auto* probe = static_cast<Probe*>(data);
+        if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
+          info->data = probe->by(GST_PAD_PROBE_INFO_BUFFER(info));
+          return info->data ? GST_PAD_PROBE_OK : GST_PAD_PROBE_HANDLED;
+        }
+        GstBufferList* list = gst_buffer_list_make_writable(GST_PAD_PROBE_INFO_BUFFER_LIST(info));
+        gst_buffer_list_foreach(list, probe->each, &probe->by);
+        info->data = list;
+        if (gst_buffer_list_length(list) > 0) return GST_PAD_PROBE_OK;
+        gst_buffer_list_unref(list);
+        info->data = nullptr;
+        return GST_PAD_PROBE_HANDLED;
+      },
+      new Probe{std::move(by), each}, [](gpointer data) { delete static_cast<Probe*>(data); });
+}
+
+GstBuffer* needed_part(GstBuffer* compound) {
+  GstMapInfo map;
+  std::optional<std::vector<uint8_t>> needed = std::vector<uint8_t>();
+  if (gst_buffer_map(compound, &map, GST_MAP_READ)) {
+    needed = RtcpFilter::needed_part({map.data, map.size});
+    gst_buffer_unmap(compound, &map);
+  }
+  if (!needed) return compound;
+  GstBuffer* rest = needed->empty() ? nullptr : gst_buffer_new_memdup(needed->data(), needed->size());
+  if (rest) gst_buffer_copy_into(rest, compound, GST_BUFFER_COPY_METADATA, 0, -1);
+  gst_buffer_unref(compound);
+  return rest;
+}
+
 }  // namespace
 
 Peer::Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks)
@@ -84,6 +131,18 @@ GstPadProbeReturn Peer::asked_to_repeat(GstPad*, GstPadProbeInfo* info, gpointer
   if (!peer) return GST_PAD_PROBE_DROP;
   const std::lock_guard lock(peer->mutex_);
   return peer->repeats_.take(g_get_monotonic_time(), kRepeatBytes) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+}
+
+// A packet from the network, before it is decrypted.
+bool Peer::take(GstBuffer* packet) {
+  if (failed_) return false;
+  const int64_t now = g_get_monotonic_time();
+  heard_ = now;
+  GstMapInfo map;
+  if (!gst_buffer_map(packet, &map, GST_MAP_READ)) return false;
+  const bool taken = rtcp_.take_sealed({map.data, map.size}, now);
+  gst_buffer_unmap(packet, &map);
+  return taken;
 }
 
 void Peer::fail(const std::string& why) {
@@ -139,18 +198,14 @@ void Peer::watch_element(GstElement* element) {
           if (peer && ++peer->streams_ > 1) peer->fail("it opens more than one data channel");
         },
         weak_from_this());
-  if (type != "nicesrc") return;
-  GstPad* pad = gst_element_get_static_pad(element, "src");
-  gst_pad_add_probe(
-      pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
-      [](GstPad*, GstPadProbeInfo*, gpointer data) {
-        const auto peer = peer_of(data);
-        if (!peer || peer->failed_) return GST_PAD_PROBE_DROP;
-        peer->heard_ = g_get_monotonic_time();
-        return GST_PAD_PROBE_OK;
-      },
-      new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
-  gst_object_unref(pad);
+  if (type == "nicesrc")
+    filter(element, "src", [weak = weak_from_this()](GstBuffer* packet) -> GstBuffer* {
+      const auto peer = weak.lock();
+      if (peer && peer->take(packet)) return packet;
+      gst_buffer_unref(packet);
+      return nullptr;
+    });
+  if (type == "srtpdec") filter(element, "rtcp_src", needed_part);
 }
 
 void Peer::watch(const Route& route) {

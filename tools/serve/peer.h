@@ -14,6 +14,7 @@
 #include "offer.h"
 #include "packet_loss.h"
 #include "rate_limit.h"
+#include "rtcp_filter.h"
 
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
@@ -39,7 +40,7 @@ struct Route {
 // One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
 // negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
 // channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more. Its certificate
-// must have a fingerprint of the offer.
+// must have a fingerprint of the offer. Packets that a viewer need not send are dropped (RtcpFilter).
 // Made on the main thread; what it calls back comes on the main thread, but for on_message.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
@@ -92,6 +93,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void fail(const std::string& why);
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
+  bool take(GstBuffer* packet);
   static GstPadProbeReturn asked_to_repeat(GstPad* pad, GstPadProbeInfo* info, gpointer data);
 
   GstElement* const webrtc_;
@@ -106,6 +108,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder
+  RtcpFilter rtcp_;  // used by the thread of nicesrc alone
   TokenBucket repeats_{kRepeatBurst, kRepeatBurst}, key_frames_{kKeyFrames, kKeyFramesAtOnce};
   PacketLoss loss_;  // used by the main thread alone
 };

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/rig_json.h"
 
+#include <sys/stat.h>
+
 #include <filesystem>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "support/expect_error.h"
+#include "support/temp_dir.h"
 
 namespace lf {
 namespace {
@@ -267,6 +270,22 @@ TEST(RigJson, RefusesMoreTrianglesThanASurfaceHas) {
   EXPECT_EQ(parse(file).topology.triangles.size(), 2 * cameras);
   file["topology"]["triangles"] = more;
   EXPECT_ERROR(parse(file), "r.json: topology.triangles: at most " + std::to_string(2 * cameras));
+}
+
+TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
+  const TempDir dir;
+  const mode_t mask = umask(022);
+  const auto mode_after = [&](const std::string& name, const std::string& source) {
+    Rig rig = parse(good_rig());
+    rig.cameras[0].source = source;
+    save_rig(rig, dir / name);
+    struct stat status;
+    return stat((dir / name).c_str(), &status) == 0 ? status.st_mode & 0777 : 0;
+  };
+  EXPECT_EQ(mode_after("plain.json", "rtsp://host/stream"), 0644u);
+  EXPECT_EQ(mode_after("secret.json", "rtsp://user:password@host/stream"), 0600u);
+  EXPECT_EQ(mode_after("plain.json", "rtsp://user:password@host/stream"), 0644u) << "a file keeps its mode";
+  umask(mask);
 }
 
 TEST(RigJson, RefusesTooManyCameras) {
