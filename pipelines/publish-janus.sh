@@ -3,7 +3,27 @@
 # Publishes one flight through the light field to a media server, from which any number of browsers watch it: RTP to a
 # mountpoint of Janus' streaming plugin (pipelines/janus/).
 set -euo pipefail
-source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# An installed plugin serves as well as one built here.
+[[ ! -d $root/build/gst ]] || export GST_PLUGIN_PATH=${GST_PLUGIN_PATH:+$GST_PLUGIN_PATH:}$root/build/gst
+
+die() {
+  echo "$(basename "$0"): $*" >&2
+  exit 1
+}
+
+# Checks the value of an option: a file that is there, HOST:PORT, a camera host.
+need_file() { [[ -f $2 ]] || die "$1 $2: no such file"; }
+need_port() { [[ $2 =~ ^[0-9]+$ ]] && (($2 > 0 && $2 < 65536)) || die "$1 $2: not a port"; }
+need_address() {
+  [[ $2 =~ ^.+:[0-9]+$ ]] || die "$1 $2: must be HOST:PORT"
+  need_port "$1" "${2##*:}"
+}
+need_node() {
+  local node='^.+:[0-9]+(:\[[^]]+\]|:[0-9.]+\.[0-9]+)?:[0-9]+$'
+  [[ $2 =~ $node ]] || die "$1 $2: must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE"
+  need_port "$1" "${2##*:}"
+}
 
 usage() {
   cat <<END
@@ -11,7 +31,7 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
 
   --rig RIG.json      the cameras
   --path VIEWS.json   the flight, over and over, in the size and at the times of its views (lf-path makes one)
-  --node HOST:OUT:IN  a host that cameras are on (camera-node.sh), its port for requests, and the port here for its
+  --node HOST:OUT:IN  a host that cameras are on (lfnodesink), its port for requests, and the port here for its
                       answers, or ADDRESS:PORT here; repeat for each (default: all are on this machine)
   --key-file FILE     the secret that the cameras' hosts share; what goes to the mountpoint is plain RTP
   --to HOST:PORT      the mountpoint's videoport (default: localhost:5004)
@@ -62,18 +82,19 @@ case $codec in
       rtpvp8pay picture-id-mode=15-bit) ;;
 esac
 if ((${#nodes[@]})); then
-  cameras=("nodes=$(join "${nodes[@]}")" ${hosts_key:+"key-file=$hosts_key"})
+  cameras=("nodes=$(IFS=,; echo "${nodes[*]}")" ${hosts_key:+"key-file=$hosts_key"})
 else
   cameras=("node::framerate=$framerate/1")
 fi
 pipeline=(lfviewsrc "rig=$rig" "location=$path" loop=true "framerate=$framerate/1" "${cameras[@]}"
-  "capture-delay=$((delay * 1000000))" "${settings[@]}" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
-  ! "${encode[@]}" pt=96 ssrc=2 mtu=1200)
+  "capture-delay=$((delay * 1000000))" "${settings[@]}" !
+  queue leaky=downstream max-size-buffers=2 max-size-time=0 max-size-bytes=0 ! videoconvert ! video/x-raw,format=I420 !
+  "${encode[@]}" pt=96 ssrc=2 mtu=1200)
 
 if $print; then
   printf '%s ! queue ! application/x-rtp,media=video,encoding-name=%s,payload=96\n' "${pipeline[*]}" "${codec^^}"
 else
-  key_file=  # Janus has none of it
-  mapfile -t out < <(send "$to")
-  launch "${pipeline[@]}" ! "${out[@]}"
+  pipeline+=(! udpsink "host=${to%:*}" "port=${to##*:}" sync=false async=false)
+  printf 'gst-launch-1.0 -m %s\n' "$(printf '%q ' "${pipeline[@]}")"
+  exec gst-launch-1.0 -m "${pipeline[@]}"
 fi

@@ -250,7 +250,7 @@ int main(int argc, char** argv) {
                "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
   cli::add_trust_option(app, o.trusted);
   app.add_option("--nodes", o.nodes,
-                 "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
+                 "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (lfnodesink)");
   app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
   app.add_option("--record", o.record,
                  "the cameras are recorded into this folder, with a rig.json to serve them by later")

@@ -156,7 +156,7 @@ void plot(const std::vector<std::array<double, 2>>& stages, const std::string& f
 int run(const char* self, int count, const std::string& plots, const std::string& json_file) {
   ArrayNetwork::Options options;
   options.framerate = 30;
-  options.camera = {"--set", "post-messages=true"};
+  options.camera = "post-messages=true";
   ArrayNetwork array(options);
   for (int i = 0; i < ArrayNetwork::kNodes; i++) array.start_node(i);
   array.start_compositor();

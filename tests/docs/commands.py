@@ -275,7 +275,7 @@ gst-launch-1.0 lfcamsrc rig=nosuch.json ! videoconvert ! autovideosink
 lf-rig check nosuch.json
 lf-bench --nosuch
 lf-nosuch --help
-pipelines/camera-node.sh --rig rig.json --nosuch 1
+pipelines/publish-janus.sh --rig rig.json --nosuch 1
 pipelines/nosuch.sh
 ninja -C build nosuch
 meson test -C build --suite nosuch

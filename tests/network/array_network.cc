@@ -94,22 +94,12 @@ void ArrayNetwork::start_node(int i) {
   const std::string compositor = network_.address("compositor");
   start_link(host, kRequestPort, "127.0.0.1", requests);
   start_link(host, answers, compositor, answers);
-  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/camera-node.sh",
-                                      "--rig",
-                                      file("rig.json"),
-                                      "--cameras",
-                                      kCameras[i],
-                                      "--node",
-                                      std::to_string(i),
-                                      "--requests",
-                                      std::to_string(requests),
-                                      "--answers",
-                                      (linked ? "127.0.0.1" : compositor) + ":" + std::to_string(answers),
-                                      "--framerate",
-                                      std::to_string(options_.framerate) + "/1"};
-  command.insert(command.end(), options_.camera.begin(), options_.camera.end());
+  const std::string line = "gst-launch-1.0 -m lfnodesink rig=" + file("rig.json") + " cameras=" + kCameras[i] +
+                           " node=" + std::to_string(i) + " listen=" + std::to_string(requests) +
+                           " answers=" + (linked ? "127.0.0.1" : compositor) + ":" + std::to_string(answers) +
+                           " framerate=" + std::to_string(options_.framerate) + "/1 " + options_.camera;
   nodes_[i].reset();
-  nodes_[i] = network_.start(host, with_environment(command));
+  nodes_[i] = network_.start(host, with_environment({"sh", "-c", "exec " + line}));
 }
 
 void ArrayNetwork::start_compositor() {
@@ -117,51 +107,42 @@ void ArrayNetwork::start_compositor() {
   pictures_.clear();
   const int requests = kViewerPort + (options_.link.empty() ? 0 : kBehindLink);
   start_link("compositor", kViewerPort, "127.0.0.1", requests);
-  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh",
-                                      "--rig",
-                                      file("rig.json"),
-                                      "--requests",
-                                      std::to_string(requests),
-                                      "--latency",
-                                      std::to_string(options_.latency)};
+  std::string nodes, peers = "127.0.0.1", views;
   for (int i = 0; i < kNodes; i++)
-    command.insert(command.end(), {"--node", network_.address("c" + std::to_string(i)) + ":" +
-                                                 std::to_string(kRequestPort) + ":" + std::to_string(kAnswerPort + i)});
-  for (int i = 0; i < kViewers; i++)
-    command.insert(command.end(), {"--view", std::to_string(i) + ":" + network_.address("v" + std::to_string(i)) + ":" +
-                                                 std::to_string(kVideoPort)});
-  command.insert(command.end(),
-                 {"--sink",
-                  "videoconvert ! video/x-raw,format=RGB ! tee name=tVIEW tVIEW. ! queue ! multifilesink "
-                  "async=false sync=false max-files=100 location=" +
-                      file("VIEW-%d.rgb") +
-                      " tVIEW. ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink "
-                      "host=10.77.0.1VIEW port=" +
-                      std::to_string(kVideoPort) + " sync=false async=false"});
-  if (!options_.surface) command.insert(command.end(), {"--set", "focus=plane"});
-  command.insert(command.end(), options_.compositor.begin(), options_.compositor.end());
-  compositor_ = network_.start("compositor", with_environment(command));
+    nodes += (i ? "," : "") + network_.address("c" + std::to_string(i)) + ":" + std::to_string(kRequestPort) + ":" +
+             std::to_string(kAnswerPort + i);
+  for (int i = 0; i < kViewers; i++) {
+    const std::string number = std::to_string(i), viewer = network_.address("v" + number);
+    peers += "," + viewer;
+    views += " v." + (i ? "src_" + std::to_string(i - 1) : "src") +
+             " ! queue ! videoconvert ! video/x-raw,format=RGB ! tee name=t" + number + "  t" + number +
+             ". ! queue ! multifilesink async=false sync=false max-files=100 location=" + file(number + "-%d.rgb") +
+             "  t" + number +
+             ". ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink host=" + viewer +
+             " port=" + std::to_string(kVideoPort) + " sync=false async=false ";
+  }
+  const std::string line = "gst-launch-1.0 -m lfviewsrc name=v rig=" + file("rig.json") + " nodes=" + nodes +
+                           " listen=" + std::to_string(requests) + " peers=" + peers +
+                           " latency=" + std::to_string(options_.latency) + "000000 post-messages=true" +
+                           (options_.surface ? "" : " focus=plane") + views;
+  compositor_ = network_.start("compositor", with_environment({"sh", "-c", "exec " + line}));
 }
 
 void ArrayNetwork::start_viewer(int i) {
   const std::string number = std::to_string(i);
-  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/viewer.sh",
-                                      "--rig",
-                                      file("rig.json"),
-                                      "--path",
-                                      file("views" + number + ".json"),
-                                      "--view",
-                                      number,
-                                      "--compositor",
-                                      network_.address("compositor") + ":" + std::to_string(kViewerPort),
-                                      "--video",
-                                      std::to_string(kVideoPort),
-                                      "--framerate",
-                                      std::to_string(options_.framerate) + "/1",
-                                      "--sink",
-                                      "fakesink name=shown silent=false sync=false async=false"};
-  command.insert(command.end(), options_.viewer[i].begin(), options_.viewer[i].end());
-  viewers_[i] = network_.start("v" + number, with_environment(command));
+  const std::string compositor = network_.address("compositor");
+  const std::string line =
+      "gst-launch-1.0 -m lfviewrequest view-id=" + number +
+      " navigation-from=pictures is-live=true loop=true rig=" + file("rig.json") +
+      " location=" + file("views" + number + ".json") + " framerate=" + std::to_string(options_.framerate) +
+      "/1 capture-delay=100000000 " + options_.viewer[i] +
+      " ! rtplfpay ! udpsink sync=false async=false host=" + compositor + " port=" + std::to_string(kViewerPort) +
+      "  udpsrc port=" + std::to_string(kVideoPort) +
+      " caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26 ! lfrtpgate peers=" +
+      compositor +
+      " ! rtpjpegdepay ! jpegdec name=pictures ! videoconvert ! "
+      "fakesink name=shown silent=false sync=false async=false";
+  viewers_[i] = network_.start("v" + number, with_environment({"sh", "-c", "exec " + line}));
 }
 
 void ArrayNetwork::start_all() {

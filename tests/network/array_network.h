@@ -15,15 +15,14 @@
 namespace lf::test {
 
 // The array of the paper's Figure 2 on hosts of its own: 64 cameras (stills of the built-in scene, so that a picture
-// does not depend on when it is taken) on six camera hosts, a compositor host and two viewer hosts, run by the scripts
-// in pipelines/.
+// does not depend on when it is taken) on six camera hosts, a compositor host and two viewer hosts, each a line of
+// gst-launch-1.0.
 class ArrayNetwork {
  public:
   static constexpr int kNodes = 6, kViewers = 2;
   static constexpr int kWidth = 320, kHeight = 240;
   static const char* const kCameras[kNodes];  // 4 x 8 + 2 x 16
 
-  // What a host's script is told beside the necessary.
   struct Options {
     // Requests a second of each viewer, and milliseconds that answers may take: no more than eight programs on two
     // processors keep up with.
@@ -34,7 +33,7 @@ class ArrayNetwork {
 #endif
     bool surface = false;  // pictures are of what the compositors find, of eyes that stand still; else of planes
     std::string link;      // an element that requests and answers pass on their way from host to host
-    std::vector<std::string> camera, compositor, viewer[kViewers];
+    std::string camera, viewer[kViewers];  // further properties of each lfnodesink, and of a viewer's lfviewrequest
   };
   explicit ArrayNetwork(const Options& options);
 

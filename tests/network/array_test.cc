@@ -82,8 +82,8 @@ double seconds_to_run() {
 
 TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
   ArrayNetwork::Options options;
-  options.viewer[0] = {"--set", "quality=90"};
-  options.viewer[1] = {"--set", "quality=0"};  // uncompressed
+  options.viewer[0] = "quality=90";
+  options.viewer[1] = "quality=0";  // uncompressed
   ArrayNetwork array(options);
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 5)) << array.compositor().text();

@@ -47,24 +47,23 @@ class Keys : public testing::Test {
                                      "GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin", "GST_DEBUG=srtp*:5"});
     return network_->start(host, command);
   }
-  // A script of pipelines/ with `key`, a file's name, if there is one.
-  std::unique_ptr<Process> run(const std::string& host, const std::string& script, const std::string& key,
-                               std::vector<std::string> options) {
-    options.insert(options.begin(), {LF_SOURCE_ROOT "/pipelines/" + script, "--rig", folder_ / "rig.json"});
-    if (!key.empty()) options.insert(options.end(), {"--key-file", folder_ / key});
-    return start(host, options);
+  // A line of gst-launch-1.0.
+  std::unique_ptr<Process> launch(const std::string& host, const std::string& line) {
+    return start(host, {"sh", "-c", "exec gst-launch-1.0 -m " + line});
   }
-  std::unique_ptr<Process> start_cameras(const std::string& key, const std::vector<std::string>& more = {}) {
-    std::vector<std::string> options = {"--requests", "6000", "--answers", address("viewer") + ":6100"};
-    options.insert(options.end(), more.begin(), more.end());
-    return run("cameras", "camera-node.sh", key, options);
+  // Properties of an element: the rig and, if there is one, the key, a file's name.
+  std::string with(const std::string& key) const { return " rig=" + folder_ / "rig.json" + sealed(key); }
+  std::string sealed(const std::string& key) const { return key.empty() ? "" : " key-file=" + folder_ / key; }
+  std::unique_ptr<Process> start_cameras(const std::string& key, const std::string& peers = "",
+                                         const std::string& to = "viewer") {
+    return launch("cameras", "lfnodesink" + with(key) + " listen=6000 answers=" + address(to) + ":6100" +
+                                 (peers.empty() ? "" : " peers=" + peers));
   }
   // Asks at `place`, HOST:PORT; says of each picture what it is.
   std::unique_ptr<Process> start_viewer(const std::string& key, const std::string& place,
                                         const std::string& host = "viewer", const std::string& port = "6100") {
-    return run(host, "viewer.sh", key,
-               {"--node", place + ":" + port, "--framerate", "15/1", "--set", "post-messages=true", "--sink",
-                "fakesink sync=false"});
+    return launch(host, "lfviewsrc" + with(key) + " nodes=" + place + ":" + port +
+                            " framerate=15/1 capture-delay=100000000 post-messages=true ! fakesink sync=false");
   }
   std::string cameras() const { return address("cameras") + ":6000"; }
   const std::string& address(const std::string& host) const { return network_->address(host); }
@@ -117,12 +116,11 @@ TEST_F(Keys, WithoutAnyTheHostThatAnswersGoToMaySteer) {
 }
 
 TEST_F(Keys, PeersMaySteer) {
-  const auto refused = start_cameras("", {"--peers", "10.77.0.0/31," + address("stranger")}),
-             viewer = start_viewer("", cameras());
+  const auto refused = start_cameras("", "10.77.0.0/31," + address("stranger")), viewer = start_viewer("", cameras());
   EXPECT_TRUE(refused->wait_for("Packets of " + address("viewer") + " are dropped")) << refused->text();
   EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
   refused->signal(SIGKILL);
-  const auto node = start_cameras("", {"--peers", "10.77.0.2/31"});
+  const auto node = start_cameras("", "10.77.0.2/31");
   EXPECT_TRUE(viewer->wait_for(kComplete, 3)) << viewer->text();
 }
 
@@ -148,18 +146,21 @@ INSTANTIATE_TEST_SUITE_P(Each, InBetween,
                          [](const auto& info) { return std::to_string(info.index); });
 
 TEST_F(Keys, CompositorHostsAndTheirViewersShareOne) {
-  const auto node =
-      run("cameras", "camera-node.sh", "key", {"--requests", "6000", "--answers", address("stranger") + ":6100"});
+  const auto node = start_cameras("key", "", "stranger");
+  const std::string seal = " ! lfrtpseal" + sealed("key") + " ! udpsink sync=false async=false host=",
+                    shown = folder_ / "shown";
   const auto compositor =
-      run("stranger", "compositor-node.sh", "key",
-          {"--requests", "6200", "--node", cameras() + ":6100", "--view", "3:" + address("viewer") + ":6300"});
-  const std::string shown = folder_ / "shown";
-  const std::vector<std::string> options = {
-      "--compositor", address("stranger") + ":6200",
-      "--video",      "6300",
-      "--view",       "3",
-      "--sink",       "filesink buffer-mode=unbuffered sync=false async=false location=" + shown};
-  const auto viewer = run("viewer", "viewer.sh", "key", options);
+      launch("stranger", "lfviewsrc name=v post-messages=true listen=6200 nodes=" + cameras() + ":6100" + with("key") +
+                             " v.src_2 ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay" + seal +
+                             address("viewer") + " port=6300");
+  const auto viewer =
+      launch("viewer",
+             "lfviewrequest view-id=3 navigation-from=pictures is-live=true capture-delay=100000000 framerate=30/1 "
+             "rig=" +
+                 folder_ / "rig.json" + " ! rtplfpay" + seal + address("stranger") + " port=6200  udpsrc " +
+                 "port=6300 caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26 ! " +
+                 "lfrtpgate" + sealed("key") + " ! rtpjpegdepay ! jpegdec name=pictures ! videoconvert ! filesink " +
+                 "buffer-mode=unbuffered sync=false async=false location=" + shown);
   EXPECT_TRUE(compositor->wait_for(kComplete, 10)) << compositor->text();
   EXPECT_THAT(compositor->text(), AllOf(HasSubstr("view-id=(uint)3"), Not(HasSubstr(kAnybody))));
   const auto pictures = [&] {

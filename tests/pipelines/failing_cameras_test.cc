@@ -92,8 +92,8 @@ TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
 TEST_F(FailingCamerasTest, ACameraHostHasAllCamerasOfTheRigByDefault) {
   const std::string log = files_.path("log");
   const std::string script = "GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR
-                             "/test-registry.bin " LF_SOURCE_ROOT "/pipelines/camera-node.sh --rig " +
-                             rig("mjpeg.mkv") + " --requests 27431 --answers 127.0.0.1:27432 --set loop=true >" + log +
+                             "/test-registry.bin gst-launch-1.0 -m lfnodesink rig=" +
+                             rig("mjpeg.mkv") + " listen=27431 answers=127.0.0.1:27432 >" + log +
                              " 2>&1 & node=$!; for i in $(seq 300); do sleep 0.1; kill -0 $node 2>/dev/null || break; "
                              "grep -q 'pipeline0.*new-state=(GstState)playing' " +
                              log + " && break; done; kill $node; cat " + log;

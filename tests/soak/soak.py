@@ -17,7 +17,6 @@ from hosts import Network
 from watch import Watch
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PIPELINES = ROOT + '/pipelines/'
 
 CAMERAS = ['0-7', '8-15', '16-23', '24-31', '32-47', '48-63']  # of each camera host
 RATE = '10/1'
@@ -81,21 +80,21 @@ class Soak:
     ASKERS = {'compositor': 6000, 'v2': 6001, 'serve': 6002}
 
     def start_node(self, i):
-        command = [PIPELINES + 'camera-node.sh', '--rig', self.rig, '--cameras', CAMERAS[i], '--node', str(i),
-                   '--framerate', '15/1']
-        for asker, port in self.ASKERS.items():
-            command += ['--requests', str(port), '--answers', self.at(asker, 6100 + i)]
+        command = ['gst-launch-1.0', '-m', 'lfnodesink', f'rig={self.rig}', f'cameras={CAMERAS[i]}', f'node={i}',
+                   'framerate=15/1', 'listen=' + ','.join(str(port) for port in self.ASKERS.values()),
+                   'answers=' + ','.join(self.at(asker, 6100 + i) for asker in self.ASKERS)]
         self.nodes[i] = self.start_limited(f'node {i}', f'c{i}', command)
 
     def nodes_for(self, asker):
         return [f'{self.at(f"c{i}", self.ASKERS[asker])}:{6100 + i}' for i in range(len(CAMERAS))]
 
     def start_others(self):
-        command = [PIPELINES + 'compositor-node.sh', '--rig', self.rig, '--requests', '6200']
-        for node in self.nodes_for('compositor'):
-            command += ['--node', node]
-        for i in range(2):
-            command += ['--view', f'{i}:{self.at(f"v{i}", 6300)}']
+        viewers = [self.network.address(f'v{i}') for i in range(2)]
+        command = ['gst-launch-1.0', '-m', 'lfviewsrc', 'name=v', f'rig={self.rig}', 'listen=6200', 'post-messages=true',
+                   'nodes=' + ','.join(self.nodes_for('compositor')), 'peers=' + ','.join(['127.0.0.1', *viewers])]
+        for pad, viewer in zip(['v.src', 'v.src_0'], viewers):
+            command += (f'{pad} ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc quality=90 ! rtpjpegpay ! '
+                        f'udpsink host={viewer} port=6300 sync=false async=false').split()
         self.others['compositor'] = self.start_limited('compositor', 'compositor', command)
         self.others['lf-serve'] = self.start_limited('lf-serve', 'serve', [
             self.build + '/tools/lf-serve', '--rig', self.rig, '--nodes', ','.join(self.nodes_for('serve')), '--framerate',
@@ -112,9 +111,13 @@ class Soak:
     def start_viewer(self, i):
         path = f'{os.path.dirname(self.rig)}/views{i}.json'
         if i < 2:
-            command = [PIPELINES + 'viewer.sh', '--rig', self.rig, '--path', path, '--view', str(i), '--compositor',
-                       self.at('compositor', 6200), '--video', '6300', '--framerate', RATE, '--sink',
-                       'fakesink sync=false async=false']
+            compositor = self.network.address('compositor')
+            command = (f'gst-launch-1.0 -m lfviewrequest view-id={i} rig={self.rig} location={path} loop=true is-live=true '
+                       f'framerate={RATE} capture-delay=100000000 navigation-from=pictures ! rtplfpay ! '
+                       f'udpsink host={compositor} port=6200 sync=false async=false '
+                       'udpsrc port=6300 caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26 '
+                       f'! lfrtpgate peers={compositor} ! rtpjpegdepay ! jpegdec name=pictures ! videoconvert ! '
+                       'fakesink sync=false async=false').split()
         else:
             command = ['gst-launch-1.0', '-m', 'lfviewsrc', f'rig={self.rig}', 'nodes=' + ','.join(self.nodes_for('v2')),
                        f'location={path}', 'loop=true', f'framerate={RATE}', 'post-messages=true', '!',

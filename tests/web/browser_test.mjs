@@ -497,9 +497,8 @@ async function nodes() {
   const key = join(folder, 'lightfield.key');
   await writeFile(key, 'k'.repeat(40), { mode: 0o600 });
   const port = 20000 + Math.floor(Math.random() * 10000), hosts = [0, 1].map(i =>
-    start(join(source, 'pipelines/camera-node.sh'), '--rig', join(folder, 'rig.json'), '--node', String(i), '--cameras',
-      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`,
-      '--key-file', key));
+    start('gst-launch-1.0', 'lfnodesink', `rig=${join(folder, 'rig.json')}`, `node=${i}`, `cameras=${i ? '8-15' : '0-7'}`,
+      `listen=${port + i}`, `answers=127.0.0.1:${port + 10 + i}`, `key-file=${key}`));
   const served = await serve(...rig, '--key-file', key, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
   const page = await openPage(browser, served.url, { width: 320, height: 240 });
   await shown(page, 30);
