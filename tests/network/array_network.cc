@@ -97,7 +97,8 @@ void ArrayNetwork::start_node(int i) {
   const std::string line = "gst-launch-1.0 -m lfnodesink rig=" + file("rig.json") + " cameras=" + kCameras[i] +
                            " node=" + std::to_string(i) + " listen=" + std::to_string(requests) +
                            " answers=" + (linked ? "127.0.0.1" : compositor) + ":" + std::to_string(answers) +
-                           " framerate=" + std::to_string(options_.framerate) + "/1 " + options_.camera;
+                           " framerate=" + std::to_string(options_.framerate) + "/1 max-bitrate=1000000000 " +
+                           options_.camera;
   nodes_[i].reset();
   nodes_[i] = network_.start(host, with_environment({"sh", "-c", "exec " + line}));
 }

@@ -48,7 +48,7 @@ std::optional<std::vector<uint8_t>> RtcpFilter::needed_part(std::span<const uint
       kept.insert(kept.end(), rest.begin(), rest.begin() + static_cast<ptrdiff_t>(size));
     at += size;
   }
-  if (kept.size() == compound.size()) return std::nullopt;
+  if (!kept.empty() && kept.size() == compound.size()) return std::nullopt;
   return kept;
 }
 
