@@ -108,7 +108,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder
-  RtcpFilter rtcp_;  // used by the thread of nicesrc alone
+  RtcpFilter rtcp_;
   TokenBucket repeats_{kRepeatBurst, kRepeatBurst}, key_frames_{kKeyFrames, kKeyFramesAtOnce};
   PacketLoss loss_;  // used by the main thread alone
 };
