@@ -47,9 +47,9 @@ std::string folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
-// The file that `path` names once its symbolic links are followed; the file itself need not exist. Throws Error where
-// there are too many links, or one that Linux would not follow with its setting protected_symlinks: another user's, in
-// a folder that everybody may write to. Opening a link is subject to that setting, reading it is not.
+// Follows symbolic links to a file, which need not exist. Throws Error if there are too many links, or if a link
+// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting refuses to open
+// such links, but readlink() ignores it.
 std::string follow_links(const std::string& named) {
   constexpr int kMostLinks = 40;  // as Linux has it
   std::string path = named;

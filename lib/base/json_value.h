@@ -48,8 +48,8 @@ class JsonValue {
   bool flag() const;
   double number() const;  // finite
   int64_t integer(int64_t least, int64_t most) const;
-  std::string text() const;  // without NUL: most of it ends up as a path or a property
-  std::string name() const;  // text that can be printed and begin a file's name: no control characters, <= 200 bytes
+  std::string text() const;  // no NUL: C functions would cut paths and properties there
+  std::string name() const;  // at most 200 bytes and no control characters, for file names and messages
   Vec3 vec3() const;
   Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; kept as it is
 

@@ -41,7 +41,7 @@ class AnswerMaker {
   };
   // The answers of several tasks whose images are the same; of more than one none asks how bright cameras are. What one
   // comes to does not depend on the others. `images`: of all cameras of the tasks, ascending, as render_answer() takes
-  // them. `scratch`: for what is made of them. `memory`: to be recycled for one
+  // them. `scratch`: holds the corrected images. `memory`: to be recycled for one
   // answer. Throws Error as AnswerTask::begin() does.
   std::vector<Units> make(std::span<const Work> works, std::span<const Source> images, const Options& options,
                           ImageMemory& scratch, const std::function<ByteBuffer()>& memory);

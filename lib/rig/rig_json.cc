@@ -168,7 +168,7 @@ Rig parse_rig(const std::string& text, const std::string& name, const std::strin
 
 void save_rig(const Rig& rig, const std::string& path, const json* original) {
   FileReplacement file(path);
-  // A file that exists keeps its mode. A new one with a password is for its owner alone.
+  // An existing file keeps its mode. Only its owner can read a new file with a password.
   const bool has_secret = std::ranges::any_of(
       rig.cameras, [](const Camera& camera) { return location_text(camera.source) != camera.source; });
   std::error_code ignored;
@@ -198,7 +198,7 @@ std::string rig_to_json(const Rig& rig, const json* original) {
                     " is no text in UTF-8, which a rig must be: rename the file");
     const json name = rig.cameras[i].name;
     const std::string place = "cameras[" + std::to_string(i) + "].name";
-    JsonValue(name, place).name();  // what could not be read again is not written
+    JsonValue(name, place).name();  // load_rig() must accept the file
     ordered_json camera = to_json(rig.cameras[i]);
     if (const auto kept = original_cameras.find(rig.cameras[i].id); kept != original_cameras.end())
       keep_unknown(*kept->second,

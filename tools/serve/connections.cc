@@ -32,7 +32,7 @@ bool has_received(GSocketConnection* connection) {
   return getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 && info.tcpi_bytes_received > 0;
 }
 
-// Closing then resets the connection. With a plain close the sender would wait, its window closed, for minutes.
+// Makes a close reset the connection. After a normal close the client would wait for minutes with a closed TCP window.
 void cut_off(GSocket* socket) {
   const linger at_once{.l_onoff = 1, .l_linger = 0};
   setsockopt(g_socket_get_fd(socket), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
@@ -264,8 +264,8 @@ void Connections::start_handshakes() {
 bool Connections::start_handshake(Handshake* handshake) {
   if (g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0) return false;
   handshake->since = g_get_monotonic_time();
-  // Without a database: clients have no certificates, and loading the system's trusted ones for each connection takes
-  // this thread 10 ms.
+  // Clients have no certificates, so the connection needs no database. GnuTLS would load the system's trusted
+  // certificates for each connection, which takes the main thread 10 ms.
   handshake->tls = G_IO_STREAM(g_initable_new(g_tls_backend_get_server_connection_type(g_tls_backend_get_default()),
                                               nullptr, nullptr, "base-io-stream", handshake->connection, "certificate",
                                               certificate_, "database", nullptr, nullptr));

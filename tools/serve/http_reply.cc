@@ -53,7 +53,7 @@ void set_common_headers(SoupServerMessage* message, const char* caching) {
 
 const Refusal* refuse_early(SoupServerMessage* message, size_t most) {
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
-  // libsoup sends a body as often as a request has ranges, thousands of them. Nobody needs ranges of what we serve.
+  // libsoup sends the body once for each range, and a request may have thousands. Our responses need no ranges.
   soup_message_headers_remove(headers, "Range");
   if (is_ambiguous(headers)) {
     soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);

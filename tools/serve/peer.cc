@@ -42,10 +42,10 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
 
-// What becomes of a buffer: null if it is dropped. Takes the buffer over and returns one that the caller owns.
+// Takes ownership of a buffer and returns a buffer that the caller owns, or null to drop it.
 using Filter = std::function<GstBuffer*(GstBuffer*)>;
 
-// Sends each buffer that leaves `element` by the pad through the filter.
+// Applies the filter to each buffer that `element` pushes from the pad.
 void filter(GstElement* element, const char* pad_name, Filter by) {
   g_autoptr(GstPad) pad = gst_element_get_static_pad(element, pad_name);
   const auto each = [](GstBuffer** buffer, guint, gpointer data) -> gboolean {

@@ -11,10 +11,10 @@
 
 namespace lf::serve {
 
-// Keeps packets away from the SRTP decoder and the RTP session that a browser does not need to send to watch a video.
-// Both keep state for each SSRC that they see, the decoder even before it has authenticated the packet. The session of
-// GStreamer 1.22 blocks for ever on a feedback packet of format 5 (RFC 6051), and keeps up to 65,536 records for one
-// feedback packet about transport-wide congestion control. Times are g_get_monotonic_time(). Without locks.
+// Drops packets that a viewer does not need to send. The SRTP decoder and the RTP session keep state for each SSRC; the
+// decoder does so before it authenticates the packet. The RTP session of GStreamer 1.22 deadlocks on RTCP feedback of
+// format 5 (RFC 6051), and keeps up to 65,536 records for one transport-wide congestion control packet. Times are
+// g_get_monotonic_time(). Without locks.
 class RtcpFilter {
  public:
   static constexpr size_t kMostSenders = 8;                 // SSRCs of one browser
@@ -25,8 +25,8 @@ class RtcpFilter {
   // receive video, and send none. RTCP may from a few SSRCs, at a limited rate.
   bool take_sealed(std::span<const uint8_t> packet, int64_t now);
 
-  // Of a decrypted compound packet the receiver reports and the requests for lost packets (generic NACK) and key frames
-  // (PLI, FIR). Empty if there are none, or the packet is malformed. std::nullopt: the whole packet.
+  // Extracts the receiver reports and the requests for lost packets (generic NACK) and key frames (PLI, FIR) from a
+  // decrypted compound packet, up to its first malformed packet. Returns std::nullopt if the whole packet is needed.
   static std::optional<std::vector<uint8_t>> needed_part(std::span<const uint8_t> compound);
 
  private:
