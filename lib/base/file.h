@@ -17,8 +17,8 @@ std::string read_file(const std::string& path, size_t most_bytes = kMostFileByte
 // written by this class.
 //
 // The new content goes to a temporary file in the same folder; commit() renames it. The file keeps its mode and owner.
-// If `path` is a symbolic link, the link stays and its target is replaced; another user's link in a folder that everybody
-// may write to is an Error. A device or a FIFO is written to directly.
+// If `path` is a symbolic link, the link stays and its target is replaced. Another user's link in a world-writable folder
+// is an Error. A device or a FIFO is written to directly.
 // Without commit() nothing changes. Functions throw Error naming `path`. Not thread-safe.
 class FileReplacement {
  public:
