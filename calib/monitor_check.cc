@@ -18,7 +18,23 @@ namespace {
 using lf::format_text;
 using nlohmann::json;
 
-constexpr guint kPatience = 10;  // seconds
+constexpr guint kPatience = 10;                  // seconds without a byte
+constexpr size_t kMostBytes = size_t{32} << 20;  // of a rig of 65,535 cameras
+
+// Reads a body of at most `kMostBytes`.
+std::string read_body(GInputStream* stream, const std::string& address) {
+  std::string body;
+  std::string part(size_t{1} << 16, '\0');
+  for (;;) {
+    g_autoptr(GError) error = nullptr;
+    const gssize count = g_input_stream_read(stream, part.data(), part.size(), nullptr, &error);
+    if (count < 0) throw lf::Error(address + ": " + error->message);
+    if (count == 0) return body;
+    body.append(part, 0, static_cast<size_t>(count));
+    if (body.size() > kMostBytes)
+      throw lf::Error(address + ": answers more than " + std::to_string(kMostBytes) + " bytes: is it lf-serve?");
+  }
+}
 
 std::string fetch(std::string address, const std::string& token_file) {
   // As people copy it: the address of the page, with a view or a token behind it.
@@ -28,6 +44,7 @@ std::string fetch(std::string address, const std::string& token_file) {
   g_autoptr(SoupSession) session = soup_session_new_with_options("timeout", kPatience, nullptr);
   g_autoptr(SoupMessage) message = soup_message_new("GET", address.c_str());
   if (!message) throw lf::Error(address + ": is no address");
+  soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // the token is for this address alone
   if (!token_file.empty()) {
     std::string token = lf::read_secret_file(token_file);
     while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back()))) token.pop_back();
@@ -35,15 +52,13 @@ std::string fetch(std::string address, const std::string& token_file) {
                                  ("Bearer " + token).c_str());
   }
   g_autoptr(GError) error = nullptr;
-  g_autoptr(GBytes) body = soup_session_send_and_read(session, message, nullptr, &error);
+  g_autoptr(GInputStream) body = soup_session_send(session, message, nullptr, &error);
   if (!body) throw lf::Error(address + ": " + error->message + ": is lf-serve running there?");
   const guint status = soup_message_get_status(message);
   if (status == SOUP_STATUS_UNAUTHORIZED) throw lf::Error(address + ": asks for its token: give --token-file");
   if (status != SOUP_STATUS_OK)
     throw lf::Error(address + ": answers " + std::to_string(status) + " " + soup_status_get_phrase(status));
-  gsize size = 0;
-  const auto* data = static_cast<const char*>(g_bytes_get_data(body, &size));
-  return {data, size};
+  return read_body(body, address);
 }
 
 // A camera of the monitor's answer. A member that is null counts as missing.

@@ -4,12 +4,15 @@
 
     unused_options.py BUILD_ROOT [unittest arguments]
 """
+import contextlib
+import http.server
 import json
 import os
 import pathlib
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 
 BUILD = pathlib.Path(sys.argv.pop(1)).resolve()
@@ -113,6 +116,34 @@ class UnusedOptions(unittest.TestCase):
                 self.assertNotIn("json.exception", said)
         status, said = self.run_tool("lf-calibrate", "report number.json")
         self.assertEqual((status, "json.exception" in said), (1, False), said)
+
+    def test_check_reads_a_bounded_body_of_one_server(self):
+        asked = []
+
+        class Server(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                asked.append(self.path)
+                self.send_response(302 if self.path.startswith("/moved") else 200)
+                self.send_header("Location", "/elsewhere/monitor.json")
+                self.end_headers()
+                with contextlib.suppress(OSError):
+                    while self.path.startswith("/endless"):
+                        self.wfile.write(b" " * 65536)
+
+            def log_message(self, *_):
+                pass
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Server)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        self.addCleanup(server.server_close)
+        self.addCleanup(server.shutdown)
+        for path, reason in [("endless", "answers more than"), ("moved", "answers 302")]:
+            status, said = self.run_tool(
+                "lf-calibrate", f"check r.json --monitor http://127.0.0.1:{server.server_port}/{path}")
+            self.assertEqual(status, 2, said)
+            self.assertIn(reason, said)
+        self.assertEqual(asked, ["/endless/monitor.json", "/moved/monitor.json"])
 
 
 if __name__ == "__main__":

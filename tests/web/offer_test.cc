@@ -104,6 +104,11 @@ TEST(Offer, HasNoCandidatesButThoseOfKnownAddresses) {
   for (const std::string& candidate : kept) EXPECT_EQ("a=candidate:" + candidate + "\r\n", own);
 }
 
+TEST(Offer, OneMediumNeedsNoBundle) {
+  const std::string good = browser_offer();
+  EXPECT_EQ(refused(with(good.substr(0, good.find("m=application")), "a=group:BUNDLE 0 1\r\n", "")), "");
+}
+
 TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
   const std::string good = browser_offer();
   const std::pair<std::string, const char*> table[] = {
@@ -131,6 +136,11 @@ TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
       {with(good, "a=setup:actpass\r\n", ""), "setup"},
       {with(good, "a=mid:1\r\n", ""), "mid"},
       {with(good, "a=rtcp-mux\r\n", ""), "rtcp-mux"},
+      {with(good, "a=group:BUNDLE 0 1\r\n", ""), "bundle"},
+      {with(good, "BUNDLE 0 1", "BUNDLE 0"), "bundle"},
+      {with(good, "BUNDLE 0 1", "BUNDLE"), "bundle"},
+      {with(good, "BUNDLE 0 1", "LS 0 1"), "bundle"},
+      {with(good, "a=mid:1", "a=mid:01"), "bundle"},
       {with(good, "a=recvonly", "a=sendonly"), "receive"},
       {with(good, "a=recvonly", "a=inactive"), "receive"},
       {with(with(good, "42e01f", "640c1f"), "VP8/", "VP9/"), "codec"},

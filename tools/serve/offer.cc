@@ -4,6 +4,7 @@
 #include <array>
 #include <bitset>
 #include <charconv>
+#include <sstream>
 #include <string_view>
 
 #include "fingerprint.h"
@@ -177,6 +178,23 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
   return "";
 }
 
+// Whether the media share one transport (RFC 9143), as clients of WHEP have to let them.
+bool is_bundled(const GstSDPMessage* sdp) {
+  std::set<std::string> bundled;
+  for (guint i = 0; i < gst_sdp_message_attributes_len(sdp); i++) {
+    const GstSDPAttribute* attribute = gst_sdp_message_get_attribute(sdp, i);
+    std::istringstream words(attribute->value ? attribute->value : "");
+    std::string word;
+    if (!g_str_equal(attribute->key, "group") || !(words >> word) || word != "BUNDLE") continue;
+    while (words >> word) bundled.insert(word);
+    break;
+  }
+  const guint media = gst_sdp_message_medias_len(sdp);
+  for (guint i = 0; media > 1 && i < media; i++)
+    if (!bundled.contains(gst_sdp_media_get_attribute_val(gst_sdp_message_get_media(sdp, i), "mid"))) return false;
+  return true;
+}
+
 // Adds the fingerprints of the session (no `media`) or of a medium. Returns false if one is malformed.
 bool add_fingerprints(const GstSDPMessage* sdp, const GstSDPMedia* media, std::set<std::string>& to) {
   const guint count = media ? gst_sdp_media_attributes_len(media) : gst_sdp_message_attributes_len(sdp);
@@ -231,6 +249,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     strip_candidates(m, known);
   }
   if (!video) return fail("the offer has no video");
+  if (!is_bundled(sdp)) return fail("the offer does not bundle its media (a=group:BUNDLE with every a=mid)");
   if (!add_fingerprints(sdp, nullptr, offer.fingerprints)) return fail(kMalformedFingerprint);
   if (offer.fingerprints.empty()) return fail("the offer has no a=fingerprint of SHA-256, SHA-384 or SHA-512");
   if (gst_sdp_media_get_attribute_val(video, "sendonly") || gst_sdp_media_get_attribute_val(video, "inactive"))

@@ -140,12 +140,7 @@ bool Peer::take(GstBuffer* packet) {
   heard_ = now;
   GstMapInfo map;
   if (!gst_buffer_map(packet, &map, GST_MAP_READ)) return false;
-  bool taken = false;
-  {
-    // Video and data channel have a thread each if the offer does not bundle them.
-    const std::lock_guard lock(mutex_);
-    taken = rtcp_.take_sealed({map.data, map.size}, now);
-  }
+  const bool taken = rtcp_.take_sealed({map.data, map.size}, now);
   gst_buffer_unmap(packet, &map);
   return taken;
 }
