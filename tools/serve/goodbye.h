@@ -21,7 +21,7 @@ class Goodbye {
     return GST_PAD_PROBE_OK;
   }
   void wait() {
-    constexpr std::chrono::milliseconds kLongest{250};  // most that the main thread waits
+    constexpr std::chrono::milliseconds kLongest{250};
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kLongest, [this] { return has_left_; });
   }

@@ -145,11 +145,15 @@ bool Peer::take(GstBuffer* packet) {
   return taken;
 }
 
+void Peer::call_back(std::function<void(Peer&)> what) {
+  on_main_thread([weak = weak_from_this(), what = std::move(what)] {
+    if (const auto peer = weak.lock(); peer && !peer->has_left_) what(*peer);
+  });
+}
+
 void Peer::fail(const std::string& why) {
   if (failed_.exchange(true)) return;
-  on_main_thread([weak = weak_from_this(), why] {
-    if (const auto peer = weak.lock()) peer->callbacks_.on_failed(why);
-  });
+  call_back([why](Peer& peer) { peer.callbacks_.on_failed(why); });
 }
 
 void Peer::watch_element(GstElement* element) {
@@ -261,9 +265,7 @@ void Peer::watch(const Route& route) {
 // DTLS is up by then.
 void Peer::connection_changed(int state) {
   if (state == GST_WEBRTC_PEER_CONNECTION_STATE_CONNECTED && !connected_.exchange(true))
-    on_main_thread([weak = weak_from_this()] {
-      if (const auto peer = weak.lock()) peer->callbacks_.on_connected();
-    });
+    call_back([](Peer& peer) { peer.callbacks_.on_connected(); });
   if (state == GST_WEBRTC_PEER_CONNECTION_STATE_FAILED || state == GST_WEBRTC_PEER_CONNECTION_STATE_CLOSED)
     fail("the connection is lost");
 }
@@ -327,9 +329,7 @@ void Peer::answer(bool late) {
   g_object_get(webrtc_, "ice-gathering-state", &state, "local-description", &local, nullptr);
   if ((late || state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE) && local && !answered_.exchange(true)) {
     g_autofree gchar* text = gst_sdp_message_as_text(local->sdp);
-    on_main_thread([weak = weak_from_this(), sdp = std::string(text)] {
-      if (const auto peer = weak.lock()) peer->callbacks_.on_answer(sdp);
-    });
+    call_back([sdp = std::string(text)](Peer& peer) { peer.callbacks_.on_answer(sdp); });
   }
   if (local) gst_webrtc_session_description_free(local);
 }
@@ -396,12 +396,11 @@ void Peer::say_goodbye() {
 
 void Peer::ask_for_report() {
   g_signal_emit_by_name(webrtc_, "get-stats", nullptr, promise([weak = weak_from_this()](const GstStructure* stats) {
-                          if (!stats) return;
-                          on_main_thread([weak, received = read_reception(stats)] {
-                            const auto peer = weak.lock();
-                            if (!peer) return;
-                            const double loss = peer->loss_.update(received.reports);
-                            peer->callbacks_.on_report({loss, received.round_trip});
+                          const auto asked = weak.lock();
+                          if (!stats || !asked) return;
+                          asked->call_back([received = read_reception(stats)](Peer& peer) {
+                            const double loss = peer.loss_.update(received.reports);
+                            peer.callbacks_.on_report({loss, received.round_trip});
                           });
                         }));
 }

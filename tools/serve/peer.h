@@ -41,7 +41,7 @@ struct Route {
 // negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
 // channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more. Its certificate
 // must have a fingerprint of the offer. Packets that a viewer need not send are dropped (RtcpFilter).
-// Made on the main thread; what it calls back comes on the main thread, but for on_message.
+// Made on the main thread; what it calls back comes on the main thread, but for on_message. Destroyed on any thread.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
@@ -74,6 +74,8 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void set_bit_rate(int bits_per_second);
   // Whether the browser may ask for a key frame now, which costs many bits. Thread-safe.
   bool take_key_frame();
+  // Ends the callbacks that come on the main thread. Call on the main thread.
+  void leave() { has_left_ = true; }
   // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
   void say_goodbye();
   // Asks webrtcbin for its statistics; on_report() follows.
@@ -91,6 +93,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void answer(bool late);
   void connection_changed(int state);
   void fail(const std::string& why);
+  void call_back(std::function<void(Peer&)> what);
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
   bool take(GstBuffer* packet);
@@ -110,7 +113,8 @@ class Peer : public std::enable_shared_from_this<Peer> {
   GstElement* dtls_ = nullptr;  // the encoder
   RtcpFilter rtcp_;
   TokenBucket repeats_{kRepeatBurst, kRepeatBurst}, key_frames_{kKeyFrames, kKeyFramesAtOnce};
-  PacketLoss loss_;  // used by the main thread alone
+  PacketLoss loss_;        // used by the main thread alone
+  bool has_left_ = false;  // used by the main thread alone
 };
 
 }  // namespace lf::serve

@@ -15,6 +15,7 @@ namespace {
 
 constexpr guint kTickMs = 250;
 constexpr unsigned kTicksPerReport = 4;
+constexpr std::chrono::seconds kLongestEnd{5};  // of all viewers, when the server ends
 
 std::string random_name() {
   std::random_device random;
@@ -52,6 +53,7 @@ Sessions::~Sessions() {
   g_source_remove(timer_);
   alive_.reset();
   close_all("the server ends");
+  if (!departures_.wait(kLongestEnd)) say("views do not end: " + std::to_string(departures_.size()));
 }
 
 void Sessions::close_all(const std::string& why) {
@@ -69,6 +71,7 @@ void Sessions::take_rig() {
 }
 
 Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const std::string& ticket) {
+  if (departures_.size() >= kMostDepartures) return {};
   const Seats::Answer answer = seats_.ask(address, wish.views(), ticket, random_name(), g_get_monotonic_time());
   for (const std::string& name : answer.leave) close(name, "it did not connect, and its seat goes to another");
   return answer;
@@ -120,8 +123,11 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   viewers_.erase(found);
   seats_.leave(name);
   add(gone_, session.viewer->figures());
-  session.viewer.reset();
-  malloc_trim(0);  // a viewer leaves megabytes in small pieces
+  session.viewer->leave();
+  departures_.add([viewer = std::shared_ptr<Viewer>(std::move(session.viewer))]() mutable {
+    viewer.reset();
+    malloc_trim(0);  // a viewer leaves megabytes in small pieces
+  });
   say("view " + std::to_string(session.view) + " closes: " + why + "; " + std::to_string(viewers_.size()) + " viewers");
   if (session.on_answer) session.on_answer("", why);
   return true;

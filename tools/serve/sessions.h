@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "departures.h"
 #include "light_field.h"
 #include "limits.h"
 #include "processor_load.h"
@@ -45,6 +46,9 @@ class Sessions {
   Viewer::Figures figures() const;
 
  private:
+  // Closed viewers whose pipelines have not stopped yet, at most: above that nobody gets a seat.
+  static constexpr size_t kMostDepartures = 32;
+
   struct Session {
     std::unique_ptr<Viewer> viewer;
     uint32_t view;
@@ -60,6 +64,7 @@ class Sessions {
   LightField& field_;
   Limits limits_;
   Seats seats_;
+  Departures departures_;  // of closed viewers
   std::map<std::string, Session> viewers_;
   Viewer::Figures gone_;
   std::string watching_;  // the viewer whose requests the cameras are watched by

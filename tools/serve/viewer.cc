@@ -116,9 +116,13 @@ void Viewer::begin_video() {
   }
 }
 
-Viewer::~Viewer() {
+void Viewer::leave() {
   eye_->close();
   g_source_remove(watch_);
+  peer_->leave();
+}
+
+Viewer::~Viewer() {
   peer_->say_goodbye();
   gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(video_, GST_STATE_NULL);

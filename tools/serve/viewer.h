@@ -34,8 +34,8 @@ struct ViewerSettings {
 };
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
-// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made, used
-// and destroyed on the main thread, where its callbacks come, too.
+// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made and used
+// on the main thread, where its callbacks come, too. Destroyed after leave(), on any thread: that may take long.
 class Viewer {
  public:
   struct Callbacks {
@@ -47,6 +47,8 @@ class Viewer {
   // Throws Error.
   Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks);
   ~Viewer();
+  // Ends the requests and the callbacks.
+  void leave();
   Viewer(const Viewer&) = delete;
 
   // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
