@@ -4,6 +4,7 @@
 
 #include "base/schedule.h"
 #include "camsrc/camera_source.h"
+#include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"
 #include "rig/location_text.h"
@@ -201,8 +202,7 @@ void lf_cam_src_close(LfCamSrc* self) {
   lf_cam_src_stop_flow(self);
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
   while (GstElement* child = first_child(GST_BIN(self))) {
-    gst_element_set_state(child, GST_STATE_NULL);
-    gst_bin_remove(GST_BIN(self), child);
+    lf::remove_child(GST_BIN(self), child);
     gst_object_unref(child);
   }
   GST_OBJECT_LOCK(self);

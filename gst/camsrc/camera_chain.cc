@@ -3,6 +3,7 @@
 
 #include <gst/video/video.h>
 
+#include <atomic>
 #include <cstring>
 
 #include "camsrc/camera_controls.h"
@@ -57,9 +58,48 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
+// Bytes that a camera on the network has sent since its latest picture. Demuxers keep what they have not understood.
+class UnusedBytes {
+ public:
+  static constexpr size_t kMost = size_t{64} << 20;
+  void add(size_t bytes) { bytes_ += bytes; }
+  void clear() { bytes_ = 0; }
+  bool are_too_many() const { return bytes_ > kMost; }
+  // Whether to tell of it: once.
+  bool tell() { return !told_.exchange(true); }
+
+ private:
+  std::atomic<size_t> bytes_ = 0;
+  std::atomic<bool> told_ = false;
+};
+using UnusedBytesPtr = std::shared_ptr<UnusedBytes>;
+
+GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  UnusedBytes& unused = **static_cast<UnusedBytesPtr*>(data);
+  unused.add(gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
+  if (!unused.are_too_many()) return GST_PAD_PROBE_OK;
+  GstElement* source = gst_pad_get_parent_element(pad);
+  if (source && unused.tell())
+    GST_ELEMENT_ERROR(source, STREAM, DEMUX, ("it sends more than %zu MB without a picture", UnusedBytes::kMost >> 20),
+                      (nullptr));
+  if (source) gst_object_unref(source);
+  return GST_PAD_PROBE_DROP;
+}
+
+GstPadProbeReturn on_picture(GstPad* /*pad*/, GstPadProbeInfo* /*info*/, gpointer data) {
+  (*static_cast<UnusedBytesPtr*>(data))->clear();
+  return GST_PAD_PROBE_OK;
+}
+
+void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnusedBytesPtr& unused) {
+  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, new UnusedBytesPtr(unused),
+                    [](gpointer data) { delete static_cast<UnusedBytesPtr*>(data); });
+}
+
 struct SourceSetup {
   GstClockTime latency;
   std::shared_ptr<SenderClock> sender;
+  UnusedBytesPtr unused;
 };
 
 void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
@@ -67,6 +107,8 @@ void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data)
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
     g_object_set(source, "latency", static_cast<guint>(setup->latency / GST_MSECOND), nullptr);  // milliseconds
   if (setup->sender) setup->sender->watch(source);
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(source, "src");
+  if (setup->unused && pad) add_probe(pad, count_bytes, setup->unused);
 }
 
 // uridecodebin never disconnects from its decodebin, which messages on the bus may keep alive for longer (GStreamer
@@ -89,6 +131,17 @@ void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer 
   g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
 }
 
+// A playlist (HLS) that comes over the network may name a film of this machine.
+void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gpointer /*unused*/) {
+  GstElementFactory* factory = gst_element_get_factory(child);
+  if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "filesrc") != 0) return;
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(child, "src");
+  const auto drop = [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; };
+  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, drop, nullptr, nullptr);
+  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("it names a file of this machine in place of its pictures"),
+                    (nullptr));
+}
+
 // What tells the times of the sender, if it may.
 std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
                                              GstElement* convert) {
@@ -97,8 +150,14 @@ std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
   std::shared_ptr<SenderClock> sender;
   if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency);
+  UnusedBytesPtr unused;
+  if (!g_str_has_prefix(uri.c_str(), "file:")) {
+    g_signal_connect(decoder, "deep-element-added", G_CALLBACK(lf::callback<refuse_file>), nullptr);
+    unused = std::make_shared<UnusedBytes>();
+    add_probe(borrow_pad(convert, "sink"), on_picture, unused);
+  }
   g_signal_connect_data(
-      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender},
+      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender, unused},
       [](gpointer setup, GClosure*) { delete static_cast<SourceSetup*>(setup); }, GConnectFlags(0));
   return sender;
 }

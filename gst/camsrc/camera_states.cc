@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/camera_states.h"
 
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
 #include <vector>
 
 #include "common/guard.h"
@@ -9,6 +15,56 @@ namespace lf {
 namespace {
 
 bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
+
+// How long a child may take to stop. rtspsrc waits for a server that answers slowly, or never ends its answer. Cameras
+// stop one after the other: where one has not stopped in time, others of a moment later have less.
+constexpr std::chrono::milliseconds kPatience{2000}, kLessPatience{200};
+constexpr std::chrono::seconds kMoment{20};
+
+std::chrono::milliseconds patience(bool was_late) {
+  static std::mutex mutex;
+  static std::chrono::steady_clock::time_point late_until;
+  const std::lock_guard lock(mutex);
+  const auto now = std::chrono::steady_clock::now();
+  const auto result = now < late_until ? kLessPatience : kPatience;
+  if (was_late) late_until = now + kMoment;
+  return result;
+}
+
+// Stops a child. One that does not stop in time is taken out of the bin and goes on by itself, on a thread that keeps
+// both alive.
+GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) {
+  struct Stop {
+    std::mutex mutex;
+    std::condition_variable done;
+    std::optional<GstStateChangeReturn> result;
+    bool is_late = false;  // nobody waits any more
+  };
+  const auto stop = std::make_shared<Stop>();
+  std::thread([stop, state, camera = gst_object_ref(bin), element = GST_ELEMENT(gst_object_ref(child))] {
+    const GstStateChangeReturn result = gst_element_set_state(element, state);
+    std::unique_lock lock(stop->mutex);
+    if (!stop->is_late) {
+      gst_object_unref(element);
+      gst_object_unref(camera);  // not the last one: it is being waited for
+      stop->result = result;
+      stop->done.notify_all();
+      return;
+    }
+    lock.unlock();
+    gst_element_set_state(element, GST_STATE_NULL);
+    gst_object_unref(element);
+    gst_object_unref(camera);
+  }).detach();
+  std::unique_lock lock(stop->mutex);
+  if (stop->done.wait_for(lock, patience(false), [&] { return stop->result.has_value(); })) return *stop->result;
+  stop->is_late = true;
+  lock.unlock();
+  patience(true);
+  g_signal_handlers_destroy(child);  // its pads are not linked any more
+  gst_bin_remove(bin, child);
+  return GST_STATE_CHANGE_SUCCESS;
+}
 
 // Sets all children, or only decoders, to `state`. FAILURE where one fails, else NO_PREROLL where one has none.
 GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
@@ -22,7 +78,8 @@ GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders)
     if (!only_decoders || is_decoder(child)) {
       gst_element_set_base_time(child, gst_element_get_base_time(GST_ELEMENT(bin)));
       gst_element_set_start_time(child, gst_element_get_start_time(GST_ELEMENT(bin)));
-      const GstStateChangeReturn one = gst_element_set_state(child, state);
+      const bool stops = is_decoder(child) && state < GST_STATE(child) && state <= GST_STATE_READY;
+      const GstStateChangeReturn one = stops ? stop_child(bin, child, state) : gst_element_set_state(child, state);
       if (result != GST_STATE_CHANGE_FAILURE && one != GST_STATE_CHANGE_ASYNC && one != GST_STATE_CHANGE_SUCCESS)
         result = one;
     }
@@ -41,6 +98,14 @@ void continue_decoder(GstElement* camera, gpointer decoder) {
 }
 
 }  // namespace
+
+void remove_child(GstBin* bin, GstElement* child) {
+  if (is_decoder(child))
+    stop_child(bin, child, GST_STATE_NULL);
+  else
+    gst_element_set_state(child, GST_STATE_NULL);
+  if (gst_object_has_as_parent(GST_OBJECT(child), GST_OBJECT(bin))) gst_bin_remove(bin, child);
+}
 
 void lock_decoder(GstBin* /*bin*/, GstElement* child) {
   if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);

@@ -14,7 +14,8 @@ namespace lf {
 void lock_decoder(GstBin* bin, GstElement* child);
 
 // Changes the states of the bin and of its locked children, in place of the parent class's change_state, which
-// `chain_up` is.
+// `chain_up` is. A locked child that does not stop within two seconds is taken out of the bin, and goes on stopping by
+// itself.
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
@@ -23,6 +24,9 @@ GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
 GstStateChangeReturn pause_new_children(GstBin* bin);
 // Takes children that pause_new_children() has started from PAUSED to PLAYING.
 GstStateChangeReturn play_new_children(GstBin* bin);
+
+// Stops a child and takes it out of the bin. A child that decodes and does not stop in time goes on stopping by itself.
+void remove_child(GstBin* bin, GstElement* child);
 
 // Takes a locked child's message about its state, in GstBinClass::handle_message: true if the message ends here,
 // unreferenced.

@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <string>
 #include <thread>
@@ -23,15 +24,15 @@
 namespace lf::test {
 namespace {
 
-// Sends the pictures jpeg_00.jpg, jpeg_01.jpg, ... of the fixture at 20 pictures/s, to one client at a time.
-class MjpegServer {
+// Answers one client at a time.
+class Server {
  public:
-  // `most`: pictures after which a connection is closed.
-  MjpegServer(const CameraFiles& files, bool with_length, int most) : with_length_(with_length), most_(most) {
-    for (int k = 0; k < kFrames; k++) {
-      std::ifstream file(files.path("jpeg_0" + std::to_string(k) + ".jpg"), std::ios::binary);
-      pictures_.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-    }
+  // Returns whether the client takes more of them.
+  using Send = std::function<bool(const std::string& bytes)>;
+  // Called for each client that has said something.
+  using Answer = std::function<void(const Send& send)>;
+
+  explicit Server(Answer answer) : answer_(std::move(answer)) {
     listening_ = socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -43,14 +44,16 @@ class MjpegServer {
     port_ = ntohs(address.sin_port);
     thread_ = std::thread([this] { serve(); });
   }
-  ~MjpegServer() {
+  ~Server() {
     stopping_ = true;
     shutdown(listening_, SHUT_RDWR);
     thread_.join();
     close(listening_);
   }
-  MjpegServer(const MjpegServer&) = delete;
-  std::string uri() const { return "http://127.0.0.1:" + std::to_string(port_) + "/stream"; }
+  Server(const Server&) = delete;
+  std::string uri(const std::string& scheme = "http") const {
+    return scheme + "://127.0.0.1:" + std::to_string(port_) + "/stream";
+  }
   int connections() const { return connections_; }
 
  private:
@@ -59,33 +62,50 @@ class MjpegServer {
       const int client = accept(listening_, nullptr, nullptr);
       if (client < 0) return;
       connections_++;
-      answer(client);
+      char request[4096];
+      if (recv(client, request, sizeof request, 0) > 0)
+        answer_([this, client](const std::string& bytes) { return !stopping_ && send_all(client, bytes); });
       close(client);
     }
   }
   static bool send_all(int client, const std::string& bytes) {
     return send(client, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }
-  void answer(int client) {
-    char request[4096];
-    if (recv(client, request, sizeof request, 0) <= 0) return;
-    if (!send_all(client, "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n")) return;
-    for (int i = 0; i < most_ && !stopping_; i++) {
-      const std::string& picture = pictures_[static_cast<size_t>(i % kFrames)];
-      std::string part = "--frame\r\nContent-Type: image/jpeg\r\n";
-      if (with_length_) part += "Content-Length: " + std::to_string(picture.size()) + "\r\n";
-      if (!send_all(client, part + "\r\n" + picture + "\r\n")) return;
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-  }
 
-  const bool with_length_;
-  const int most_;
-  std::vector<std::string> pictures_;
+  const Answer answer_;
   int listening_ = -1, port_ = 0;
   std::atomic<bool> stopping_ = false;
   std::atomic<int> connections_ = 0;
   std::thread thread_;
+};
+
+constexpr char kHeader[] = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n";
+
+// Sends the pictures jpeg_00.jpg, jpeg_01.jpg, ... of the fixture at 20 pictures/s.
+class MjpegServer : public Server {
+ public:
+  // `most`: pictures after which a connection is closed.
+  MjpegServer(const CameraFiles& files, bool with_length, int most)
+      : Server([pictures = load(files), with_length, most](const Send& send) {
+          bool goes_on = send(kHeader);
+          for (int i = 0; i < most && goes_on; i++) {
+            const std::string& picture = pictures[static_cast<size_t>(i % kFrames)];
+            std::string part = "--frame\r\nContent-Type: image/jpeg\r\n";
+            if (with_length) part += "Content-Length: " + std::to_string(picture.size()) + "\r\n";
+            goes_on = send(part + "\r\n" + picture + "\r\n");
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+          }
+        }) {}
+
+ private:
+  static std::vector<std::string> load(const CameraFiles& files) {
+    std::vector<std::string> pictures;
+    for (int k = 0; k < kFrames; k++) {
+      std::ifstream file(files.path("jpeg_0" + std::to_string(k) + ".jpg"), std::ios::binary);
+      pictures.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+    }
+    return pictures;
+  }
 };
 
 class CamSrcHttpTest : public CamSrcTest {};
@@ -136,6 +156,51 @@ TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.frames.size(), 12u);
   EXPECT_GE(server.connections(), 3);
+}
+
+// A part without an end, and one of two gigabytes: what has been sent is kept until the part is complete.
+TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
+  for (const std::string length : {"", "Content-Length: 2147483640\r\n"}) {
+    size_t sent = 0;
+    const Server server([&](const Server::Send& send) {
+      const std::string nothing(1 << 20, 'a');
+      if (!send(kHeader + ("--frame\r\nContent-Type: image/jpeg\r\n" + length) + "\r\n")) return;
+      while (send(nothing)) sent += nothing.size();
+    });
+    CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("it sends more than 64 MB without a picture"));
+    camera.set_state(GST_STATE_NULL);
+    EXPECT_LT(sent, size_t{1} << 30);
+  }
+}
+
+TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
+  const Server server([&](const Server::Send& send) {
+    send("HTTP/1.0 200 OK\r\nContent-Type: application/vnd.apple.mpegurl\r\n\r\n#EXTM3U\n#EXT-X-TARGETDURATION:4\n"
+         "#EXT-X-MEDIA-SEQUENCE:0\n#EXTINF:4,\nfile://" +
+         files->path("mjpeg.mkv") + "\n#EXT-X-ENDLIST\n");
+  });
+  CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+  camera.set_state(GST_STATE_PLAYING);
+  EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("it names a file of this machine"));
+  camera.set_state(GST_STATE_NULL);
+  EXPECT_TRUE(camera.frames.empty());
+}
+
+// rtspsrc waits for the end of an answer as long as anything comes.
+TEST_F(CamSrcHttpTest, ACameraThatNeverEndsItsAnswerIsLeftBehind) {
+  const Server server([](const Server::Send& send) {
+    for (bool goes_on = send("RTSP/1.0 200 OK\r\nCSeq: 1\r\nX: "); goes_on; goes_on = send("a"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  });
+  CameraPipeline camera("is-live=true retry=true rig=" + rig_with_source(server.uri("rtsp")));
+  camera.set_state(GST_STATE_PLAYING);
+  while (server.connections() == 0) g_usleep(1000);
+  g_usleep(300'000);
+  const gint64 begin = g_get_monotonic_time();
+  camera.set_state(GST_STATE_NULL);
+  EXPECT_LT(g_get_monotonic_time() - begin, 10'000'000);
 }
 
 }  // namespace
