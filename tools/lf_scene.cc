@@ -76,22 +76,24 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
              const std::vector<lf::ColourFault>& faults, FrameRate rate) {
   const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
-  const auto frame = [=, &rig, &faults, offset = camera.time_offset, samples = options.samples](int n) {
+  const auto frame = [=, &rig, &faults, offset = camera.time_offset](lf::SceneFilm& film, int n) {
     // A stamp is short of the true capture time by the camera's offset.
     const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
-    return filmed(lf::render_scene(lens, time, samples), faults, rig, index, n);
+    return filmed(film.at(time), faults, rig, index, n);
   };
   const fs::path folder = folder_path;
   const std::string name = camera.name;
-  const int frames = options.frames;
+  const int frames = options.frames, samples = options.samples;
   if (options.format == "png")
     return [=](const Step& step) {
-      for (int n = 0; n < frames; n++, step()) lf::save_image(frame(n), (folder / frame_name(name, n)).string());
+      lf::SceneFilm film(lens, samples);
+      for (int n = 0; n < frames; n++, step()) lf::save_image(frame(film, n), (folder / frame_name(name, n)).string());
     };
   return [=, quality = options.quality](const Step& step) {
+    lf::SceneFilm film(lens, samples);
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
     for (int n = 0; n < frames; n++, step()) {
-      const lf::Image image = frame(n);
+      const lf::Image image = frame(film, n);
       // A still beside the film, for tools that render without a stream.
       if (n == 0) lf::save_image(image, (folder / (name + ".png")).string());
       writer.add(image);

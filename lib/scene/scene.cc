@@ -6,6 +6,9 @@
 #include <cstdio>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -19,41 +22,46 @@ using scene::V3;
 // Gamma 2: exact, fast and near enough to what cameras do.
 V3 encode(const V3& light) { return 255.0f * glm::sqrt(glm::clamp(light, 0.0f, 1.0f)); }
 
-// Rays of one camera through one instant.
-class Film {
+// Rays of one camera.
+class CameraRays {
  public:
-  Film(const SceneCamera& camera, double time)
-      : camera_(camera), objects_(scene::objects_at(time)), rotation_(camera.pose.rotation()) {}
+  explicit CameraRays(const SceneCamera& camera) : camera_(camera), rotation_(camera.pose.rotation()) {}
 
-  // Ray through the pixel position; `spacing`: pixels between samples. Black where the lens sees nothing.
-  scene::Seen at(double x, double y, double spacing, scene::PixelShadows& shadows) const {
+  // What is seen through the pixel position; `spacing`: pixels between samples. Black where the lens sees nothing.
+  scene::Seen trace(const scene::Objects& objects, double x, double y, double spacing,
+                    scene::PixelShadows& shadows) const {
     const std::optional<Vec2> u = camera_.lens.unproject({x, y});
-    if (!u) return {V3(0), UINT32_MAX};
+    if (!u) return {V3(0), UINT32_MAX, {}};
     const Vec3 sight = rotation_ * Vec3(u->x, u->y, 1);
     const double length = glm::length(sight);
     const Vec3 d = sight / length;
     const auto across = [&](const Vec3& axis, double focal_length) {
       return V3((axis - d * glm::dot(axis, d)) * (spacing / (focal_length * length)));
     };
-    return trace(objects_,
-                 {V3(camera_.pose.position), V3(d), across(rotation_[0], camera_.lens.fx()),
-                  across(rotation_[1], camera_.lens.fy())},
-                 shadows);
+    return scene::trace(objects,
+                        {V3(camera_.pose.position), V3(d), across(rotation_[0], camera_.lens.fx()),
+                         across(rotation_[1], camera_.lens.fy())},
+                        shadows);
   }
 
-  V3 mean(int x, int y, int samples) const {
+  // The mean light of samples x samples rays through a pixel. Calls met(k, sight) for each.
+  template <typename Met>
+  V3 mean(const scene::Objects& objects, int x, int y, int samples, const Met& met) const {
     V3 sum(0);
     scene::PixelShadows shadows;
     const double spacing = 1.0 / samples;
-    for (int j = 0; j < samples; j++)
-      for (int i = 0; i < samples; i++)
-        sum += at(x - 0.5 + (i + 0.5) * spacing, y - 0.5 + (j + 0.5) * spacing, spacing, shadows).light;
+    for (int j = 0, k = 0; j < samples; j++)
+      for (int i = 0; i < samples; i++, k++) {
+        const scene::Seen seen =
+            trace(objects, x - 0.5 + (i + 0.5) * spacing, y - 0.5 + (j + 0.5) * spacing, spacing, shadows);
+        sum += seen.light;
+        met(k, seen.sight);
+      }
     return sum / static_cast<float>(samples * samples);
   }
 
  private:
   const SceneCamera& camera_;
-  scene::Objects objects_;
   Mat3 rotation_;
 };
 
@@ -94,34 +102,99 @@ Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time) {
   return {c.x, c.y, c.z};
 }
 
-Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere) {
-  if (samples < 1) throw Error("samples: must be at least 1");
-  const Film film(camera, time);
-  const size_t pixels = static_cast<size_t>(camera.width) * camera.height;
-  Draft draft{camera.width, camera.height, std::vector<V3>(pixels), std::vector<uint32_t>(pixels)};
+// The pictures so far, as far as the next one may be the same.
+struct SceneFilm::State {
+  State(const SceneCamera& of, int samples_a_side) : camera(of), samples(samples_a_side), rays(camera) {
+    if (samples < 1) throw Error("samples: must be at least 1");
+    const size_t pixels = static_cast<size_t>(camera.width) * camera.height;
+    draft = {camera.width, camera.height, std::vector<V3>(pixels), std::vector<uint32_t>(pixels)};
+  }
+
+  Image at(double time, bool everywhere);
+  void make_draft(const scene::Objects& objects, const scene::Movement* movement, int x, int y, size_t i);
+  V3 mean(const scene::Objects& objects, const scene::Movement* movement, int x, int y, size_t i);
+  bool is_unchanged(const scene::Movement& movement, const scene::Sight& sight) const {
+    return scene::is_unchanged(movement, V3(camera.pose.position), sight);
+  }
+
+  // A pixel's mean of several rays.
+  struct Mean {
+    V3 colour;        // encoded
+    int picture = 0;  // the latest one that it is right for; 0: none
+  };
+
+  const SceneCamera camera;
+  const int samples;
+  const CameraRays rays;
+  int picture = 0;  // number of the latest; 0: none
+  scene::Objects objects;
+  Draft draft;
+  // What the rays of the draft, and all of those that means are made of, have met. Empty for one picture.
+  std::vector<scene::Sight> draft_sights, mean_sights;
+  std::vector<Mean> means;
+};
+
+void SceneFilm::State::make_draft(const scene::Objects& now, const scene::Movement* movement, int x, int y, size_t i) {
+  if (movement && is_unchanged(*movement, draft_sights[i])) return;
+  scene::PixelShadows shadows;
+  const scene::Seen seen = rays.trace(now, x, y, 1, shadows);
+  draft.colour[i] = encode(seen.light);
+  draft.object[i] = seen.object;
+  if (!draft_sights.empty()) draft_sights[i] = seen.sight;
+}
+
+V3 SceneFilm::State::mean(const scene::Objects& now, const scene::Movement* movement, int x, int y, size_t i) {
+  const auto count = static_cast<size_t>(samples) * samples;
+  if (means.empty()) return encode(rays.mean(now, x, y, samples, [](int, const scene::Sight&) {}));
+  const std::span sights(&mean_sights[i * count], count);
+  const bool is_kept = movement && means[i].picture == picture - 1 &&
+                       std::ranges::all_of(sights, [&](const auto& s) { return is_unchanged(*movement, s); });
+  if (!is_kept)
+    means[i].colour = encode(rays.mean(now, x, y, samples, [&](int k, const auto& s) { sights[k] = s; }));
+  means[i].picture = picture;
+  return means[i].colour;
+}
+
+Image SceneFilm::State::at(double time, bool everywhere) {
+  scene::Objects now = scene::objects_at(time);
+  std::optional<scene::Movement> moved;
+  if (picture > 0) moved = scene::movement_between(objects, now);
+  const scene::Movement* const movement = moved ? &*moved : nullptr;
+  picture++;
   const auto each_pixel = [&](auto&& visit) {
     for (int y = 0, i = 0; y < camera.height; y++)
-      for (int x = 0; x < camera.width; x++, i++) visit(x, y, i);
+      for (int x = 0; x < camera.width; x++, i++) visit(x, y, static_cast<size_t>(i));
   };
   const bool refine_all = everywhere && samples > 1;
-  if (!refine_all)
-    each_pixel([&](int x, int y, int i) {
-      scene::PixelShadows shadows;
-      const scene::Seen seen = film.at(x, y, 1, shadows);
-      draft.colour[i] = encode(seen.light);
-      draft.object[i] = seen.object;
-    });
+  if (!refine_all) each_pixel([&](int x, int y, size_t i) { make_draft(now, movement, x, y, i); });
+  std::vector<V3> colours = draft.colour;
   if (samples > 1) {
-    const std::vector<uint8_t> refine = refine_all ? std::vector<uint8_t>(pixels, 1) : pixels_to_refine(draft);
-    each_pixel([&](int x, int y, int i) {
-      if (refine[i]) draft.colour[i] = encode(film.mean(x, y, samples));
+    const std::vector<uint8_t> refine = refine_all ? std::vector<uint8_t>(colours.size(), 1) : pixels_to_refine(draft);
+    each_pixel([&](int x, int y, size_t i) {
+      if (refine[i]) colours[i] = mean(now, movement, x, y, i);
     });
   }
+  objects = std::move(now);
   Image image(PixelFamily::kRgb, camera.width, camera.height);
-  each_pixel([&](int x, int y, int i) {
-    for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(draft.colour[i][c] + 0.5f);
+  each_pixel([&](int x, int y, size_t i) {
+    for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(colours[i][c] + 0.5f);
   });
   return image;
+}
+
+SceneFilm::SceneFilm(const SceneCamera& camera, int samples) : state_(std::make_unique<State>(camera, samples)) {
+  constexpr int kMostSamples = 4;  // a side: of more rays it is not noted what they met
+  const size_t pixels = state_->draft.colour.size();
+  state_->draft_sights.resize(pixels);
+  if (samples < 2 || samples > kMostSamples) return;
+  state_->means.resize(pixels);
+  state_->mean_sights.resize(pixels * static_cast<size_t>(samples * samples));
+}
+SceneFilm::~SceneFilm() = default;
+Image SceneFilm::at(double time) { return state_->at(time, false); }
+
+Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere) {
+  return SceneFilm::State(camera, samples).at(time, everywhere);
 }
 
 Rig scene_rig(int rows, int columns, int width, int height) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <memory>
+
 #include "image/image.h"
 #include "rig/rig.h"
 #include "view/view.h"
@@ -27,6 +29,20 @@ struct SceneCamera {
 // grid where it differs from a neighbour in object or contrast, or `everywhere`. Rays that the lens does not see are
 // black. Single-threaded; throws Error if samples < 1.
 Image render_scene(const SceneCamera& camera, double time, int samples = 2, bool everywhere = false);
+
+// Pictures of one camera, instant after instant: render_scene() of each, to the bit. What nothing has moved in front of,
+// or into the light of, since the picture before is not traced again. Not thread-safe.
+class SceneFilm {
+ public:
+  explicit SceneFilm(const SceneCamera& camera, int samples = 2);
+  ~SceneFilm();
+  Image at(double time);
+
+ private:
+  friend Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere);
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 // The array the scene was made for: rows x columns cameras of width x height in the plane z = 0 around the origin,
 // looking along +z.

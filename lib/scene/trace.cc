@@ -19,6 +19,7 @@ using glm::dot;
 constexpr float kMiss = std::numeric_limits<float>::infinity();
 constexpr V3 kLight{-1.3f, -1.5f, 0.4f};
 constexpr float kLightRadius = 0.22f;
+constexpr float kPenumbra = 0.004f;  // half the width of a shadow's edge at its object, metres
 
 // From the nearest approach rather than the textbook discriminant, whose cancellation is as large as a thin string.
 float enter_sphere(const V3& from_centre, const V3& d, float radius) {
@@ -123,24 +124,36 @@ void hit_groups(const Objects& o, const Ray& ray, Hit& hit) {
 
 // How much of the light passes an object whose surface is `gap` from the line of sight (negative: inside), `along` it.
 float pass(float gap, float along, float spread) {
-  const float width = along * spread + 0.004f;
+  const float width = along * spread + kPenumbra;
   return gap >= width ? 1 : gap <= -width ? 0 : ramp(-1, 1, gap / width);
 }
 
-float pass_capsule(const Capsule& c, const V3& point, const V3& d, float distance, float spread) {
+// Where a line of sight from a point along `d`, as long as `distance`, is nearest to an object: how far from its surface,
+// and how far along the line.
+struct Approach {
+  float gap, along;
+};
+
+Approach approach(const Capsule& c, const V3& point, const V3& d, float distance) {
   const V3 r = point - c.base;
   const float ad = dot(c.axis, d), rd = dot(r, d), aa = dot(c.axis, c.axis), ar = dot(c.axis, r);
   const float determinant = aa - ad * ad;
   float s = determinant > 1e-8f ? std::clamp((ad * ar - rd * aa) / determinant, 0.0f, distance) : 0;
   const float u = std::clamp((ad * s + ar) / aa, 0.0f, 1.0f);
   s = std::clamp(u * ad - rd, 0.0f, distance);
-  return pass(glm::length(r + s * d - u * c.axis) - c.radius, s, spread);
+  return {glm::length(r + s * d - u * c.axis) - c.radius, s};
 }
 
-float pass_sphere(const Sphere& ball, const V3& point, const V3& d, float distance, float spread) {
+Approach approach(const Sphere& ball, const V3& point, const V3& d, float distance) {
   const V3 r = ball.centre - point;
   const float s = std::clamp(dot(r, d), 0.0f, distance);
-  return pass(glm::length(r - s * d) - ball.radius, s, spread);
+  return {glm::length(r - s * d) - ball.radius, s};
+}
+
+template <typename Object>
+float pass_round(const Object& object, const V3& point, const V3& d, float distance, float spread) {
+  const Approach nearest = approach(object, point, d, distance);
+  return pass(nearest.gap, nearest.along, spread);
 }
 
 float pass_block(const Block& b, const V3& point, const V3& d, float distance, float spread) {
@@ -157,14 +170,14 @@ bool may_shade(const V3& centre, float radius, const V3& point, const V3& d, flo
   const V3 r = centre - point;
   const float s = dot(r, d);
   if (s < -radius || s > distance + radius) return false;
-  const float reach = radius + (s + radius) * spread + 0.004f;
+  const float reach = radius + (s + radius) * spread + kPenumbra;
   return dot(r, r) - s * s < reach * reach;
 }
 
 // The same for a pillar, seen from above.
 bool may_shade(const Pillar& p, const V3& point, const V3& d, float distance, float spread) {
   const float x = p.x - point.x, z = p.z - point.z, level = d.x * d.x + d.z * d.z, along = x * d.x + z * d.z;
-  const float reach = p.radius + distance * spread + 0.004f, squared = x * x + z * z;
+  const float reach = p.radius + distance * spread + kPenumbra, squared = x * x + z * z;
   if (along < 0 && squared > reach * reach) return false;
   const float off = x * d.z - z * d.x;
   return off * off < reach * reach * level || squared < reach * reach;
@@ -221,9 +234,9 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
   for (const Group& g : o.groups) {
     if (!may_shade(g.centre, g.radius, point, d, distance, spread)) continue;
     for (uint32_t i = g.first_sphere; i < g.last_sphere; i++)
-      if (kind != Kind::kSphere || index != i) seen *= pass_sphere(o.spheres[i], point, d, distance, spread);
+      if (kind != Kind::kSphere || index != i) seen *= pass_round(o.spheres[i], point, d, distance, spread);
     for (uint32_t i = g.first_capsule; i < g.last_capsule; i++)
-      if (kind != Kind::kCapsule || index != i) seen *= pass_capsule(o.capsules[i], point, d, distance, spread);
+      if (kind != Kind::kCapsule || index != i) seen *= pass_round(o.capsules[i], point, d, distance, spread);
   }
   for (uint32_t i = 0; i < o.pillars.size(); i++) {
     if (kind == Kind::kPillar && index == i) continue;
@@ -231,8 +244,8 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
     if (!may_shade(p, point, d, distance, spread)) continue;
     // The capsule inside it: the penumbras are too soft to show the difference.
     const float top = p.top + 0.5f * p.radius;
-    seen *=
-        pass_capsule({{p.x, top, p.z}, {0, p.bottom - top, 0}, 0.97f * p.radius, p.paint}, point, d, distance, spread);
+    const Capsule inside{{p.x, top, p.z}, {0, p.bottom - top, 0}, 0.97f * p.radius, p.paint};
+    seen *= pass_round(inside, point, d, distance, spread);
   }
   for (uint32_t i = 0; i < o.blocks.size(); i++) {
     const Block& b = o.blocks[i];
@@ -242,13 +255,71 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
   return seen;
 }
 
+namespace {
+
+// A light as a point sees it: along a unit vector, so far away, its radius growing by `spread` per metre.
+struct LightPath {
+  V3 direction;
+  float distance, spread;
+};
+
+LightPath key_light_from(const V3& point) {
+  const V3 to_light = kLight - point;
+  const float distance = glm::length(to_light);
+  return {to_light / distance, distance, kLightRadius / distance};
+}
+
+// What the floor sees of the room's own light, from above.
+constexpr LightPath kCeiling{{0, -1, 0}, 1.2f, 0.55f};
+constexpr uint32_t kFloorFace = 3;
+
+bool has_changed(const Movement& m, const Sight& sight) {
+  switch (sight.kind) {
+    case Kind::kSphere: return m.spheres[sight.index];
+    case Kind::kCapsule: return m.capsules[sight.index];
+    case Kind::kPillar: return m.pillars[sight.index];
+    case Kind::kBlock: return m.blocks[sight.index];
+    case Kind::kRoom:
+    case Kind::kNothing: break;
+  }
+  return false;
+}
+
+// Whether what has moved may be in a line's way, as light_seen() has it.
+bool is_in_way(const Movement& m, const V3& point, const LightPath& light) {
+  const auto ball_is = [&](const Sphere& b) {
+    return may_shade(b.centre, b.radius, point, light.direction, light.distance, light.spread);
+  };
+  const auto rod_is = [&](const Capsule& c) {
+    // What is inside may be nearest farther along.
+    const Approach nearest = approach(c, point, light.direction, light.distance);
+    const float along = std::min(light.distance, nearest.along + glm::length(c.axis) + 2 * c.radius);
+    return nearest.gap < along * light.spread + kPenumbra;
+  };
+  return std::ranges::any_of(m.parts, [&](const Movement::Part& part) {
+    return ball_is(part.around) && (std::ranges::any_of(part.balls, ball_is) || std::ranges::any_of(part.rods, rod_is));
+  });
+}
+
+}  // namespace
+
+bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight) {
+  if (sight.kind == Kind::kNothing) return true;
+  const V3 way = sight.point - origin;
+  const float distance = glm::length(way);
+  if (has_changed(movement, sight) || is_in_way(movement, origin, {way / distance, distance, 0})) return false;
+  if (sight.is_lit && is_in_way(movement, sight.point, key_light_from(sight.point))) return false;
+  return !(sight.kind == Kind::kRoom && sight.index == kFloorFace && is_in_way(movement, sight.point, kCeiling));
+}
+
 Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
   const Hit hit = first_hit(o, ray);
-  if (hit.kind == Kind::kNothing) return {V3(0), 0};
+  if (hit.kind == Kind::kNothing) return {V3(0), 0, {}};
   const uint32_t object = (static_cast<uint32_t>(hit.kind) << 16) | hit.index;
-  const auto seen = [&](int light, const V3& direction, float distance, float spread) {
-    return shadows.seen(light, object, [&] {
-      return light_seen(o, ray.origin + hit.t * ray.direction, direction, distance, spread, hit.kind, hit.index);
+  const auto seen = [&](int number, const LightPath& light) {
+    return shadows.seen(number, object, [&] {
+      return light_seen(o, ray.origin + hit.t * ray.direction, light.direction, light.distance, light.spread, hit.kind,
+                        hit.index);
     });
   };
   Surface s;
@@ -260,13 +331,13 @@ Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
   s.dy = hit.t * (ray.dy - ray.direction * (dot(hit.normal, ray.dy) / facing));
   const Finish finish = paint(o, hit.kind, hit.index, s);
 
-  const V3 to_light = kLight - s.point;
-  const float distance = glm::length(to_light);
-  const V3 l = to_light / distance;
+  const LightPath key_light = key_light_from(s.point);
+  const float distance = key_light.distance;
+  const V3 l = key_light.direction;
   const float cosine = dot(hit.normal, l);
   float key = 0;
   if (cosine > 0)
-    key = cosine * seen(0, l, distance, kLightRadius / distance) * (3.3f / (1.9f + distance * distance * 0.16f));
+    key = cosine * seen(0, key_light) * (3.3f / (1.9f + distance * distance * 0.16f));
   // The room's own light: from above and from the cameras' side, less where walls and floor meet.
   float ambient = 0.30f - 0.10f * hit.normal.y - 0.07f * hit.normal.z;
   const V3 to_wall = glm::min(s.point - kRoomMin, kRoomMax - s.point);
@@ -274,7 +345,7 @@ Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
                        std::max({to_wall.x, to_wall.y, to_wall.z});
   if (hit.kind == Kind::kRoom) {
     ambient *= 0.62f + 0.38f * ramp(-0.2f, 0.7f, second);
-    if (hit.index == 3) ambient *= 0.35f + 0.65f * seen(1, {0, -1, 0}, 1.2f, 0.55f);
+    if (hit.index == kFloorFace) ambient *= 0.35f + 0.65f * seen(1, kCeiling);
   }
   V3 light = finish.albedo * (V3(1.0f, 0.95f, 0.86f) * key + V3(0.90f, 0.96f, 1.06f) * ambient);
   if (finish.gloss > 0 && key > 0) {
@@ -282,7 +353,7 @@ Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
     const float p2 = shine * shine, p4 = p2 * p2, p8 = p4 * p4, p16 = p8 * p8;
     light += V3(finish.gloss * key / cosine * 0.5f * p16 * p16 * p8);
   }
-  return {light, object};
+  return {light, object, {s.point, hit.kind, cosine > 0, hit.index}};
 }
 
 }  // namespace lf::scene

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include "scene/movement.h"
 #include "scene/objects.h"
 #include "scene/paint.h"
 
@@ -27,9 +28,18 @@ Hit first_hit(const Objects& objects, const Ray& ray);
 float light_seen(const Objects& objects, const V3& point, const V3& direction, float distance, float spread, Kind kind,
                  uint32_t index);
 
+// What a ray has met.
+struct Sight {
+  V3 point;
+  Kind kind = Kind::kNothing;
+  bool is_lit = false;  // it faces the light, which may be shaded
+  uint32_t index = 0;
+};
+
 struct Seen {
   V3 light;         // linear, 0..1 and above
   uint32_t object;  // differs from object to object and from face to face of the room
+  Sight sight;
 };
 
 // Shadows of the objects met so far within one pixel. They are soft, so all samples of the pixel on one object share
@@ -58,5 +68,10 @@ class PixelShadows {
 
 // `shadows`: of this ray's pixel.
 Seen trace(const Objects& objects, const Ray& ray, PixelShadows& shadows);
+
+
+// Whether the ray from `origin` that has met that before the movement sees the same light after it. May say no where it
+// does.
+bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight);
 
 }  // namespace lf::scene

@@ -32,6 +32,22 @@ TEST(Scene, SameArgumentsSamePicture) {
   EXPECT_NE(here.data(), render_scene(camera, 1.3).data());
 }
 
+// Steps as in films, jumps, and none at all; a lens that does not see all of its picture; one ray a pixel, and nine.
+TEST(Scene, AFilmIsItsPictures) {
+  SceneCamera distorted = central_camera(97, 64);
+  distorted.lens = Lens(LensModel::kRadial, {70, 48, 32, -0.4, 0.02});
+  distorted.pose.position = {0.2, -0.1, 0.3};
+  for (const SceneCamera& camera : {central_camera(), distorted})
+    for (const int samples : {1, 2, 3, 5}) {
+      SceneFilm film(camera, samples);
+      double time = 0.3;
+      for (const double step : {0.0, 1 / 15.0, 1 / 15.0, 1 / 15.0, 0.0, 1 / 30.0, 0.5, 1e-4, -0.9, 1 / 15.0}) {
+        time += step;
+        ASSERT_EQ(film.at(time).data(), render_scene(camera, time, samples).data()) << samples << ", " << time;
+      }
+    }
+}
+
 TEST(Scene, LoopsWithItsPeriod) {
   const SceneCamera camera = central_camera();
   EXPECT_GT(compare(render_scene(camera, 0.5), render_scene(camera, 0.5 + kScenePeriod)).psnr_db, 45);
