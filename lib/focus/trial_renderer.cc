@@ -237,7 +237,7 @@ Drawing add_moments(const RenderJob& job, std::span<const Source> sources, std::
   }
   Drawing drawing;
   // GPUs draw trials of views that are blended by the mesh alone.
-  if (card && card->computes() && !job.plan().blend() && !seeing.empty() && !trials.empty()) {
+  if (card && !job.plan().blend() && !seeing.empty() && !trials.empty()) {
     drawing.drawn = draw(*card, job, seeing, trials, sums, parallel, drawing.why_not);
     drawing.refused = !drawing.drawn;
     if (drawing.drawn) return drawing;

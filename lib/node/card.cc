@@ -70,7 +70,7 @@ bool Card::draws_several(RendererChoice choice) const {
   if (choice == RendererChoice::kCpu) return false;
   const std::lock_guard lock(mutex_);
   const bool is_decided = choice == RendererChoice::kGl || race_.decided();
-  return drawer_ && !drawer_->is_lost() && drawer_->computes() && is_decided && draws(choice) &&
+  return drawer_ && !drawer_->is_lost() && is_decided && draws(choice) &&
          !patience_.is_at_end(now_());
 }
 
@@ -120,7 +120,7 @@ void Card::leave() {
 std::shared_ptr<gl::SumDrawer> Card::open_for_trials(RendererChoice choice) {
   if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
-  if (!drawer_ || drawer_->is_lost() || !drawer_->computes() || trial_patience_.is_at_end(now_())) return nullptr;
+  if (!drawer_ || drawer_->is_lost() || trial_patience_.is_at_end(now_())) return nullptr;
   const bool is_wanted = choice == RendererChoice::kGl || (!drawer_->is_software() && trial_race_.card_is_next());
   return is_wanted ? drawer_ : nullptr;
 }

@@ -56,10 +56,6 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& c
   for (SumRenderer* const renderer : renderers) {
     const State& state = *renderer->state_;
     if (renderer->rect_.empty()) continue;
-    if (state.task.plan->blend() && !card.computes()) {
-      renderer->state_->drawing.why_not = "the view is not blended by its mesh, and the card computes on the CPU";
-      continue;
-    }
     drawn.push_back(renderer);
     // What may be added to others on the card begins at even pixels, as do cells.
     const bool is_even = state.may_stay || state.task.plan->blend();

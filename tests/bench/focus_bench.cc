@@ -163,7 +163,7 @@ BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420)->Arg(1)->Arg(6);
 void DrawnTrials(benchmark::State& state, PixelFamily family) {
   static std::string why;
   static const auto card =
-      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+      gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
   Scene scene(family, static_cast<int>(state.range(0)));
   const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);

@@ -158,16 +158,12 @@ BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGri
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 
 // Of a card, or of what computes in place of one: with images on their way there and sums on their way back.
-template <gl::SumDrawer::Shaders shaders>
-void drawn_sum(benchmark::State& state, PixelFamily family, bool surface) {
+void DrawnSum(benchmark::State& state, PixelFamily family, bool surface) {
   static std::string why;
-  static const auto card = gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
+  static const auto card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
   Sum(state, family, true, Coordinates::kGrid, surface, card.get());
 }
-constexpr auto DrawnSum = drawn_sum<gl::SumDrawer::Shaders::kFitting>;
-constexpr auto ComputedSum = drawn_sum<gl::SumDrawer::Shaders::kCompute>;
-constexpr auto FragmentSum = drawn_sum<gl::SumDrawer::Shaders::kFragment>;
 BENCHMARK_CAPTURE(DrawnSum, i420_plane, PixelFamily::kI420, false)
     ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
     ->MeasureProcessCPUTime()
@@ -215,11 +211,11 @@ class PictureOnCard {
   gl::CardPicture planes_;
 };
 
-// With images on their way to a card that computes, and the picture there.
+// With images on their way to a card, and the picture there.
 void StayedSum(benchmark::State& state) {
   static std::string why;
   static const std::shared_ptr<gl::SumDrawer> card =
-      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+      gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
   const auto& size = kSizes[state.range(0)];
   Scene scene(8, size[0], size[1], true, PixelFamily::kI420);
@@ -242,10 +238,7 @@ BENCHMARK(StayedSum)->ArgsProduct({{0, 1, 2, 3, 4}})->MeasureProcessCPUTime()->U
 // the card.
 void drawn_set(benchmark::State& state, bool stays) {
   static std::string why;
-  static const std::shared_ptr<gl::SumDrawer> cards[] = {
-      gl::SumDrawer::create(gl::Context::Drivers::kAny, why),
-      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why)};
-  const std::shared_ptr<gl::SumDrawer>& card = cards[stays];
+  static const std::shared_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   if (!card) return state.SkipWithError(why.c_str());
   constexpr int kColumns = 9, kRows = 5, kViews = kColumns * kRows, kSide = 512;
   Scene scene(8, kSide, kSide, true, PixelFamily::kI420);
@@ -305,8 +298,6 @@ void DrawnSet(benchmark::State& state) { drawn_set(state, false); }
 void StayedSet(benchmark::State& state) { drawn_set(state, true); }
 BENCHMARK(DrawnSet)->Arg(1)->Arg(45)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(StayedSet)->Arg(1)->Arg(45)->MeasureProcessCPUTime()->UseRealTime();
-BENCHMARK_CAPTURE(ComputedSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
-BENCHMARK_CAPTURE(FragmentSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 
 }  // namespace
 }  // namespace lf

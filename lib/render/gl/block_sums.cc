@@ -50,7 +50,6 @@ bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, co
   const PixelFamily family = views.front().task->family;
   SumProgram what = program_of(*views.front().task);
   what.output = family == PixelFamily::kRgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
-  what.careful = true;
   const Program* program = programs.use(what, why);
   if (!program) return false;
   const std::shared_ptr<Computed> words = next();

@@ -46,8 +46,8 @@ struct SumReading {
 // Waits for sums of one pass, and reads them. False if the card does not answer. While the context is current.
 bool read_sums(std::span<SumReading> sums);
 
-// Computes sums by a compute shader, two by two pixels an invocation: what hardware is best at. (Of an H100 or H200
-// only 4 of 132 multiprocessors take fragment shaders.) All calls while the context is current, but for fits().
+// Computes sums, two by two pixels an invocation. (Not by fragment shaders: only 4 of the 132 multiprocessors of an H100
+// or H200 take them.) All calls while the context is current, but for fits().
 class BlockSums {
  public:
   BlockSums() : most_words_(Computed::most_words()) {}

@@ -102,47 +102,43 @@ class SentTexture {
 };
 
 // Textures' units.
-enum Unit { kOwners, kBlockOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaSums, kTargets, kCardImage };
+enum Unit { kLevels, kRays, kCentreRays, kImages, kTargets, kCardImage };
 
 // What the card takes for what it is given between begin() and end(), if its driver tells
 // (GL_EXT_disjoint_timer_query).
 class Stopwatch {
  public:
-  explicit Stopwatch(bool works) : works_(works) { glGenQueries(kMost, names_); }
+  explicit Stopwatch(bool works) : works_(works) { glGenQueries(1, &name_); }
   Stopwatch(const Stopwatch&) = delete;
   Stopwatch& operator=(const Stopwatch&) = delete;
-  ~Stopwatch() { glDeleteQueries(kMost, names_); }
-  void reset() { used_ = 0; }
-  // At most kMost times between two resets.
+  ~Stopwatch() { glDeleteQueries(1, &name_); }
+  void reset() { used_ = false; }
+  // Once between two resets.
   void begin() {
-    if (works_) glBeginQuery(kTimeElapsed, names_[used_++]);
+    if (works_) glBeginQuery(kTimeElapsed, name_);
+    used_ = works_;
   }
   void end() {
     if (works_) glEndQuery(kTimeElapsed);
   }
-  // Of all since reset(); waits for it. 0: the driver does not tell.
+  // Waits for it. 0: the driver does not tell.
   uint64_t nanoseconds() const {
-    uint64_t sum = 0;
-    for (int i = 0; i < used_; i++) {
-      GLuint ns = 0;
-      glGetQueryObjectuiv(names_[i], GL_QUERY_RESULT, &ns);
-      sum += ns;
-    }
-    return sum;
+    GLuint ns = 0;
+    if (used_) glGetQueryObjectuiv(name_, GL_QUERY_RESULT, &ns);
+    return ns;
   }
 
  private:
-  static constexpr int kMost = 2;
   static constexpr GLenum kTimeElapsed = 0x88bf;  // GL_TIME_ELAPSED_EXT
   const bool works_;
-  GLuint names_[kMost] = {};
-  int used_ = 0;
+  GLuint name_ = 0;
+  bool used_ = false;
 };
 
 // Where a program's numbers are.
 struct Program {
   GLuint name = 0;
-  GLint origin = -1, size = -1, extent = -1, map_scale = -1, chroma_places = -1, parts = -1, lost_rows = -1;
+  GLint origin = -1, size = -1, extent = -1, chroma_places = -1, parts = -1, lost_rows = -1;
   GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 

@@ -13,33 +13,19 @@ uniform highp usampler2D levels;     // of focal maps' nodes: of all views of a 
 uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
 uniform highp sampler2D centre_rays; // and of the middle of four
 
-#ifdef COMPUTED
 // begin_view() sets what is of a view.
-#define OF_VIEW
 ivec2 nodes;         // of the focal map
 int first_level_row; // where they begin in `levels`
 layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
 int face_row; // of the face that is looked at now
 #define FACE(texel) tables[face_row * FACE_TEXELS + texel]
-#else
-#define OF_VIEW uniform
-#define nodes textureSize(levels, 0)
-const int first_level_row = 0;
-uniform highp sampler2D owners; // of each pixel: its face's depth, 0: none
-flat in vec4 face[FACE_TEXELS];
-#define FACE(texel) face[texel]
-#endif
-OF_VIEW ivec2 origin;   // of the target in the view
-OF_VIEW ivec2 size;     // of the sum, pixels
-OF_VIEW vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
+ivec2 origin;   // of the sum in the view
+ivec2 size;     // of the sum, pixels
+vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 vec4 edge(int k) { return FACE(FACE_EDGE + k); }
 vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
 
 bool doubt = false;
-
-#ifndef COMPUTED
-bool is_owner(ivec2 at) { return abs(texelFetch(owners, at, 0).r - face[0].z) < 0.25 / OWNERS; }
-#endif
 
 // Of the face's cameras, 0 for those of others. `d`: from the anchor.
 vec3 weights_at(vec2 d) {

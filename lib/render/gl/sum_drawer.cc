@@ -8,7 +8,6 @@
 #include "render/camera_projection.h"
 #include "render/gl/block_sums.h"
 #include "render/gl/card_sum.h"
-#include "render/gl/face_sums.h"
 #include "render/gl/moment_sums.h"
 #include "render/gl/objects.h"
 #include "render/gl/passes.h"
@@ -22,9 +21,8 @@ struct SumDrawer::Objects {
   Passes passes;
   ViewTextures textures;
   Programs programs;
-  std::unique_ptr<FaceSums> faces;    // one of
-  std::unique_ptr<BlockSums> blocks;  // the two
-  std::unique_ptr<MomentSums> moments;
+  BlockSums blocks;
+  MomentSums moments;
   Buffer scratch{Buffer::Use::kComputed};
   Stopwatch stopwatch;
   GLint max_size = 0;
@@ -42,55 +40,27 @@ SumDrawer::~SumDrawer() {
   context_->run([this] { objects_.reset(); });
 }
 
-// What fragment shaders draw with. False with the reason in `why` if the driver is unfit for it.
-static bool prepare_faces(const Context& context, Programs& programs, std::unique_ptr<FaceSums>& faces,
-                          std::string& why) {
-  GLint inputs = 0, outputs = 0;
-  glGetIntegerv(GL_MAX_FRAGMENT_INPUT_COMPONENTS, &inputs);
-  glGetIntegerv(GL_MAX_VERTEX_OUTPUT_COMPONENTS, &outputs);
-  if (std::min(inputs, outputs) < 4 * (face_texels(true) + 1)) {
-    why = "too few numbers between shaders";
-    return false;
-  }
-  const bool has_float = context.has_extension("GL_EXT_color_buffer_float");
-  if (!has_float && !context.has_extension("GL_EXT_color_buffer_half_float")) {
-    why = "no sums in float";
-    return false;
-  }
-  faces = std::make_unique<FaceSums>(has_float && context.has_extension("GL_EXT_float_blend"));
-  using Output = SumProgram::Output;
-  for (const Output output : {Output::kRgb, Output::kChroma})
-    if (!programs.use({.output = output, .careful = true, .has_map = true}, why)) return false;
-  return true;
-}
-
-std::unique_ptr<SumDrawer> SumDrawer::create_with(Shaders shaders, Context::Drivers drivers, std::string& why) {
-  return create_on(Context::create(drivers, why), shaders, why);
+std::unique_ptr<SumDrawer> SumDrawer::create(Context::Drivers drivers, std::string& why) {
+  return create_on(Context::create(drivers, why), why);
 }
 
 std::unique_ptr<SumDrawer> SumDrawer::create_in(Context::Foreign foreign, Context::Drivers drivers, std::string& why) {
-  return create_on(Context::create_in(std::move(foreign), drivers, why), Shaders::kCompute, why);
+  return create_on(Context::create_in(std::move(foreign), drivers, why), why);
 }
 
-std::unique_ptr<SumDrawer> SumDrawer::create_on(std::unique_ptr<Context> context, Shaders shaders, std::string& why) {
+std::unique_ptr<SumDrawer> SumDrawer::create_on(std::unique_ptr<Context> context, std::string& why) {
   if (!context) return nullptr;
   std::unique_ptr<SumDrawer> drawer(new SumDrawer(std::move(context)));
   bool is_fit = false;
-  drawer->context_->run([&] { is_fit = drawer->prepare(shaders, why); });
+  drawer->context_->run([&] { is_fit = drawer->prepare(why); });
   return is_fit ? std::move(drawer) : nullptr;
 }
 
 // Unfit drivers are told from others before there is anything to draw.
-bool SumDrawer::prepare(Shaders shaders, std::string& why) {
-  if (shaders == Shaders::kFitting) shaders = is_software() ? Shaders::kFragment : Shaders::kCompute;
+bool SumDrawer::prepare(std::string& why) {
   // llvmpipe says of every compute shader that it took a second.
-  const bool tells_time = shaders == Shaders::kFragment || !is_software();
-  objects_ = std::make_unique<Objects>(tells_time && context_->has_extension("GL_EXT_disjoint_timer_query"));
-  Objects& o = *objects_;
-  if (shaders == Shaders::kFragment) return prepare_faces(*context_, o.programs, o.faces, why);
-  o.blocks = std::make_unique<BlockSums>();
-  o.moments = std::make_unique<MomentSums>();
-  return o.programs.use({.output = SumProgram::Output::kBlocksI420, .careful = true, .has_map = true}, why);
+  objects_ = std::make_unique<Objects>(!is_software() && context_->has_extension("GL_EXT_disjoint_timer_query"));
+  return objects_->programs.use({.output = SumProgram::Output::kBlocksI420, .has_map = true}, why);
 }
 
 // Samples of views that are not blended by their mesh that the card is given at once: of several views, and of one. It
@@ -104,19 +74,17 @@ static bool refuse(std::string& why, std::string reason) {
   return false;
 }
 
-// Sides of what is drawn, and numbers of faces. Images are seen to by their atlas.
+// Sides of what is drawn, and how much it is. Images are seen to by their atlas.
 bool SumDrawer::fits(std::span<const DrawnView> views, std::string& why) const {
   const Objects& o = *objects_;
-  if (o.blocks && !o.blocks->fits(views)) return refuse(why, "the view is too large");
+  if (!o.blocks.fits(views)) return refuse(why, "the view is too large");
   int level_rows = 0;
   size_t samples = 0;
   for (const DrawnView& view : views) {
     if (view.task->plan->blend()) samples += simd::samples_of(*view.task, view.rect);
-    const auto faces = static_cast<int>(view.task->plan->faces().size());
-    if (faces >= kMixedOwners) return refuse(why, "too many faces");
     if (const FocalMap* map = view.task->plan->view().focus.map.get()) level_rows += map->rows;
-    if (std::max({view.rect.width(), view.rect.height(), faces, level_rows}) > o.max_size)
-      return refuse(why, "the view or the array is too large");
+    if (std::max({view.rect.width(), view.rect.height(), level_rows}) > o.max_size)
+      return refuse(why, "the view is too large");
   }
   if (samples > (views.size() > 1 ? kMostSamples : kMostSamplesOfOne))
     return refuse(why, "there are too many cameras a pixel");
@@ -162,7 +130,7 @@ bool SumDrawer::draw_now(std::span<const DrawnView> views, ImageAtlas& atlas, co
 size_t SumDrawer::together(std::span<const SumOrder> orders) const {
   const simd::SumTask& first = *orders.front().task;
   const SumProgram program = program_of(first);
-  if (!objects_->blocks || program.has_rays) return 1;
+  if (program.has_rays) return 1;
   const auto end = std::ranges::find_if_not(orders, [&](const SumOrder& order) {
     return order.task->family == first.family && program_of(*order.task) == program;
   });
@@ -213,14 +181,13 @@ void SumDrawer::draw_pass(std::span<SumOrder> orders, const ParallelFor& paralle
     draw_pass(orders.first(orders.size() / 2), parallel);
     return draw_pass(orders.subspan(orders.size() / 2), parallel);
   }
-  if (o.blocks) pass->numbers.make(views, pass->atlas, parallel);
+  pass->numbers.make(views, pass->atlas, parallel);
   passes_++;
   std::vector<DrawnSum> open(orders.size());  // of those that stay, what the card has left open
   std::vector<SumReading> readings(orders.size());
   std::vector<std::shared_ptr<BlockSum>> sums;
   const auto begin = [&] {
-    return o.blocks ? o.blocks->begin(views, pass->numbers, o.textures, o.programs, o.stopwatch, why)
-                    : o.faces->begin(views.front(), o.textures, o.programs, o.stopwatch, why);
+    return o.blocks.begin(views, pass->numbers, o.textures, o.programs, o.stopwatch, why);
   };
   for (size_t i = 0; i < orders.size(); i++) {
     SumOrder& order = orders[i];
@@ -229,11 +196,7 @@ void SumDrawer::draw_pass(std::span<SumOrder> orders, const ParallelFor& paralle
     readings[i] = {.out = out, .only_open = order.stays};
   }
   const auto read_all = [&] {
-    if (o.faces) {
-      o.faces->read(orders.front().drawn);
-      return true;
-    }
-    sums.assign(o.blocks->latest().begin(), o.blocks->latest().end());
+    sums.assign(o.blocks.latest().begin(), o.blocks.latest().end());
     for (size_t i = 0; i < orders.size(); i++) readings[i].sum = sums[i].get();
     return read_sums(readings);
   };
@@ -252,10 +215,7 @@ void SumDrawer::draw(std::span<SumOrder> orders, const ParallelFor& parallel) {
   drawn_ns_ = 0;
   while (!orders.empty()) {
     const size_t count = together(orders);
-    if (orders.front().stays && !objects_->blocks)
-      orders.front().why_not = "what fragment shaders draw does not stay";
-    else
-      draw_pass(orders.first(count), parallel);
+    draw_pass(orders.first(count), parallel);
     orders = orders.subspan(count);
   }
 }
@@ -272,15 +232,13 @@ std::shared_ptr<BlockSum> SumDrawer::add(std::span<const std::shared_ptr<BlockSu
                                          std::string& why) {
   std::shared_ptr<BlockSum> sum;
   const auto add = [&](Programs& programs, Buffer&) {
-    sum = objects_->blocks->add(sums, view, programs, why);
+    sum = objects_->blocks.add(sums, view, programs, why);
     return sum != nullptr;
   };
   if (work(add)) return sum;
   if (why.empty()) why = lost_ ? "the context is lost" : "OpenGL refuses it";
   return nullptr;
 }
-
-bool SumDrawer::computes() const { return objects_->blocks != nullptr; }
 
 bool SumDrawer::draw_moments(const MomentTask& task, std::span<const Source> sources,
                              const std::function<Rect(const Source&)>& part, const ParallelFor& parallel,
@@ -295,9 +253,9 @@ bool SumDrawer::draw_moments(const MomentTask& task, std::span<const Source> sou
     return refuse(why, "the cameras' images are too large");
   pass->numbers.make({&view, 1}, pass->atlas, parallel, task.boxes);
   const auto begin = [&] {
-    return o.moments->begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
+    return o.moments.begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
   };
-  const auto read_all = [&] { return o.moments->read(out); };
+  const auto read_all = [&] { return o.moments.read(out); };
   drawn_ns_ = 0;
   return draw_now({&view, 1}, pass->atlas, parallel, begin, read_all, why);
 }

@@ -45,7 +45,7 @@ struct DrawnSum {
 // A sum that is to be drawn, and what comes of it.
 struct SumOrder {
   // The task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in kI420 and what
-  // stays), of images `sources` that the task was made of; with fragment shaders of a view that is blended by its mesh.
+  // stays), of images `sources` that the task was made of.
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;
   Rect rect;
@@ -77,32 +77,24 @@ struct DrawnMoments {
   }
 };
 
-// Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
+// Renders sums on a graphics card, by compute shaders: positions, weights and samples in float, sums rounded once. Owners of pixels come
 // from the CPU, in double, and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
 // computed there, too. So its bounds are SumRenderer's in every view.
 class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
  public:
-  enum class Shaders {
-    kFitting,   // kCompute, but kFragment where the CPU computes
-    kCompute,   // see BlockSums
-    kFragment,  // see FaceSums
-  };
   // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
-  static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why) {
-    return create_with(Shaders::kFitting, drivers, why);
-  }
-  static std::unique_ptr<SumDrawer> create_with(Shaders shaders, Context::Drivers drivers, std::string& why);
-  // One in somebody else's context, by compute shaders. Null, with the reason in `why`, if that is unfit.
+  static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why);
+  // One in somebody else's context. Null, with the reason in `why`, if that is unfit.
   static std::unique_ptr<SumDrawer> create_in(Context::Foreign foreign, Context::Drivers drivers, std::string& why);
   ~SumDrawer();
 
   const std::string& device() const { return context_->device(); }
   bool is_software() const { return context_->is_software(); }
 
-  // Draws sums, or says why it can't: sizes beyond the card's, a context that is lost, one that is to stay where
-  // fragment shaders draw. Those that follow each other go in one pass where their images fit together, of which those
-  // that several look at go to the card once: with compute shaders, of one family, all with focal maps or all without,
-  // all of cameras of the same kinds, and none distorted. No sum depends on those beside it.
+  // Draws sums, or says why it can't: sizes beyond the card's, a context that is lost. Those that follow each other go
+  // in one pass where their images fit together, of which those that several look at go to the card once: of one family,
+  // all with focal maps or all without, all of cameras of the same kinds, and none distorted. No sum depends on those
+  // beside it.
   // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
   // others, and drawing is one after the other.
   void draw(std::span<SumOrder> orders, const ParallelFor& parallel);
@@ -110,8 +102,6 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   // The sum of sums that are on the card, see BlockSums::add(). Null with the reason in `why` if that can't be done.
   std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, std::string& why);
 
-  // Whether it draws by compute shaders: only then can it draw moments, and several views in a pass.
-  bool computes() const;
   // Draws the moments of a task's slots, which `sources` are the images of, into `out`; `part`: what is looked at of a
   // source's image. They are the CPU's to the bit but where float's rounding takes a position to the next 256th of a
   // pixel or a weight to the next of Moments, which is a level of luma at most, or where it can't tell whether a camera
@@ -144,8 +134,8 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
-  static std::unique_ptr<SumDrawer> create_on(std::unique_ptr<Context> context, Shaders shaders, std::string& why);
-  bool prepare(Shaders shaders, std::string& why);
+  static std::unique_ptr<SumDrawer> create_on(std::unique_ptr<Context> context, std::string& why);
+  bool prepare(std::string& why);
   size_t together(std::span<const SumOrder> orders) const;
   void draw_pass(std::span<SumOrder> orders, const ParallelFor& parallel);
   bool fits(std::span<const DrawnView> views, std::string& why) const;

@@ -7,28 +7,19 @@
 // The programs that draw sums, in the shading language of OpenGL ES 3.1. What they are given is laid out here, for both
 // sides.
 //
-// Triangles cover the pixels of one face of the mesh each, and carry all that the rule needs to know of it from their
-// corners on, so that a pixel looks up nothing but its owner and its cameras' samples. What depends on the view or on
-// the cameras' kind is compiled in: drivers that compute on the CPU go through both sides of every branch.
+// What depends on the view or on the cameras' kind is compiled in: drivers that compute on the CPU go through both sides
+// of every branch.
 namespace lf::gl {
 
 struct SumProgram {
-  // What is computed for each pixel of the target.
-  //   kRgb: R, G, B of the sum. kLuma: Y. As 16 bits of SumPlanes, modulo 2^16; beside it, if careful, the lost weight.
-  //   kChroma: Cb and Cr of two by two pixels, as 16 bits.
-  //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
-  //   kChromaBits: such sums as 16 bits.
-  //   kBlocksRgb, kBlocksI420: all of a sum, by a compute shader; careful.
-  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma, by a compute shader.
-  //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, by a compute shader to which nothing below means
-  //     anything. kAdded: one such sum and another, likewise; kImage: samples of a camera's image, as they are to be
-  //     sampled, see CardPieces.
+  // What is computed.
+  //   kBlocksRgb, kBlocksI420: all of a sum. Where numbers in float can't tell whether a sample is lost, or where it is to
+  //     kMaxPositionError, the lost weight is kDoubt, Cb is kChromaDoubt.
+  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma.
+  //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, to which nothing below means anything.
+  //   kAdded: one such sum and another, likewise; kImage: samples of a camera's image, as they are to be sampled, see
+  //     CardPieces.
   enum class Output {
-    kRgb,
-    kLuma,
-    kChroma,
-    kMixedChroma,
-    kChromaBits,
     kBlocksRgb,
     kBlocksI420,
     kMomentsRgb,
@@ -37,27 +28,21 @@ struct SumProgram {
     kPictureI420,
     kAdded,
     kImage
-  } output = Output::kRgb;
-  // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
-  // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
-  bool careful = false;
+  } output = Output::kBlocksRgb;
   bool has_map = false;
-  bool has_rays = false;      // lines of sight are looked up; careful, but for moments
+  bool has_rays = false;      // lines of sight are looked up
   bool is_distorted = false;  // a camera's lens is
   bool has_cells = false;     // kBlocks alone: weights are those of a BlendGrid, and not of the mesh
 
   auto operator<=>(const SumProgram&) const = default;
 };
-// Owners of pixels are in the depth buffer, 16 bits of it, so that what is drawn of a face passes where its depth is
-// that of the pixel: its number and one by kMixedOwners; 0: none. Of blocks of pixels that have several: kMixedOwners.
-inline constexpr int kMixedOwners = 65535;
 inline constexpr int kDoubt = 0xffff, kChromaDoubt = 0x8000;
 
 // Numbers in `tables`: texels of four, a row of them for each face; with a BlendGrid for each slot, whose camera is in
 // the first corner.
 enum FaceTexel {
-  kFaceAnchor,  // x, y: what its pixels (or lines of sight, where these are looked up) are counted from; its depth;
-                // the level that inverse distances are counted from
+  kFaceAnchor,  // x, y: what its pixels (or lines of sight, where these are looked up) are counted from; w: the level
+                // that inverse distances are counted from
   kFaceEdge,    // three: edge function k is x i + y j + z; w: 1 if the camera in that corner is ours
   kFaceCorners = kFaceEdge + 3
 };
@@ -77,10 +62,9 @@ enum CornerTexel {
 };
 constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : kCornerTexels; }
 constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
-inline constexpr int kMaxTableTexels = face_texels(true);
 enum CornerFlags { kHasImage = 1 };
 
-// What compute shaders know of each view of a pass: 32-bit words, in front of all views' runs.
+// What programs know of each view of a pass: 32-bit words, in front of all views' runs.
 enum ViewWord {
   kViewOrigin,       // x, y of what is drawn in the view
   kViewSize = 2,     // of that, pixels
@@ -107,7 +91,7 @@ inline constexpr double kEyeDoubt = 1e-5;
 // camera in the low 16 bits and with it in the high ones.
 inline constexpr int kCellWords = 5;
 
-// Buffers of a compute shader, and invocations a side of a group of it. OpenGL ES 3.1 promises four bindings.
+// Buffers of a program, and invocations a side of a group of it. OpenGL ES 3.1 promises four bindings.
 enum BufferBinding {
   kRunsBinding,
   kTablesBinding,
@@ -117,8 +101,6 @@ enum BufferBinding {
 };
 inline constexpr int kGroup = 8;
 
-// By compute shaders: the last ones of Output; and moments and pictures among them.
-inline bool is_computed(const SumProgram& program) { return program.output >= SumProgram::Output::kBlocksRgb; }
 inline bool is_of_moments(const SumProgram& program) {
   return program.output == SumProgram::Output::kMomentsRgb || program.output == SumProgram::Output::kMomentsI420;
 }
@@ -126,8 +108,6 @@ inline bool is_of_picture(const SumProgram& program) {
   return program.output == SumProgram::Output::kPictureRgb || program.output == SumProgram::Output::kPictureI420;
 }
 
-std::string vertex_shader(const SumProgram& program);
-std::string fragment_shader(const SumProgram& program);
 std::string compute_shader(const SumProgram& program);
 
 }  // namespace lf::gl

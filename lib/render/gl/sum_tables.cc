@@ -126,7 +126,7 @@ struct RowAnchor {
 };
 
 // Adds kFaceAnchor of the row for what lies in this rectangle.
-RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect, double depth) {
+RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect) {
   const FocalMap* map = plan.view().focus.map.get();
   const bool separable = plan.rays().separable();
   const Vec2 at = separable ? anchor_of(rect) : Vec2(plan.view().width / 2.0, plan.view().height / 2.0);
@@ -134,7 +134,7 @@ RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect, dou
   const double level = map && map->nearest != map->farthest
                            ? (near - map->farthest) / (map->nearest - map->farthest) * FocalMap::kLevels
                            : 0;
-  tables.add(separable ? at.x : 0, separable ? at.y : 0, depth, level);
+  tables.add(separable ? at.x : 0, separable ? at.y : 0, 0, level);
   return {at, near};
 }
 
@@ -142,7 +142,7 @@ RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect, dou
 void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageAtlas::Offset> places) {
   const bool has_map = task.plan->view().focus.map != nullptr;
   for (size_t i = 0; i < task.slots.size(); i++) {
-    const RowAnchor anchor = add_anchor(tables, *task.plan, task.slots[i].rect, 0);
+    const RowAnchor anchor = add_anchor(tables, *task.plan, task.slots[i].rect);
     for (int k = 0; k < 3; k++) tables.add(0, 0, 0, k == 0);
     add_corner(tables, task, task.slots[i], places[i], anchor.at, anchor.near, 0);
     for (int k = 1; k < 3; k++) add_no_corner(tables, has_map);
@@ -159,7 +159,7 @@ void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> 
   const FocalMap* map = plan.view().focus.map.get();
   for (size_t i = 0; i < plan.faces().size(); i++) {
     const FacePlan& face = plan.faces()[i];
-    const auto [anchor, near] = add_anchor(tables, plan, face.rect, static_cast<double>(i + 1) / kMixedOwners);
+    const auto [anchor, near] = add_anchor(tables, plan, face.rect);
     add_edges(tables, task, face, task.face_corners[i]);
     for (int k = 0; k < 3; k++) {
       if (!(task.face_corners[i] >> k & 1)) {

@@ -58,12 +58,4 @@ void ViewTextures::describe_images(const Program& program) const {
   glUniform4i(program.chroma_places, cb.x, cb.y, cr.x, cr.y);
 }
 
-void ViewTextures::describe(const Program& program, const DrawnView& view) const {
-  describe_images(program);
-  glUniform2i(program.origin, view.rect.x0, view.rect.y0);
-  glUniform2i(program.size, view.rect.width(), view.rect.height());
-  const MapScale scale = scale_of(*view.task->plan);
-  glUniform4f(program.map_scale, scale.step, scale.farthest, scale.of_level, scale.eye_distance);
-}
-
 }  // namespace lf::gl

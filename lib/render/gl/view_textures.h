@@ -12,7 +12,7 @@
 
 namespace lf::gl {
 
-// What pixels look up of views, whichever shaders compute them: the focal maps' levels, lines of sight of distorted
+// What pixels look up of views: the focal maps' levels, lines of sight of distorted
 // views, and the cameras' images. All calls while the context is current.
 class ViewTextures {
  public:
@@ -20,12 +20,8 @@ class ViewTextures {
   // `atlas` is filled with their images, and stays until what is drawn has been read. False with the reason in `why` if
   // images that are on the card can't be had there.
   bool upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
-  // Tells a program in use where it all is: a compute shader, and one that draws the only view.
+  // Tells a program in use where the images are.
   void describe_images(const Program& program) const;
-  void describe(const Program& program, const DrawnView& view) const;
-
-  // What was uploaded last.
-  const ImageAtlas& atlas() const { return *atlas_; }
 
  private:
   void upload_levels(std::span<const DrawnView> views);

@@ -92,15 +92,13 @@ TEST(Card, IsLeftAloneForAWhileWhereItRefuses) {
   EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
 }
 
-// Trials are drawn by compute shaders alone, and are left alone where they are refused, whatever becomes of answers.
-TEST(Card, DrawsTrialsAndSeveralViewsByComputeShaders) {
+// Trials are left alone where they are refused, whatever becomes of answers.
+TEST(Card, DrawsTrialsAndSeveralViews) {
   uint64_t now = 1;
-  const auto open_with = [](gl::SumDrawer::Shaders shaders) {
-    return [shaders](gl::Context::Drivers, std::string& why) {
-      return gl::SumDrawer::create_with(shaders, gl::Context::Drivers::kAny, why);
-    };
+  const auto open = [](gl::Context::Drivers, std::string& why) {
+    return gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   };
-  Card card(open_with(gl::SumDrawer::Shaders::kCompute), [&] { return now; });
+  Card card(open, [&] { return now; });
   std::string news;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), nullptr) << "it is opened for answers";
   EXPECT_FALSE(card.draws_several(RendererChoice::kGl));
@@ -130,11 +128,6 @@ TEST(Card, DrawsTrialsAndSeveralViewsByComputeShaders) {
   now += Patience::kRest;
   EXPECT_EQ(card.open_for_trials(RendererChoice::kGl), drawer);
   EXPECT_EQ(news, "");
-
-  Card fragments(open_with(gl::SumDrawer::Shaders::kFragment));
-  ASSERT_TRUE(fragments.open(RendererChoice::kGl, news)) << news;
-  EXPECT_EQ(fragments.open_for_trials(RendererChoice::kGl), nullptr);
-  EXPECT_FALSE(fragments.draws_several(RendererChoice::kGl));
 }
 
 // To where pictures are: once, where there is something that draws, and who still draws with the one before may go on.
@@ -248,32 +241,6 @@ class CardLossTest : public testing::Test {
   const std::vector<Source> sources_ = test::sources_of(rig_, production_.plan, images_);
 };
 
-// What no card draws is not even asked for: one that is lost would have been found out.
-TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
-  Card card;
-  std::string news;
-  const std::shared_ptr<gl::SumDrawer> drawer = card.open(RendererChoice::kGl, news);
-  ASSERT_TRUE(drawer) << news;
-  drawer->lose();
-  View wide = view_;
-  wide.blending = blending_of(0.3, 0);
-  const std::vector<CameraIndex> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
-  const RenderJob job(rig_, build_mesh(rig_), wide, all);
-  const std::vector<Source> sources = test::sources_of(rig_, job.plan(), images_);
-  const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kI420, Coordinates::kGrid, drawer.get());
-  EXPECT_FALSE(drawer->is_lost());
-  EXPECT_FALSE(renderer.drawing().drawn);
-  EXPECT_FALSE(renderer.drawing().refused);
-  EXPECT_EQ(renderer.drawing().why_not, "the view is not blended by its mesh, and the card computes on the CPU");
-  for (int i = 0; i < 5; i++) {  // nor is the card blamed for it
-    card.rendered(RendererChoice::kGl, {.drawing = renderer.drawing(), .pixels = 1000, .render_ns = 1000});
-    EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
-  }
-  EXPECT_EQ(card.explain(RendererChoice::kGl),
-            "cpu, " + drawer->device() +
-                " does not draw this: the view is not blended by its mesh, and the card computes on the CPU");
-}
-
 TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
   Card card;
   std::string news;
@@ -289,7 +256,7 @@ TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
                              drawer.get());
   EXPECT_FALSE(renderer.drawing().drawn);
   EXPECT_TRUE(renderer.drawing().refused);
-  EXPECT_EQ(renderer.drawing().why_not, "the view or the array is too large");
+  EXPECT_EQ(renderer.drawing().why_not, "the view is too large");
 }
 
 // As many as LF_CYCLES says.

@@ -25,7 +25,7 @@ class BlendedViews : public testing::Test {
  protected:
   void SetUp() override {
     std::string why;
-    card_ = gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kCompute, gl::Context::Drivers::kAny, why);
+    card_ = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
     ASSERT_TRUE(card_) << why;
   }
 

@@ -348,18 +348,6 @@ TEST_P(CardSum, IsNoneOfTheCpus) {
   EXPECT_EQ(why, "the context is there no more");
 }
 
-TEST_P(CardSum, IsNotDrawnByFragmentShaders) {
-  std::string why;
-  const std::shared_ptr<gl::SumDrawer> fragments =
-      gl::SumDrawer::create_with(gl::SumDrawer::Shaders::kFragment, gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(fragments) << why;
-  const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
-  const SumRenderer renderer = scene.renderer(fragments, true);
-  EXPECT_EQ(renderer.card_sum(), nullptr);
-  EXPECT_TRUE(renderer.drawing().refused);
-  EXPECT_EQ(renderer.drawing().why_not, "what fragment shaders draw does not stay");
-}
-
 // Sums outlive drawers, and nothing is drawn over one that somebody holds.
 TEST_P(CardSum, IsHeldAsLongAsItIsWanted) {
   std::vector<std::shared_ptr<gl::CardSum>> held;

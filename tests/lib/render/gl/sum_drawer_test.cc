@@ -12,8 +12,6 @@
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/hard_cases.h"
-#include "render/gl/face_cover.h"
-#include "render/simd/sum_task.h"
 
 namespace lf {
 namespace {
@@ -26,27 +24,21 @@ struct Difference {
   size_t mended = 0;
 };
 
-using Shaders = gl::SumDrawer::Shaders;
-
 // Any driver will do for its pictures. setup.sh installs one that computes on the CPU.
-gl::SumDrawer& card_with(Shaders shaders) {
+gl::SumDrawer& shared_card() {
   static std::string why;
-  const auto open = [](Shaders of) { return gl::SumDrawer::create_with(of, gl::Context::Drivers::kAny, why); };
-  static const std::unique_ptr<gl::SumDrawer> drawers[] = {open(Shaders::kCompute), open(Shaders::kFragment)};
-  const auto& drawer = drawers[shaders == Shaders::kFragment];
+  static const std::unique_ptr<gl::SumDrawer> drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
   return *drawer;
 }
 
-class SumDrawer : public testing::TestWithParam<Shaders> {
+class SumDrawer : public testing::Test {
  protected:
-  gl::SumDrawer& card() const { return card_with(GetParam()); }
+  gl::SumDrawer& card() const { return shared_card(); }
   // Of the card's sums from the CPU's. `change`: what is special about the sources.
   Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
                         const std::function<void(std::vector<Source>&)>& change = {}) const;
 };
-INSTANTIATE_TEST_SUITE_P(, SumDrawer, testing::Values(Shaders::kCompute, Shaders::kFragment),
-                         [](const auto& of) { return of.param == Shaders::kCompute ? "Compute" : "Fragment"; });
 
 Image checkered(Random&, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
@@ -82,7 +74,7 @@ Difference SumDrawer::difference(const Rig& rig, const View& view, const std::ve
   return {most.level, most.lost, card().mended()};
 }
 
-TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
+TEST_F(SumDrawer, DrawsWhatTheCpuDoes) {
   std::printf("%s\n", card().device().c_str());
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const bool map : {false, true})
@@ -109,7 +101,7 @@ TEST_P(SumDrawer, DrawsWhatTheCpuDoes) {
 
 // Views a few pixels wide, whose pixels are as wide as faces: what ends in half a block is drawn, too. And views that
 // see their cameras' pixels larger or smaller than the cameras do. `LF_SCALES`: how many in all.
-TEST_P(SumDrawer, DrawsTinyViewsAndAllScales) {
+TEST_F(SumDrawer, DrawsTinyViewsAndAllScales) {
   const char* const asked = std::getenv("LF_SCALES");
   const int views = asked ? std::atoi(asked) : 150;
   Difference worst;
@@ -138,7 +130,7 @@ TEST_P(SumDrawer, DrawsTinyViewsAndAllScales) {
 
 // Planes and surfaces through eyes, arrays behind them, meshes that fold, slivers: what is proved of a face's pixels on
 // the CPU, and what is left to doubts on the card.
-TEST_P(SumDrawer, DrawsTheHardCases) {
+TEST_F(SumDrawer, DrawsTheHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
       Difference worst;
@@ -157,7 +149,7 @@ TEST_P(SumDrawer, DrawsTheHardCases) {
 }
 
 // Views with a lens, images of other layouts, cameras without a picture, and those of other nodes.
-TEST_P(SumDrawer, DrawsWhateverSourcesThereAre) {
+TEST_F(SumDrawer, DrawsWhateverSourcesThereAre) {
   constexpr int kSide = 4, kWidth = 161, kHeight = 121;
   Random random(5);
   const Rig rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.2);
@@ -204,7 +196,7 @@ TEST_P(SumDrawer, DrawsWhateverSourcesThereAre) {
 }
 
 // Samples right on the border of the images: (-0.5, y) is inside, and float can't tell.
-TEST_P(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
+TEST_F(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
     const Lens lens = Lens::pinhole(200, 79.5, 59.5);
@@ -226,58 +218,9 @@ TEST_P(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
   }
 }
 
-// A face may reach blocks of two by two pixels where it reaches no pixel: what is lost there is nothing, and not what
-// the sum before has lost. Here one node of the map, beside the array's right border, is too near to be proved calm.
-TEST_P(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
-  constexpr int kWidth = 128, kHeight = 96;
-  Random random(1);
-  Rig rig;
-  for (int i = 0; i < 4; i++)
-    rig.cameras.push_back(reference::make_camera(i, 160, 120, Lens::pinhole(80, 79.5, 59.5),
-                                                 {Vec3(0.1 * (i % 2), 0.1 * (i / 2), 0), Quat(1, 0, 0, 0)}));
-  rig.topology = {Topology::Type::kGrid, 2, 2, {}};
-  const auto images = images_of(rig, random, reference::smooth_image);
-  View view;
-  view.width = kWidth;
-  view.height = kHeight;
-  view.pose = {Vec3(0.05, 0.05, -0.1), Quat(std::cos(0.25), 0, 0, std::sin(0.25))};
-  view.lens = Lens::pinhole(125, 43, 47.5);
-  view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
-  FocalMap map;
-  map.from = plane_through({0, 0, 0}, {0, 0, 1});
-  map.step = 1;
-  map.columns = kWidth;
-  map.rows = kHeight;
-  map.farthest = 0.5;
-  map.nearest = 50;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
-  map.levels[static_cast<size_t>(22) * kWidth + 105] = 255;
-  view.focus.map = std::make_shared<FocalMap>(std::move(map));
-
-  const test::Production production(rig, build_mesh(rig), view);
-  const std::vector<Image> i420 = test::i420_of(images);
-  const std::vector<Source> sources = test::sources_of(rig, production.plan, i420);
-  const simd::PreparedTask prepared(production.plan, production.owners.runs(), sources, PixelFamily::kI420,
-                                    Coordinates::kExact);
-  const gl::FaceCover cover = gl::cover_faces(prepared.task, prepared.rect);
-  ASSERT_TRUE(cover.careful.pixels.empty());
-  ASSERT_FALSE(cover.careful_rect.empty());
-
-  View before = view;  // shows the array there, and has lost all of it
-  before.focus.map = nullptr;
-  before.lens = Lens::pinhole(125, 63.5, 47.5);
-  const auto blind = [](std::vector<Source>& of) {
-    for (Source& source : of) source.image = {.family = PixelFamily::kNone};
-  };
-  EXPECT_LE(difference(rig, before, images, PixelFamily::kI420, blind).lost, 1e-4);
-  const Difference one = difference(rig, view, images, PixelFamily::kI420);
-  EXPECT_LE(one.level, 0.2);
-  EXPECT_LE(one.lost, 1e-4);
-}
-
-TEST_P(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
+TEST_F(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
   std::string why;
-  const auto drawer = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
   Random random(2);
   const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
@@ -303,7 +246,7 @@ TEST_P(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
 }
 
 // A thread that copies images for one sum may be given another in the middle of it (FairAnswers).
-TEST_P(SumDrawer, DrawsOthersWhileImagesAreCopied) {
+TEST_F(SumDrawer, DrawsOthersWhileImagesAreCopied) {
   Random random(3);
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
   const Mesh mesh = build_mesh(rig);
@@ -338,9 +281,9 @@ TEST_P(SumDrawer, DrawsOthersWhileImagesAreCopied) {
 }
 
 // Before it has any memory for images.
-TEST_P(SumDrawer, MayBeLostBeforeItHasDrawnAnything) {
+TEST_F(SumDrawer, MayBeLostBeforeItHasDrawnAnything) {
   std::string why;
-  const auto drawer = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
   drawer->lose();
   Random random(4);
@@ -358,7 +301,7 @@ TEST_P(SumDrawer, MayBeLostBeforeItHasDrawnAnything) {
 
 // More than OpenGL ES 3.1 promises that shaders can write.
 TEST(SumDrawerLimits, LargerSumsAreTheCpus) {
-  gl::SumDrawer& card = card_with(Shaders::kCompute);
+  gl::SumDrawer& card = shared_card();
   Random random(6);
   const Rig rig = test::jittered_array(random, 2, 160, 120, 0);
   View view = test::view_into(rig, 2, 160, 120, random.small_rotation(0.2));
@@ -384,9 +327,9 @@ TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
 }
 
 // A drawer that has sent no image yet has nothing to send for a view that no camera shows anything of.
-TEST_P(SumDrawer, BeginsWithBlindCameras) {
+TEST_F(SumDrawer, BeginsWithBlindCameras) {
   std::string why;
-  const auto fresh = gl::SumDrawer::create_with(GetParam(), gl::Context::Drivers::kAny, why);
+  const auto fresh = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(fresh) << why;
   Random random(7);
   const Rig rig = test::jittered_array(random, 3, 64, 48, 0);
