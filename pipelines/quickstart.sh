@@ -60,7 +60,12 @@ if $window && [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
   exit 1
 fi
 
-"$root/tools/setup.sh" quickstart
+# Cameras and windows need more of GStreamer than the built-in scene does.
+if [[ -n $rig ]] || $window; then
+  "$root/tools/setup.sh" quickstart
+else
+  "$root/tools/setup.sh" --quickstart
+fi
 export GST_PLUGIN_PATH=$root/build/gst${GST_PLUGIN_PATH:+:$GST_PLUGIN_PATH}
 PATH=$root/build/tools:$PATH
 mkdir -p "$out"

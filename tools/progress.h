@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <string>
 
-// A progress bar on standard error; where that is not a terminal, a plain line now and then, so that a log shows that a
-// long job lives and a short one leaves no trace. One thread at a time.
+// A progress bar on standard error; where that is not a terminal, a plain line every ten seconds with an estimate of what
+// is left. One thread at a time.
 class Progress {
  public:
   Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
@@ -27,7 +27,10 @@ class Progress {
       const auto now = std::chrono::steady_clock::now();
       if (now - last_line_ < std::chrono::seconds(10)) return;
       last_line_ = now;
-      std::fprintf(stderr, "%s: %d %%\n", what_.c_str(), percent);
+      const double passed = std::chrono::duration<double>(now - begun_).count();
+      std::fprintf(stderr, "%s: %d %%", what_.c_str(), percent);
+      if (share > 0) std::fprintf(stderr, ", about %.0f s left", passed * (1 - share) / share);
+      std::fprintf(stderr, "\n");
       return;
     }
     if (percent == shown_ && doing == doing_) return;
@@ -50,5 +53,6 @@ class Progress {
   size_t total_, done_ = 0;
   int shown_ = -1;
   bool visible_;
-  std::chrono::steady_clock::time_point last_line_ = std::chrono::steady_clock::now();
+  const std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  std::chrono::steady_clock::time_point last_line_ = begun_;
 };

@@ -1,39 +1,47 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
-# Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything. With --tests
-# it installs, too, what only running the tests needs: a browser, tshark, Janus, coturn, nginx, pictures for calibration,
-# a clock that can be set, other languages.
+# Asks nothing, and says nothing when nothing is to do. With --quickstart it installs and builds only what
+# pipelines/quickstart.sh runs on the built-in scene. With --tests it installs, too, what only running the tests needs: a browser, tshark, Janus,
+# coturn, nginx, pictures for calibration, a clock that can be set, other languages. TARGETs (of ninja) are built in place
+# of everything.
 set -euo pipefail
 
-for_tests=false
-if [[ "${1:-}" == --tests ]]; then
-  for_tests=true
+what=
+if [[ "${1:-}" =~ ^--(quickstart|tests)$ ]]; then
+  what=${BASH_REMATCH[1]}
   shift
 fi
 if [[ "${1:-}" == -* ]]; then
-  echo "usage: tools/setup.sh [--tests] [TARGET...]"
+  echo "usage: tools/setup.sh [--quickstart | --tests] [TARGET...]"
   [[ "$1" == --help || "$1" == -h ]]
   exit
 fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 packages=(
-  g++ meson ninja-build pkg-config iproute2
-  libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libgstreamer-plugins-bad1.0-dev gstreamer1.0-tools
+  g++ meson ninja-build pkg-config
+  libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  gstreamer1.0-plugins-bad                             # jpegparse, WebRTC
-  gstreamer1.0-nice gstreamer1.0-plugins-ugly          # WebRTC's network, H.264
-  gstreamer1.0-x                                       # windows
-  libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libsoup-3.0-dev libssl-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
-  libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev libopencv-videoio-dev
-  libegl-dev libgles-dev libegl1 libgl1-mesa-dri       # OpenGL ES, and a driver of it that computes on the CPU
-  libbenchmark-dev libgmock-dev libgtest-dev
-  libgstrtspserver-1.0-dev                             # network cameras of the tests
-  python3-gi gir1.2-gst-plugins-base-1.0               # the example in Python
+  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
+  libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+  libegl-dev libgles-dev
+  python3
 )
-
-if $for_tests; then
+if [[ $what != quickstart ]]; then
+  packages+=(
+    iproute2 libgstreamer-plugins-bad1.0-dev libsoup-3.0-dev libssl-dev
+    gstreamer1.0-plugins-bad                           # parsers, WebRTC
+    gstreamer1.0-nice gstreamer1.0-plugins-ugly        # WebRTC's network, H.264
+    gstreamer1.0-x                                     # windows
+    libceres-dev libopencv-calib3d-dev libopencv-contrib-dev libopencv-video-dev libopencv-videoio-dev
+    libegl1 libgl1-mesa-dri                            # OpenGL ES, and a driver of it that computes on the CPU
+    libbenchmark-dev libgmock-dev libgtest-dev
+    libgstrtspserver-1.0-dev                           # network cameras of the tests
+    python3-gi gir1.2-gst-plugins-base-1.0             # the example in Python
+  )
+fi
+if [[ $what == tests ]]; then
   packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
@@ -45,6 +53,21 @@ fi
 missing_packages() {
   comm -23 <(printf '%s\n' "${packages[@]}" | sort) \
     <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${packages[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
+}
+
+# Prints how far a job is every ten seconds, and what else it says. A line "percent N" of its input is not printed.
+say_progress() { # what
+  local begun=$SECONDS last=$SECONDS line
+  while IFS= read -r line; do
+    if [[ ! $line =~ ^percent\ ([0-9]+) ]]; then
+      printf '%s\n' "$line"
+      continue
+    fi
+    local percent=${BASH_REMATCH[1]}
+    ((percent > 0 && SECONDS - last >= 10)) || continue
+    last=$SECONDS
+    echo "$1: $percent %, about $(((SECONDS - begun) * (100 - percent) / percent)) s left"
+  done
 }
 
 install_packages() {
@@ -61,9 +84,12 @@ install_packages() {
   echo "installing ${missing[*]}"
   local log
   log=$(mktemp)
+  # apt-get tells "dlstatus:N:PERCENT:..." while it loads packages, then "pmstatus:PACKAGE:PERCENT:..." from 0 on again.
   if ! { "${as_root[@]}" apt-get -qq update &&
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install "${missing[@]}"; } \
-    >"$log" 2>&1 </dev/null; then
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends -o APT::Status-Fd=1 \
+      install "${missing[@]}"; } 2>&1 </dev/null | tee "$log" |
+    sed -un 's/^dlstatus:[^:]*:\([0-9]*\).*/\1 0/p; s/^pmstatus:[^:]*:\([0-9]*\).*/100 \1/p' |
+    while read -r loaded set_up; do echo "percent $(((loaded + 3 * set_up) / 4))"; done | say_progress installing; then
     cat "$log" >&2
     rm "$log"
     echo "tools/setup.sh: packages could not be installed" >&2
@@ -78,12 +104,20 @@ install_packages() {
   done
 }
 
+# All of it, or for the quickstart what there are packages for. Other options of build/ stay as they are.
 configure() {
-  [[ -f build/build.ninja ]] && return
+  local options=(-Dauto_features=enabled)
+  if [[ $what == quickstart ]]; then
+    [[ ! -f build/build.ninja ]] || return 0
+    options=()
+  elif [[ -f build/build.ninja ]]; then
+    ! grep -qx 'auto_features = enabled' build/meson-private/cmd_line.txt || return 0
+    options+=(--reconfigure --clearcache)
+  fi
   echo "configuring build/"
   local log
   log=$(mktemp)
-  meson setup build >"$log" 2>&1 || { cat "$log" >&2; rm "$log"; exit 1; }
+  meson setup "${options[@]}" build >"$log" 2>&1 || { cat "$log" >&2; rm "$log"; exit 1; }
   rm "$log"
 }
 
@@ -92,10 +126,10 @@ build() {
   if ninja -C build -n "$@" | grep -q 'no work to do'; then return; fi
   if [[ -t 1 ]]; then
     ninja -C build "$@"
-  else
-    echo "building"
-    ninja -C build --quiet "$@"
+    return
   fi
+  echo "building"
+  NINJA_STATUS='percent %p ' ninja -C build "$@" | sed -u '/^ninja: Entering/d; s/^percent  */percent /' | say_progress building
 }
 
 if command -v dpkg-query >/dev/null; then
@@ -104,4 +138,5 @@ else
   echo "tools/setup.sh: not a Debian system; going on with what is installed" >&2
 fi
 configure
+if [[ $what == quickstart ]]; then set -- quickstart "$@"; fi
 build "$@"
