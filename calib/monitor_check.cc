@@ -19,7 +19,7 @@ using lf::format_text;
 using nlohmann::json;
 
 constexpr guint kPatience = 10;                  // seconds without a byte
-constexpr size_t kMostBytes = size_t{32} << 20;  // of a rig of 65,535 cameras
+constexpr size_t kMostBytes = size_t{32} << 20;  // enough for 65,535 cameras
 
 // Reads a body of at most `kMostBytes`.
 std::string read_body(GInputStream* stream, const std::string& address) {

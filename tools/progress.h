@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <string>
 
-// A progress bar on standard error; where that is not a terminal, a plain line every ten seconds with an estimate of what
-// is left. One thread at a time.
+// A progress bar on standard error. If that is not a terminal, a line every ten seconds with the estimated time left.
+// One thread at a time.
 class Progress {
  public:
   Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}

@@ -58,14 +58,15 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
-// Bytes that a camera on the network has sent since its latest picture. Demuxers keep what they have not understood.
+// Counts the bytes that a network camera has sent since its latest picture. Demuxers buffer an incomplete picture
+// without limit.
 class UnusedBytes {
  public:
   static constexpr size_t kMost = size_t{64} << 20;
   void add(size_t bytes) { bytes_ += bytes; }
   void clear() { bytes_ = 0; }
   bool are_too_many() const { return bytes_ > kMost; }
-  // Whether to tell of it: once.
+  // Returns true the first time.
   bool tell() { return !told_.exchange(true); }
 
  private:
@@ -131,14 +132,14 @@ void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer 
   g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
 }
 
-// A playlist (HLS) that comes over the network may name a film of this machine.
+// A playlist (HLS) from the network must not open files of this machine.
 void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gpointer /*unused*/) {
   GstElementFactory* factory = gst_element_get_factory(child);
   if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "filesrc") != 0) return;
   g_autoptr(GstPad) pad = gst_element_get_static_pad(child, "src");
   const auto drop = [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; };
   gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, drop, nullptr, nullptr);
-  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("it names a file of this machine in place of its pictures"),
+  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("its playlist names a file of this machine"),
                     (nullptr));
 }
 

@@ -16,8 +16,8 @@ namespace {
 
 bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
 
-// How long a child may take to stop. rtspsrc waits for a server that answers slowly, or never ends its answer. Cameras
-// stop one after the other: where one has not stopped in time, others of a moment later have less.
+// Time limit for a child to stop. rtspsrc waits for a server that answers slowly or without end. Cameras stop one after
+// another, so after one timeout the limit is shorter for a while.
 constexpr std::chrono::milliseconds kPatience{2000}, kLessPatience{200};
 constexpr std::chrono::seconds kMoment{20};
 
@@ -31,14 +31,13 @@ std::chrono::milliseconds patience(bool was_late) {
   return result;
 }
 
-// Stops a child. One that does not stop in time is taken out of the bin and goes on by itself, on a thread that keeps
-// both alive.
+// Stops a child. On timeout the child is removed from the bin, and a thread that keeps both alive finishes stopping it.
 GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) {
   struct Stop {
     std::mutex mutex;
     std::condition_variable done;
     std::optional<GstStateChangeReturn> result;
-    bool is_late = false;  // nobody waits any more
+    bool is_late = false;  // the caller has given up waiting
   };
   const auto stop = std::make_shared<Stop>();
   std::thread([stop, state, camera = gst_object_ref(bin), element = GST_ELEMENT(gst_object_ref(child))] {
@@ -46,7 +45,7 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
     std::unique_lock lock(stop->mutex);
     if (!stop->is_late) {
       gst_object_unref(element);
-      gst_object_unref(camera);  // not the last one: it is being waited for
+      gst_object_unref(camera);  // the caller has another reference
       stop->result = result;
       stop->done.notify_all();
       return;
@@ -61,7 +60,7 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
   stop->is_late = true;
   lock.unlock();
   patience(true);
-  g_signal_handlers_destroy(child);  // its pads are not linked any more
+  g_signal_handlers_destroy(child);  // new pads must not be linked
   gst_bin_remove(bin, child);
   return GST_STATE_CHANGE_SUCCESS;
 }

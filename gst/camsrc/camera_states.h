@@ -25,7 +25,7 @@ GstStateChangeReturn pause_new_children(GstBin* bin);
 // Takes children that pause_new_children() has started from PAUSED to PLAYING.
 GstStateChangeReturn play_new_children(GstBin* bin);
 
-// Stops a child and takes it out of the bin. A child that decodes and does not stop in time goes on stopping by itself.
+// Stops a child and removes it from the bin. A decoder that does not stop in time is left to stop by itself.
 void remove_child(GstBin* bin, GstElement* child);
 
 // Takes a locked child's message about its state, in GstBinClass::handle_message: true if the message ends here,

@@ -26,7 +26,7 @@ Sphere ball_of(const Pillar& p) {
 Sphere ball_of(const Block& b) { return {b.centre, b.radius, b.paint}; }
 Sphere ball_of(const Group& g) { return {g.centre, g.radius, {}}; }
 
-// What holds both.
+// Bounds of both.
 Sphere hold(const Sphere& a, const Sphere& b) {
   return {0.5f * (a.centre + b.centre), 0.5f * glm::length(a.centre - b.centre) + std::max(a.radius, b.radius), {}};
 }
@@ -37,7 +37,7 @@ Capsule hold(const Capsule& a, const Capsule& b) {
           {}};
 }
 
-// Calls visit(i) for each index in [first, last) at which they differ, and notes it.
+// Sets changes[i] for each i in [first, last). Calls visit(i) if the objects differ.
 template <typename Object, typename Visit>
 void visit_changes(const std::vector<Object>& before, const std::vector<Object>& after, size_t first, size_t last,
                    std::vector<bool>& changes, const Visit& visit) {

@@ -7,12 +7,12 @@
 
 namespace lf::scene {
 
-// What differs between two instants of the scene.
+// The objects that differ between two instants of the scene.
 struct Movement {
-  // Whether the object of this index does.
+  // True at the index of each object that differs.
   std::vector<bool> spheres, capsules, pillars, blocks;
 
-  // Objects that differ: each is inside of one of the balls or rods at both instants, and all are inside of `around`.
+  // Bounds of such objects at both instants: each object is inside one ball or rod, and all are inside `around`.
   struct Part {
     Sphere around;
     std::vector<Sphere> balls;

@@ -27,7 +27,7 @@ class CameraRays {
  public:
   explicit CameraRays(const SceneCamera& camera) : camera_(camera), rotation_(camera.pose.rotation()) {}
 
-  // What is seen through the pixel position; `spacing`: pixels between samples. Black where the lens sees nothing.
+  // Traces the ray through a pixel position. `spacing`: pixels between samples. Black where the lens sees nothing.
   scene::Seen trace(const scene::Objects& objects, double x, double y, double spacing,
                     scene::PixelShadows& shadows) const {
     const std::optional<Vec2> u = camera_.lens.unproject({x, y});
@@ -102,7 +102,7 @@ Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time) {
   return {c.x, c.y, c.z};
 }
 
-// The pictures so far, as far as the next one may be the same.
+// The previous picture, for the pixels that the next one has in common with it.
 struct SceneFilm::State {
   State(const SceneCamera& of, int samples_a_side) : camera(of), samples(samples_a_side), rays(camera) {
     if (samples < 1) throw Error("samples: must be at least 1");
@@ -120,7 +120,7 @@ struct SceneFilm::State {
   // A pixel's mean of several rays.
   struct Mean {
     V3 colour;        // encoded
-    int picture = 0;  // the latest one that it is right for; 0: none
+    int picture = 0;  // number of the latest picture with this mean; 0: none
   };
 
   const SceneCamera camera;
@@ -129,7 +129,7 @@ struct SceneFilm::State {
   int picture = 0;  // number of the latest; 0: none
   scene::Objects objects;
   Draft draft;
-  // What the rays of the draft, and all of those that means are made of, have met. Empty for one picture.
+  // Hit points of the draft's rays and of the means' rays. Empty if there is only one picture.
   std::vector<scene::Sight> draft_sights, mean_sights;
   std::vector<Mean> means;
 };
@@ -183,7 +183,7 @@ Image SceneFilm::State::at(double time, bool everywhere) {
 }
 
 SceneFilm::SceneFilm(const SceneCamera& camera, int samples) : state_(std::make_unique<State>(camera, samples)) {
-  constexpr int kMostSamples = 4;  // a side: of more rays it is not noted what they met
+  constexpr int kMostSamples = 4;  // a side; with more samples the hit points would take too much memory
   const size_t pixels = state_->draft.colour.size();
   state_->draft_sights.resize(pixels);
   if (samples < 2 || samples > kMostSamples) return;

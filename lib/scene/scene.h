@@ -30,8 +30,8 @@ struct SceneCamera {
 // black. Single-threaded; throws Error if samples < 1.
 Image render_scene(const SceneCamera& camera, double time, int samples = 2, bool everywhere = false);
 
-// Pictures of one camera, instant after instant: render_scene() of each, to the bit. What nothing has moved in front of,
-// or into the light of, since the picture before is not traced again. Not thread-safe.
+// Pictures of one camera at successive instants, identical to those of render_scene(). A pixel is traced again only if
+// an object has moved in front of it or into its light since the previous picture. Not thread-safe.
 class SceneFilm {
  public:
   explicit SceneFilm(const SceneCamera& camera, int samples = 2);

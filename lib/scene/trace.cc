@@ -257,7 +257,7 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
 
 namespace {
 
-// A light as a point sees it: along a unit vector, so far away, its radius growing by `spread` per metre.
+// A line from a point to a light. The light's radius grows by `spread` per metre of distance.
 struct LightPath {
   V3 direction;
   float distance, spread;
@@ -269,7 +269,7 @@ LightPath key_light_from(const V3& point) {
   return {to_light / distance, distance, kLightRadius / distance};
 }
 
-// What the floor sees of the room's own light, from above.
+// The room's own light on the floor comes from above.
 constexpr LightPath kCeiling{{0, -1, 0}, 1.2f, 0.55f};
 constexpr uint32_t kFloorFace = 3;
 
@@ -285,13 +285,13 @@ bool has_changed(const Movement& m, const Sight& sight) {
   return false;
 }
 
-// Whether what has moved may be in a line's way, as light_seen() has it.
+// Returns true if a moved object may shade the line, by the penumbras of light_seen().
 bool is_in_way(const Movement& m, const V3& point, const LightPath& light) {
   const auto ball_is = [&](const Sphere& b) {
     return may_shade(b.centre, b.radius, point, light.direction, light.distance, light.spread);
   };
   const auto rod_is = [&](const Capsule& c) {
-    // What is inside may be nearest farther along.
+    // The object inside the rod may be nearest to the line farther along.
     const Approach nearest = approach(c, point, light.direction, light.distance);
     const float along = std::min(light.distance, nearest.along + glm::length(c.axis) + 2 * c.radius);
     return nearest.gap < along * light.spread + kPenumbra;

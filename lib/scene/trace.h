@@ -28,11 +28,11 @@ Hit first_hit(const Objects& objects, const Ray& ray);
 float light_seen(const Objects& objects, const V3& point, const V3& direction, float distance, float spread, Kind kind,
                  uint32_t index);
 
-// What a ray has met.
+// A ray's hit point.
 struct Sight {
   V3 point;
   Kind kind = Kind::kNothing;
-  bool is_lit = false;  // it faces the light, which may be shaded
+  bool is_lit = false;  // the surface faces the light, which may be in shadow
   uint32_t index = 0;
 };
 
@@ -70,8 +70,8 @@ class PixelShadows {
 Seen trace(const Objects& objects, const Ray& ray, PixelShadows& shadows);
 
 
-// Whether the ray from `origin` that has met that before the movement sees the same light after it. May say no where it
-// does.
+// Returns true if the ray from `origin` that hit `sight` before the movement sees the same light after the movement.
+// Conservative: may return false for an unchanged ray.
 bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight);
 
 }  // namespace lf::scene

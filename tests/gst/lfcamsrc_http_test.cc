@@ -183,7 +183,7 @@ TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
   });
   CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
   camera.set_state(GST_STATE_PLAYING);
-  EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("it names a file of this machine"));
+  EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("its playlist names a file of this machine"));
   camera.set_state(GST_STATE_NULL);
   EXPECT_TRUE(camera.frames.empty());
 }

@@ -12,7 +12,7 @@ void Departures::add(std::function<void()> end) {
   }
   std::thread([state = state_, end = std::move(end)]() mutable {
     end();
-    end = nullptr;  // with what it holds
+    end = nullptr;  // destroys its captures
     const std::lock_guard lock(state->mutex);
     state->under_way--;
     state->changed.notify_all();

@@ -9,18 +9,18 @@
 
 namespace lf::serve {
 
-// Ends what may take long to end, such as pipelines, each on a thread of its own: a hung element must not stop the
-// server. Thread-safe.
+// Runs destructors that may take long, such as those of pipelines, on separate threads, so that a hung element cannot
+// block the server. Thread-safe.
 class Departures {
  public:
   // Calls `end` on a new thread.
   void add(std::function<void()> end);
   size_t size() const;
-  // Waits until none is under way. Returns false if that takes longer.
+  // Waits until all have finished. Returns false on timeout.
   bool wait(std::chrono::milliseconds longest) const;
 
  private:
-  // Threads that hang outlive the object.
+  // Shared with the threads, which may outlive the object.
   struct State {
     std::mutex mutex;
     std::condition_variable changed;

@@ -178,7 +178,7 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
   return "";
 }
 
-// Whether the media share one transport (RFC 9143), as clients of WHEP have to let them.
+// Returns true if all media share one transport (RFC 9143). WHEP requires that.
 bool is_bundled(const GstSDPMessage* sdp) {
   std::set<std::string> bundled;
   for (guint i = 0; i < gst_sdp_message_attributes_len(sdp); i++) {

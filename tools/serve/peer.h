@@ -74,7 +74,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void set_bit_rate(int bits_per_second);
   // Whether the browser may ask for a key frame now, which costs many bits. Thread-safe.
   bool take_key_frame();
-  // Ends the callbacks that come on the main thread. Call on the main thread.
+  // Stops the callbacks on the main thread. Call on the main thread.
   void leave() { has_left_ = true; }
   // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
   void say_goodbye();

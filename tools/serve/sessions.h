@@ -46,7 +46,7 @@ class Sessions {
   Viewer::Figures figures() const;
 
  private:
-  // Closed viewers whose pipelines have not stopped yet, at most: above that nobody gets a seat.
+  // At this number of closed viewers whose pipelines still run, new viewers get no seat.
   static constexpr size_t kMostDepartures = 32;
 
   struct Session {

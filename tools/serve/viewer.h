@@ -35,7 +35,8 @@ struct ViewerSettings {
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
 // pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made and used
-// on the main thread, where its callbacks come, too. Destroyed after leave(), on any thread: that may take long.
+// on the main thread, where its callbacks come, too. Call leave() before the destructor, which may run on any thread and
+// take long.
 class Viewer {
  public:
   struct Callbacks {
@@ -47,7 +48,7 @@ class Viewer {
   // Throws Error.
   Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks);
   ~Viewer();
-  // Ends the requests and the callbacks.
+  // Stops requests and callbacks.
   void leave();
   Viewer(const Viewer&) = delete;
 

@@ -77,24 +77,24 @@ struct DrawnMoments {
   }
 };
 
-// Renders sums on a graphics card, by compute shaders: positions, weights and samples in float, sums rounded once. Owners of pixels come
-// from the CPU, in double, and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
-// computed there, too. So its bounds are SumRenderer's in every view.
+// Renders sums on a graphics card, by compute shaders. Positions, weights and samples are in float, and sums are rounded
+// once. The CPU determines the owners of pixels, in double. It also computes the pixels for which float can't decide
+// whether a sample is lost, or where exactly it is. So the error bounds are those of SumRenderer in every view.
 class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
  public:
   // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
   static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why);
-  // One in somebody else's context. Null, with the reason in `why`, if that is unfit.
+  // A drawer in another context. Null, with the reason in `why`, if that is unfit.
   static std::unique_ptr<SumDrawer> create_in(Context::Foreign foreign, Context::Drivers drivers, std::string& why);
   ~SumDrawer();
 
   const std::string& device() const { return context_->device(); }
   bool is_software() const { return context_->is_software(); }
 
-  // Draws sums, or says why it can't: sizes beyond the card's, a context that is lost. Those that follow each other go
-  // in one pass where their images fit together, of which those that several look at go to the card once: of one family,
-  // all with focal maps or all without, all of cameras of the same kinds, and none distorted. No sum depends on those
-  // beside it.
+  // Draws sums, or sets why_not of those that it can't draw: sizes beyond the card's, a lost context. Successive sums
+  // share a pass if their images fit in one atlas and if they have one family, all or none have focal maps, their cameras
+  // are of the same kinds, and no view is distorted. An image that several sums need is sent once. No sum depends on the
+  // others.
   // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
   // others, and drawing is one after the other.
   void draw(std::span<SumOrder> orders, const ParallelFor& parallel);

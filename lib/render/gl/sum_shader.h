@@ -7,12 +7,12 @@
 // The programs that draw sums, in the shading language of OpenGL ES 3.1. What they are given is laid out here, for both
 // sides.
 //
-// What depends on the view or on the cameras' kind is compiled in: drivers that compute on the CPU go through both sides
-// of every branch.
+// Properties of the view and of the cameras' kind are compiled in, because drivers that compute on the CPU execute both
+// sides of every branch.
 namespace lf::gl {
 
 struct SumProgram {
-  // What is computed.
+  // The result.
   //   kBlocksRgb, kBlocksI420: all of a sum. Where numbers in float can't tell whether a sample is lost, or where it is to
   //     kMaxPositionError, the lost weight is kDoubt, Cb is kChromaDoubt.
   //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma.
@@ -64,7 +64,7 @@ constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : 
 constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
 enum CornerFlags { kHasImage = 1 };
 
-// What programs know of each view of a pass: 32-bit words, in front of all views' runs.
+// The data of each view of a pass: 32-bit words, in front of all views' runs.
 enum ViewWord {
   kViewOrigin,       // x, y of what is drawn in the view
   kViewSize = 2,     // of that, pixels
