@@ -23,14 +23,14 @@ packages=(
   g++ meson ninja-build pkg-config
   libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
+  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev nlohmann-json3-dev zlib1g-dev
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
   libegl-dev libgles-dev
   python3
 )
 if [[ $what != quickstart ]]; then
   packages+=(
-    iproute2 libgstreamer-plugins-bad1.0-dev libsoup-3.0-dev libssl-dev
+    iproute2 libgstreamer-plugins-bad1.0-dev libsoup-3.0-dev libssl-dev libyaml-cpp-dev
     gstreamer1.0-plugins-bad                           # parsers, WebRTC
     gstreamer1.0-nice gstreamer1.0-plugins-ugly        # WebRTC's network, H.264
     gstreamer1.0-x                                     # windows
