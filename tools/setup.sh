@@ -55,15 +55,12 @@ missing_packages() {
     <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${packages[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
 }
 
-# Prints how far a job is every ten seconds, and what else it says. A line "percent N" of its input is not printed.
+# Reads lines "percent N ..." and prints the progress of a job every ten seconds.
 say_progress() { # what
-  local begun=$SECONDS last=$SECONDS line
+  local begun=$SECONDS last=$SECONDS line percent
   while IFS= read -r line; do
-    if [[ ! $line =~ ^percent\ ([0-9]+) ]]; then
-      printf '%s\n' "$line"
-      continue
-    fi
-    local percent=${BASH_REMATCH[1]}
+    [[ $line =~ ^percent\ ([0-9]+) ]] || continue
+    percent=${BASH_REMATCH[1]}
     ((percent > 0 && SECONDS - last >= 10)) || continue
     last=$SECONDS
     echo "$1: $percent %, about $(((SECONDS - begun) * (100 - percent) / percent)) s left"
@@ -112,7 +109,8 @@ configure() {
     options=()
   elif [[ -f build/build.ninja ]]; then
     ! grep -qx 'auto_features = enabled' build/meson-private/cmd_line.txt || return 0
-    options+=(--reconfigure --clearcache)
+    meson configure --clearcache build >/dev/null  # packages that were not there
+    options+=(--reconfigure)
   fi
   echo "configuring build/"
   local log
@@ -129,7 +127,15 @@ build() {
     return
   fi
   echo "building"
-  NINJA_STATUS='percent %p ' ninja -C build "$@" | sed -u '/^ninja: Entering/d; s/^percent  */percent /' | say_progress building
+  local log
+  log=$(mktemp)
+  if ! NINJA_STATUS='percent %p ' ninja -C build "$@" | tee "$log" | sed -un 's/^percent  */percent /p' |
+    say_progress building; then
+    grep -v '^percent' "$log" >&2
+    rm "$log"
+    exit 1
+  fi
+  rm "$log"
 }
 
 if command -v dpkg-query >/dev/null; then
