@@ -25,7 +25,7 @@ target=$1 runs=$2 data=build-fuzz
 shift 2
 command -v clang++ >/dev/null || { echo "tests/fuzz.sh: clang++ is not installed" >&2; exit 1; }
 [[ -f $build/build.ninja ]] ||
-  CXX=clang++ meson setup "$build" -Dfuzz=true -Dtests=false -Db_sanitize="$sanitizers" -Db_lundef=false \
+  CXX=clang++ meson setup "$build" -Dfuzz=true -Dtests=disabled -Db_sanitize="$sanitizers" -Db_lundef=false \
     -Dbuildtype="$kind" >/dev/null
 ninja -C "$build" --quiet "tests/fuzz/fuzz-$target" tests/fuzz/fuzz-seeds
 mkdir -p "$data/corpus/$target" "$data/found"
