@@ -102,7 +102,7 @@ Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time) {
   return {c.x, c.y, c.z};
 }
 
-// The previous picture, for the pixels that the next one has in common with it.
+// The previous picture, whose unchanged pixels are reused.
 struct SceneFilm::State {
   State(const SceneCamera& of, int samples_a_side) : camera(of), samples(samples_a_side), rays(camera) {
     if (samples < 1) throw Error("samples: must be at least 1");

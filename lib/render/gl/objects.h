@@ -113,7 +113,7 @@ class Stopwatch {
   Stopwatch& operator=(const Stopwatch&) = delete;
   ~Stopwatch() { glDeleteQueries(1, &name_); }
   void reset() { used_ = false; }
-  // Once between two resets.
+  // Call once after each reset().
   void begin() {
     if (works_) glBeginQuery(kTimeElapsed, name_);
     used_ = works_;

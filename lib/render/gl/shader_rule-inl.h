@@ -19,8 +19,8 @@ int first_level_row; // where they begin in `levels`
 layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
 int face_row; // of the face that is looked at now
 #define FACE(texel) tables[face_row * FACE_TEXELS + texel]
-ivec2 origin;   // of the sum in the view
-ivec2 size;     // of the sum, pixels
+ivec2 origin;   // the sum's first pixel in the view
+ivec2 size;     // the sum's width and height, pixels
 vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 vec4 edge(int k) { return FACE(FACE_EDGE + k); }
 vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }

@@ -77,9 +77,9 @@ struct DrawnMoments {
   }
 };
 
-// Renders sums on a graphics card, by compute shaders. Positions, weights and samples are in float, and sums are rounded
-// once. The CPU determines the owners of pixels, in double. It also computes the pixels for which float can't decide
-// whether a sample is lost, or where exactly it is. So the error bounds are those of SumRenderer in every view.
+// Renders sums on a graphics card, by compute shaders. Positions, weights and samples are in float, and sums are
+// rounded once. The CPU determines the owners of pixels, in double. It also computes the pixels for which float can't
+// decide whether a sample is lost, or where exactly it is. Every view has the error bounds of SumRenderer.
 class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
  public:
   // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
@@ -91,10 +91,10 @@ class SumDrawer : public std::enable_shared_from_this<SumDrawer> {
   const std::string& device() const { return context_->device(); }
   bool is_software() const { return context_->is_software(); }
 
-  // Draws sums, or sets why_not of those that it can't draw: sizes beyond the card's, a lost context. Successive sums
-  // share a pass if their images fit in one atlas and if they have one family, all or none have focal maps, their cameras
-  // are of the same kinds, and no view is distorted. An image that several sums need is sent once. No sum depends on the
-  // others.
+  // Draws sums, or sets why_not of sums that it can't draw: sizes beyond the card's, a lost context. Successive sums
+  // share a pass if their images fit in one atlas and if they have one family, all or none have focal maps, their
+  // cameras are of the same kinds, and no view is distorted. An image that several sums need is sent once. A sum is the
+  // same alone and with others.
   // Any thread, even in the middle of what `parallel` does for another: what copies images goes on beside what draws
   // others, and drawing is one after the other.
   void draw(std::span<SumOrder> orders, const ParallelFor& parallel);

@@ -13,12 +13,11 @@ namespace lf::gl {
 
 struct SumProgram {
   // The result.
-  //   kBlocksRgb, kBlocksI420: all of a sum. Where numbers in float can't tell whether a sample is lost, or where it is to
-  //     kMaxPositionError, the lost weight is kDoubt, Cb is kChromaDoubt.
-  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h), of images in RGB and of luma.
-  //   kPictureRgb, kPictureI420: a picture of kBlocksRgb, kBlocksI420, to which nothing below means anything.
-  //   kAdded: one such sum and another, likewise; kImage: samples of a camera's image, as they are to be sampled, see
-  //     CardPieces.
+  //   kBlocksRgb, kBlocksI420: a whole sum. If float can't decide whether a sample is lost, or can't determine its
+  //     position to kMaxPositionError, the lost weight is kDoubt and Cb is kChromaDoubt.
+  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h) from RGB images and from luma.
+  //   kPictureRgb, kPictureI420: a picture made of a sum. kAdded: two sums added up. kImage: part of a camera's image,
+  //     ready for sampling (see CardPieces). These ignore the members below.
   enum class Output {
     kBlocksRgb,
     kBlocksI420,
@@ -30,7 +29,7 @@ struct SumProgram {
     kImage
   } output = Output::kBlocksRgb;
   bool has_map = false;
-  bool has_rays = false;      // lines of sight are looked up
+  bool has_rays = false;      // the lines of sight come from a texture
   bool is_distorted = false;  // a camera's lens is
   bool has_cells = false;     // kBlocks alone: weights are those of a BlendGrid, and not of the mesh
 

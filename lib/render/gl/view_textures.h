@@ -12,15 +12,15 @@
 
 namespace lf::gl {
 
-// What pixels look up of views: the focal maps' levels, lines of sight of distorted
-// views, and the cameras' images. All calls while the context is current.
+// The textures of a pass: levels of focal maps, lines of sight of distorted views, and the cameras' images. All calls
+// while the context is current.
 class ViewTextures {
  public:
   // Sends and binds what the views of a pass need: one view, or several whose lines of sight are not looked up.
   // `atlas` is filled with their images, and stays until what is drawn has been read. False with the reason in `why` if
   // images that are on the card can't be had there.
   bool upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
-  // Tells a program in use where the images are.
+  // Sets the uniforms with the places of the images, for the program in use.
   void describe_images(const Program& program) const;
 
  private:
