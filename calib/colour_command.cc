@@ -16,19 +16,16 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "base/number_text.h"
-#include "calibration/colour_checker_finder.h"
+#include "base/text.h"
+#include "calibration/colour_samples.h"
 #include "calibration/colour_solve.h"
-#include "calibration/colour_views.h"
 #include "commands.h"
-#include "image/colour_checker.h"
+#include "image/colour_correction.h"
 #include "image/image.h"
 #include "progress.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
-#include "video_pictures.h"
 
 namespace {
 

@@ -1,14 +1,59 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "command_line.h"
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <string>
 
-// The large steps of lf-calibrate, NAME_command.cc: each adds its subcommand with options and a callback that runs it.
+#include <unistd.h>
+
+#include "command_line.h"
+#include "progress.h"
+
+// The large steps of lf-calibrate, NAME_command.cc (track is beside solve): each adds its subcommand with options and a
+// callback that runs it.
 // What goes wrong is thrown as lf::Error; `status`: the exit status of what can end otherwise than well without that.
 void add_all_command(cli::App& app, int& status);
 void add_check_command(cli::App& app, int& status);
 void add_colour_command(cli::App& app);
 void add_intrinsics_command(cli::App& app);
-void add_report_command(cli::App& app);
 void add_solve_command(cli::App& app);
 void add_track_command(cli::App& app);
+
+// A progress bar for the steps of a solution, of tracks or of lights with clocks of their own; where standard error is
+// no terminal, a line for each step. Lives as long as the solver may call `progress`, which it sets.
+class SolveProgress {
+ public:
+  SolveProgress(const std::string& what, std::function<void(const std::string& step)>& progress) : bar_(what, 100) {
+    progress = [this](const std::string& step) { reach(step); };
+  }
+
+  void finish() { bar_.finish(); }
+
+ private:
+  void reach(const std::string& step) {
+    if (!isatty(STDERR_FILENO)) {
+      std::fprintf(stderr, "%s\n", step.c_str());
+      return;
+    }
+    // Lights are solved twice, roughly and well, with rounds for their clocks in between: 12 of these at most.
+    if (step.starts_with("clocks")) {
+      has_clocks_ = true;
+      if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
+    }
+    static const std::map<std::string, double> kShares = {
+        {"lenses", 0.15}, {"distortion", 0.3}, {"final adjustment", 0.7}, {"uncertainty", 0.9}};
+    const auto share = kShares.find(step);
+    const double in_turn = share == kShares.end() ? 0 : share->second;
+    const double from = !has_clocks_ || between_ == 0 ? 0 : between_;
+    const double to = !has_clocks_ ? 100 : between_ == 0 ? 30 : 100;
+    const bool is_round = step.starts_with("clocks");
+    bar_.reach(is_round ? between_ / 100 : (from + in_turn * (to - from)) / 100, step);
+  }
+
+  Progress bar_;
+  bool has_clocks_ = false;
+  double between_ = 0;  // percent: where the second solution begins
+};

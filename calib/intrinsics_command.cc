@@ -13,15 +13,13 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "calibration/boards.h"
+#include "base/text.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image.h"
-#include "rig/bin_description.h"
-#include "rig/location_text.h"
 #include "rig/rig_json.h"
+#include "rig/source_security.h"
 
 namespace {
 
@@ -47,8 +45,8 @@ struct Video {
 // Of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
 Video video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
-          lf::location_text(uri), uri.starts_with("file:")};
+  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto", lf::location_text(uri),
+          uri.starts_with("file:")};
 }
 
 // Of a rig's camera, opened as the light field opens it: in its size, with its controls.

@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "calibration/moving_light.h"
+#include "calibration/tracks.h"
 #include "rig/rig.h"
 
 // Recordings of a folder are files NAME.*, NAME being the camera's. Their content decides what they are, not the ending
@@ -24,3 +29,43 @@ std::vector<std::string> boards_in(const std::string& folder, const lf::Camera& 
 
 // Throws lf::Error where `folder` is not empty and no folder.
 void check_folder(const std::string& folder);
+
+enum class VideoFormat { kGrey, kRgb };
+
+// A picture of a video: 8 bits of brightness a pixel, or of R, G and B.
+struct VideoPicture {
+  const uint8_t* samples;  // valid until the next picture
+  ptrdiff_t stride;        // bytes from row to row
+  int width, height;
+  double time;      // stamp of the picture in the video, seconds
+  double progress;  // share of the video that has passed, as far as its length is known; else 0
+};
+
+// Hands all pictures of a file or GStreamer URI to `use` until that returns false or the video ends. gst_init() must
+// have been called. Throws lf::Error where there is no video; one that breaks off has ended.
+void for_each_picture(const std::string& path_or_uri, VideoFormat format,
+                      const std::function<bool(const VideoPicture&)>& use);
+
+// Seconds; 0 where it is not known: of what is live, or no video at all.
+double length_of_video(const std::string& path_or_uri);
+
+// What recordings of a moving light show, of each camera of a rig.
+struct LightRecordings {
+  struct Camera {
+    lf::LightRecord record;
+    lf::LightSummary summary;
+    std::string trouble;  // why the recording is of no use, and what to do about it; "": it is of use
+  };
+  lf::LightSights sights;
+  std::vector<Camera> cameras;
+  std::vector<lf::Finding> findings;  // findings about all recordings together
+
+  size_t useful() const;
+  // "camera 3 (cam_00_03) is black from ...", of each that is of no use.
+  std::vector<std::string> troubles(const lf::Rig& rig) const;
+};
+
+// Looks through the recordings in `folder` (recording_of()), `threads` at a time, with a progress bar. gst_init() must
+// have been called. Throws lf::Error where there is no such folder; recordings that are of no use are said in
+// `cameras`.
+LightRecordings watch_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads);

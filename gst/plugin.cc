@@ -6,7 +6,6 @@
 #include "compositor/lfcompositor.h"
 #include "config.h"
 #include "fragment/lffragment.h"
-#include "parse/lftypefind.h"
 #include "rtp/rtplfpay.h"
 #include "viewrequest/lfviewrequest.h"
 
@@ -17,6 +16,7 @@ GST_ELEMENT_REGISTER_DECLARE(lfrtpgate)
 GST_ELEMENT_REGISTER_DECLARE(lfrtpseal)
 GST_ELEMENT_REGISTER_DECLARE(lfviewsrc)
 GST_ELEMENT_REGISTER_DECLARE(rtplfdepay)
+GST_TYPE_FIND_REGISTER_DECLARE(lightfield)
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
@@ -33,7 +33,7 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lfviewsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(rtplfdepay, plugin);
   ok &= GST_ELEMENT_REGISTER(rtplfpay, plugin);
-  ok &= lf_typefind_register(plugin);
+  ok &= GST_TYPE_FIND_REGISTER(lightfield, plugin);
   return ok;
 }
 

@@ -17,7 +17,7 @@ if [[ ${1:-} == --fast ]]; then
   shift
   sanitizers=none kind=release build=build-fuzz-fast
 fi
-if [[ ! ${2:-} =~ ^([0-9]+|keep)$ || ! -f tests/fuzz/$1_fuzz.cc ]]; then
+if [[ ! ${2:-} =~ ^([0-9]+|keep)$ || -z $(grep -l "LF_FUZZ_TARGET($1)" tests/fuzz/*_fuzz.cc) ]]; then
   sed -n '3,11s/^# //p' "$0"
   exit 2
 fi

@@ -13,7 +13,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/file.h"
-#include "rig/location_text.h"
+#include "rig/source_security.h"
 
 namespace cli {
 

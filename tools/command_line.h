@@ -50,7 +50,7 @@ class Option {
 };
 
 class App;
-// Adds --trust-rig, which sets `trusted` (rig/rig_trust.h).
+// Adds --trust-rig, which sets `trusted` (rig/source_security.h).
 void add_trust_option(App& app, bool& trusted);
 
 // A program's command line, one of its commands, or a group of options.

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "rig/rig.h"
 
 // Names become file names: they must not lead out of the folder, hide a pattern or name one file twice. Throws Error

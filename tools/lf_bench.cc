@@ -9,15 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
 #include "base/schedule.h"
+#include "base/text.h"
 #include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"
 #include "focus/view_focus.h"
 #include "image/image.h"
-#include "node/answer_task.h"
 #include "node/card.h"
+#include "node/request_renderer.h"
 #include "progress.h"
 #include "quality/quality.h"
 #include "render/focus_range.h"
@@ -25,7 +25,7 @@
 #include "rig/still_images.h"
 #include "scene/scene.h"
 #include "view/navigator.h"
-#include "wire/answer_parser.h"
+#include "wire/answer_codec.h"
 
 namespace {
 
@@ -84,9 +84,9 @@ lf::View view_of(const Array& array, const Options& options) {
 class Link {
  public:
   // `jpeg`: over a link, of the quality asked for; else 16-bit sums within a process.
-  Link(const Array& array, const lf::View& view, bool jpeg, int quality, lf::RendererChoice renderer)
-      : array_(array), renderer_(renderer) {
-    manner_.in_process = !jpeg;
+  Link(const Array& array, const lf::View& view, bool jpeg, int quality, lf::RendererChoice choice)
+      : array_(array), choice_(choice) {
+    options_.in_process = !jpeg;
     request_.view = view;
     request_.rig_hash = array.rig->hash();
     request_.quality = quality;
@@ -94,19 +94,20 @@ class Link {
   }
 
   void render() {
-    const auto task = lf::make_task(*array_.rig, array_.mesh, request_, array_.cameras);
+    const lf::RequestPlan plan(*array_.rig, array_.mesh, request_, array_.cameras);
     std::vector<lf::Source> sources;
-    for (const lf::CameraIndex i : task->cameras())
+    for (const lf::CameraIndex i : plan.cameras())
       sources.push_back({i, &array_.rig->cameras[i], array_.i420[i].view()});
     const lf::View& view = request_.view;
     lf::wire::AnswerHeader header = lf::wire::answer_to(request_, {view.width, view.height}, request_.rig_hash);
     header.family = lf::PixelFamily::kI420;
     header.cameras = lf::CameraRanges(array_.cameras);
     std::string news;
-    manner_.card = card_.open(renderer_, news);
+    options_.card = card_.open(choice_, news);
     if (!news.empty()) throw lf::Error("nothing that a card does to measure: " + news);
-    lf::RenderedAnswer rendered = task->render(header, sources, manner_, std::move(bytes_));
-    card_.rendered(renderer_, rendered);
+    lf::RenderedAnswer rendered =
+        renderer_.render({&plan, std::move(header)}, sources, options_, scratch_, std::move(bytes_));
+    card_.rendered(choice_, rendered);
     bytes_ = std::move(rendered.bytes);
     const auto answer = lf::wire::parse_answer(bytes_);
     assembly_.begin(request_);
@@ -127,13 +128,15 @@ class Link {
   }
   size_t bytes() const { return bytes_.size(); }
   const lf::Image& picture() const { return picture_; }
-  std::string renderer() const { return card_.explain(renderer_); }
+  std::string drawn_by() const { return card_.explain(choice_); }
 
  private:
   const Array& array_;
-  const lf::RendererChoice renderer_;
+  const lf::RendererChoice choice_;
   lf::Card card_;
-  lf::AnswerTask::Options manner_;
+  lf::RenderOptions options_;
+  lf::RequestRenderer renderer_;
+  lf::ImageMemory scratch_;
   lf::ViewRequest request_;
   lf::ByteBuffer bytes_;
   lf::Assembly assembly_;
@@ -200,7 +203,7 @@ void print_speed(const Array& array, const Options& options) {
                                (through_surface ? ", focal surface" : ", one focal plane");
       std::printf("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
                   error.psnr_db);
-      drawn_by = link.renderer();
+      drawn_by = link.drawn_by();
     }
   if (renderer != lf::RendererChoice::kCpu) std::printf("drawn by %s\n", drawn_by.c_str());
   std::printf("error: luma, of 255, against unrounded sums at exact positions\n");

@@ -13,9 +13,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "base/percentiles.h"
+#include "base/maths.h"
+#include "base/text.h"
 #include "command_line.h"
 #include "image/image.h"
 #include "progress.h"
@@ -25,7 +25,7 @@
 #include "rig/still_images.h"
 #include "scene/scene.h"
 #include "sheet.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-rig: makes, describes, checks, cuts and converts rig files. What opens cameras is in cameras/NAME_command.cc.
+// lf-rig: makes, describes, checks, cuts and converts rig files. What opens cameras is in cameras/commands.cc.
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
@@ -11,20 +11,17 @@
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "base/number_text.h"
+#include "base/text.h"
 #include "cameras/commands.h"
+#include "cameras/rig_cameras.h"
 #include "command_line.h"
 #include "render/contribution_map.h"
 #include "render/stanford_focus.h"
-#include "rig/array_shapes.h"
-#include "rig/camera_controls.h"
 #include "rig/exchange.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
-#include "video_devices.h"
 
 namespace {
 

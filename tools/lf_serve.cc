@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-serve: anybody with a browser flies through the light field.
-#include <glib-unix.h>
-#include <gst/gst.h>
-
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -12,20 +12,23 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
-#include "base/host_list.h"
-#include "base/secret_file.h"
+#include <gio/gio.h>
+#include <glib-unix.h>
+#include <gst/gst.h>
+
+#include "base/file.h"
+#include "base/text.h"
 #include "command_line.h"
-#include "serve/client_address.h"
-#include "serve/environment.h"
-#include "serve/film.h"
+#include "serve/access.h"
 #include "serve/http_server.h"
-#include "serve/launch.h"
+#include "serve/pipelines.h"
+#include "serve/process.h"
 #include "serve/rig_reload.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace {
 
+namespace fs = std::filesystem;
 using namespace lf::serve;
 
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
@@ -110,6 +113,109 @@ void check_options(Options& options) {
       options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_secret_file(options.ice_credentials));
   options.server.whep.relays = options.server.whep.ice.relays();
   options.server.whep.media_address = media_address(options.media.empty() ? options.server.address : options.media);
+}
+
+// A film of the built-in scene that loops, made by lf-scene where it is not there yet, beside the main loop. On the
+// main thread alone.
+class Film {
+ public:
+  // The rig file, and whether it is there already.
+  static std::string rig();
+  static bool exists();
+
+  // Begins. `on_end` is called once, with what went wrong or "". Throws Error.
+  explicit Film(std::function<void(const std::string& problem)> on_end);
+  ~Film();
+  Film(const Film&) = delete;
+
+  // How much is done, 0 to 1.
+  double progress() const;
+
+ private:
+  void read_line();
+  void take_line(const std::string& line);
+
+  std::function<void(const std::string&)> on_end_;
+  GSubprocess* process_ = nullptr;
+  GDataInputStream* says_ = nullptr;
+  GCancellable* cancellable_;
+  int64_t began_;
+  double told_ = 0;  // share of the film, 0 to 1, when it was last told
+  int64_t told_at_ = 0;
+  std::string last_line_;
+};
+
+fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
+
+std::string Film::rig() { return folder() / "rig.json"; }
+
+bool Film::exists() { return fs::exists(rig()); }  // written last
+
+Film::Film(std::function<void(const std::string&)> on_end)
+    : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
+  std::error_code none;
+  const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
+  const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
+  const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
+                                   "320",           "--height", "240",       "--frames", "60",  nullptr};
+  GError* error = nullptr;
+  process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
+  if (!process_) {
+    const std::string text = std::string("lf-scene: ") + error->message;
+    g_error_free(error);
+    g_object_unref(cancellable_);
+    throw lf::Error(text);
+  }
+  says_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
+  read_line();
+}
+
+Film::~Film() {
+  g_cancellable_cancel(cancellable_);
+  g_subprocess_force_exit(process_);
+  g_object_unref(says_);
+  g_object_unref(process_);
+  g_object_unref(cancellable_);
+}
+
+void Film::read_line() {
+  g_data_input_stream_read_line_async(
+      says_, G_PRIORITY_DEFAULT, cancellable_,
+      [](GObject* stream, GAsyncResult* result, gpointer data) {
+        GError* error = nullptr;
+        g_autofree gchar* line =
+            g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
+        const bool cancelled = g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+        g_clear_error(&error);
+        if (cancelled) return;  // `data` is gone
+        Film* self = static_cast<Film*>(data);
+        if (line) return self->take_line(line);
+        g_subprocess_wait(self->process_, nullptr, nullptr);  // it has closed its standard error: it ends
+        const bool made =
+            g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
+        self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "was ended" : self->last_line_));
+      },
+      this);
+}
+
+// "filming: 40 %".
+void Film::take_line(const std::string& line) {
+  int percent = 0;
+  if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
+    told_ = std::clamp(percent, 0, 100) * 0.01;
+    told_at_ = g_get_monotonic_time();
+  } else {
+    last_line_ = line;
+  }
+  read_line();
+}
+
+// It is told every ten seconds, and goes on as fast between.
+double Film::progress() const {
+  if (told_at_ <= began_) return 0;
+  const double speed = told_ / static_cast<double>(told_at_ - began_);
+  constexpr double kNearlyDone = 0.99;
+  return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), told_, kNearlyDone);
 }
 
 // The page from the beginning; the light field when it has been filmed, where it must be, and its cameras run.
@@ -237,14 +343,7 @@ void serve(Options& options) {
   Program(options).run();
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  prepare_process();
-  setlinebuf(stdout);
-  Options o;
-  cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
-               "lf-serve");
+void add_camera_options(cli::App& app, Options& o) {
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
   app.add_flag("--watch", o.watch,
                "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
@@ -255,6 +354,9 @@ int main(int argc, char** argv) {
   app.add_option("--record", o.record,
                  "the cameras are recorded into this folder, with a rig.json to serve them by later")
       ->type_name("FOLDER");
+}
+
+void add_server_options(cli::App& app, Options& o) {
   app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
       ->capture_default_str();
   app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));
@@ -280,6 +382,9 @@ int main(int argc, char** argv) {
       ->type_name("FILE");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
+}
+
+void add_view_options(cli::App& app, Options& o) {
   app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
@@ -334,6 +439,19 @@ int main(int argc, char** argv) {
   app.add_option("--connects", o.limits.connects_per_second, "of an address, per second, in the long run")
       ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  prepare_process();
+  setlinebuf(stdout);
+  Options o;
+  cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
+               "lf-serve");
+  add_camera_options(app, o);
+  add_server_options(app, o);
+  add_view_options(app, o);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] { serve(o); });
 }

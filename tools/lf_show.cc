@@ -3,25 +3,261 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
+#include <memory>
 #include <optional>
+#include <regex>
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include <gst/gst.h>
+
+#include "base/text.h"
 #include "command_line.h"
-#include "image/heat_map.h"
+#include "composite/still.h"
+#include "focus/view_focus.h"
+#include "image/image.h"
+#include "mjpeg_writer.h"
+#include "progress.h"
 #include "quality/quality.h"
 #include "render/contribution_map.h"
 #include "render/epipolar.h"
 #include "render/focus_range.h"
+#include "rig/mesh.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
+#include "scene/scene.h"
 #include "sheet.h"
-#include "show/difference_command.h"
-#include "show/output.h"
-#include "show/text_of.h"
-#include "show/view_options.h"
+#include "view/navigator.h"
 #include "view/view_path.h"
 
 namespace {
+
+// A rig of which lf-show makes pictures, with what its cameras saw.
+class Scene {
+ public:
+  explicit Scene(const std::string& rig_file);
+
+  lf::Rig rig;
+  lf::Mesh mesh;
+  const lf::CameraImages images = [this](lf::CameraIndex camera) -> const lf::Image& { return stills_.get(camera); };
+
+  // The distance in focus where nobody says one, metres: from the images.
+  double estimated_focus() const;
+
+ private:
+  mutable lf::StillImages stills_;
+};
+
+// Which views, on the command line of a command.
+class ViewOptions {
+ public:
+  // This outlives the command. `is_sweep`: there is one view, focused by the command.
+  void add_to(cli::App& command, bool is_sweep = false);
+
+  // The views that are asked for, not focused yet, the first alone unless `many`; of the array's home view where there
+  // is no file. Throws lf::Error naming the option.
+  std::vector<lf::NamedView> views(const Scene& scene, bool many) const;
+  // The eye that the options ask for where there is no file of views.
+  lf::Viewpoint viewpoint(const lf::Viewpoint& from) const;
+  double focus_distance(const Scene& scene) const;
+  double aspect(const Scene& scene) const;
+  // As the options say: as it is, or with a focal surface that is found.
+  lf::View focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const;
+
+  std::string rig;
+  bool from_file() const { return !file_.empty(); }
+  // Whether any option says where the eye is or how large its picture.
+  bool places_eye() const { return from_file() || !size_.empty() || fov_ > 0 || !move_.empty(); }
+  std::pair<int, int> size(const Scene& scene) const;  // pixels
+
+ private:
+  std::string file_, size_, focus_ = "surface";
+  std::vector<double> move_;
+  double fov_ = 0, distance_ = 0;
+};
+
+Scene::Scene(const std::string& rig_file) : rig(lf::load_rig(rig_file)), mesh(lf::build_mesh(rig)), stills_(rig) {}
+
+double Scene::estimated_focus() const {
+  const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, images);
+  return range ? std::sqrt(range->near * range->far) : lf::default_viewpoint(rig).focus_distance;
+}
+
+void ViewOptions::add_to(cli::App& command, bool is_sweep) {
+  command.add_option("--rig", rig, "Rig file whose cameras name stills (lf-rig snapshot takes them)")->required();
+  cli::Option* file =
+      command.add_option("--views", file_,
+                         is_sweep ? "Views (views.json), of which the first is taken"
+                                  : "Views (views.json): the first, or all of them where --out takes several");
+  command.add_option("--size", size_, "Of the view, pixels (default: a camera's)")->type_name("WxH")->excludes(file);
+  command.add_option("--fov", fov_, "Vertical field of view, degrees (default: what the cameras fill)")
+      ->check(cli::Range(lf::kMinFovDeg, lf::kMaxFovDeg))
+      ->excludes(file);
+  command.add_option("--move", move_, "Metres to the right, down and forward that the eye moves from home")
+      ->type_name("X,Y,Z")
+      ->delimiter(',')
+      ->excludes(file);
+  if (is_sweep) return;
+  command.add_option("--focus-distance", distance_, "Of the focal plane, metres from the eye (default: estimated)")
+      ->check(cli::PositiveNumber)
+      ->excludes(file);
+  command.add_option("--focus", focus_, "On what: a surface, found from the view's plane, or that plane")
+      ->capture_default_str()
+      ->check(cli::IsMember({"plane", "surface"}));
+}
+
+std::pair<int, int> ViewOptions::size(const Scene& scene) const {
+  const lf::Camera& camera = scene.rig.cameras[lf::middle_camera(scene.rig)];
+  int width = camera.width, height = camera.height, end = 0;
+  if (!size_.empty() && (std::sscanf(size_.c_str(), "%dx%d%n", &width, &height, &end) != 2 || size_[end] != 0 ||
+                         width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize))
+    throw lf::Error("--size " + size_ + ": must be WIDTHxHEIGHT, at most " + std::to_string(lf::kMaxImageSize));
+  return {width, height};
+}
+
+double ViewOptions::aspect(const Scene& scene) const {
+  const auto [width, height] = size(scene);
+  return static_cast<double>(width) / height;
+}
+
+double ViewOptions::focus_distance(const Scene& scene) const {
+  return distance_ > 0 ? distance_ : scene.estimated_focus();
+}
+
+lf::Viewpoint ViewOptions::viewpoint(const lf::Viewpoint& from) const {
+  if (!move_.empty() && move_.size() != 3) throw lf::Error("--move: must be three numbers, such as 0.1,0,-0.5");
+  lf::Viewpoint at = from;
+  if (fov_ > 0) at.fov_y_deg = fov_;
+  if (!move_.empty()) {
+    at.pose.position += at.pose.rotation() * lf::Vec3(move_[0], move_[1], move_[2]);
+    if (distance_ <= 0) at.focus_distance -= move_[2];  // what was in focus still is
+    if (!(at.focus_distance > 0)) throw lf::Error("--move: ends behind what is in focus; give --focus-distance");
+  }
+  return lf::clamped(at);
+}
+
+std::vector<lf::NamedView> ViewOptions::views(const Scene& scene, bool many) const {
+  if (from_file()) {
+    std::vector<lf::NamedView> views = lf::load_views(file_);
+    if (!many) views.resize(1);
+    return views;
+  }
+  const auto [width, height] = size(scene);
+  const lf::Viewpoint home = lf::VisibleShare(scene.rig).home(aspect(scene), focus_distance(scene));
+  return {{"view", 0, lf::make_view(viewpoint(home), width, height)}};
+}
+
+lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const {
+  if (focus_ == "plane") return view;
+  return lf::focus_still(scene.rig, mesh, view, scene.images, {.mode = lf::FocusMode::kSurface});
+}
+
+// A view's picture, sampled as lf-render does.
+lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const lf::View& focused) {
+  return lf::render_still(scene.rig, mesh, focused, scene.images, lf::Resampling::kSharpened);
+}
+
+constexpr int kFilmQuality = 90;
+
+// Where lf-show writes its pictures: NAME.png or NAME.jpg, one of them; a name with one %d (%03d), numbered from 0 on;
+// or NAME.mkv, a film in Motion JPEG. One thread at a time.
+class Output {
+ public:
+  // Throws lf::Error for a name that ends otherwise, or that has another '%' than that.
+  explicit Output(const std::string& path, FrameRate rate = {});
+
+  bool takes_many() const { return kind_ != Kind::kOne; }
+  // All pictures of one film have the size of the first. Throws lf::Error naming the file.
+  void add(const lf::Image& rgb);
+  // Ends a film; its file is there only now.
+  void finish();
+
+ private:
+  enum class Kind { kOne, kNumbered, kFilm };
+  std::string path_;
+  FrameRate rate_;
+  Kind kind_;
+  int count_ = 0;
+  std::unique_ptr<MjpegWriter> film_;
+};
+
+// Where to write pictures of views, on the command line of a command.
+struct OutputOptions {
+  std::string out;
+  double framerate = 15;
+  std::vector<const cli::Option*> framerate_options;  // one of each command
+
+  // This outlives the command.
+  void add_to(cli::App& command,
+              const char* what = "Picture (.png, .jpg); several are numbered (NAME_%03d.png) or a film (NAME.mkv)");
+  // Throws lf::Error for a frame rate of pictures that are not a film.
+  void check() const;
+  Output open() const;
+};
+
+Output::Output(const std::string& path, FrameRate rate) : path_(path), rate_(rate) {
+  static const std::regex still(R"(([^%]*)\.(png|jpg))"), numbered(R"([^%]*%(0[1-9])?d[^%]*\.(png|jpg))"),
+      film(R"([^%]*\.mkv)");
+  if (std::regex_match(path, still))
+    kind_ = Kind::kOne;
+  else if (std::regex_match(path, numbered))
+    kind_ = Kind::kNumbered;
+  else if (std::regex_match(path, film))
+    kind_ = Kind::kFilm;
+  else
+    throw lf::Error("--out " + path + ": must be NAME.png or NAME.jpg, of several pictures NAME_%03d.png or NAME.mkv");
+  if (kind_ == Kind::kFilm) gst_init(nullptr, nullptr);
+}
+
+void Output::add(const lf::Image& rgb) {
+  if (kind_ == Kind::kFilm) {
+    if (!film_) film_ = std::make_unique<MjpegWriter>(path_, rgb.width(), rgb.height(), rate_, kFilmQuality);
+    return film_->add(rgb);
+  }
+  if (kind_ == Kind::kOne) return lf::save_image(rgb, path_);
+  // The pattern was checked when it came.
+  std::string name(path_.size() + 16, 0);
+  name.resize(static_cast<size_t>(std::snprintf(name.data(), name.size(), path_.c_str(), count_++)));
+  lf::save_image(rgb, name);
+}
+
+void Output::finish() {
+  if (film_) film_->finish();
+}
+
+void OutputOptions::add_to(cli::App& command, const char* what) {
+  command.add_option("--out", out, what)->required()->type_name("FILE");
+  framerate_options.push_back(command.add_option("--framerate", framerate, "Frame rate of a film, pictures per second")
+                                  ->capture_default_str()
+                                  ->check(cli::Range(0.1, 1000.0)));
+}
+
+void OutputOptions::check() const {
+  const bool given = std::ranges::any_of(framerate_options, [](const cli::Option* option) { return bool(*option); });
+  if (given && !out.ends_with(".mkv"))
+    throw lf::Error("--framerate: only a film (.mkv) has a frame rate; --out " + out + " is not a film");
+}
+
+Output OutputOptions::open() const {
+  FrameRate rate;
+  gst_util_double_to_fraction(framerate, &rate.numerator, &rate.denominator);
+  return Output(out, rate);
+}
+
+// Writes what `make` makes of each view.
+void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& views,
+                const std::function<lf::Image(const lf::NamedView&)>& make) {
+  Output output = options.open();
+  Progress progress("showing", views.size());
+  for (const lf::NamedView& view : views) {
+    output.add(make(view));
+    progress.step();
+  }
+  output.finish();
+  progress.finish();
+  std::printf("%s: %zu %s\n", options.out.c_str(), views.size(), views.size() == 1 ? "picture" : "pictures");
+}
 
 struct Options {
   ViewOptions view;
@@ -113,8 +349,8 @@ void show_coverage(const Options& options) {
                       {"0 % lost",
                        "100 % lost",
                        none > 0 ? "no camera" : "",
-                       {text_of("%.1f %% of the pixels whole,", whole * percent),
-                        text_of("%.1f %% of all weight seen", seen * percent)}});
+                       {lf::format_text("%.1f %% of the pixels whole,", whole * percent),
+                        lf::format_text("%.1f %% of all weight seen", seen * percent)}});
   });
 }
 
@@ -163,6 +399,80 @@ cli::App* add_command(cli::App& app, const char* name, const char* help, Options
     show(options);
   });
   return command;
+}
+
+struct DifferenceOptions {
+  ViewOptions view;
+  OutputOptions output;
+  std::string truth;
+  bool scene = false;
+  int left_out = -1;
+  double full = 64;
+};
+
+// What a view should look like: a file, the built-in scene, or what the camera saw that was left out.
+lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const lf::NamedView& named, size_t number) {
+  const lf::View& view = named.view;
+  if (options.left_out >= 0) return scene.images(*scene.rig.index_of_id(static_cast<uint32_t>(options.left_out)));
+  if (options.scene) return lf::render_scene({view.width, view.height, view.lens, view.pose}, named.time);
+  if (number > 0) throw lf::Error("--truth: is one picture, for one view");
+  lf::Image truth = lf::load_image(options.truth);
+  if (truth.width() != view.width || truth.height() != view.height)
+    throw lf::Error(options.truth + ": must have the view's size, " + std::to_string(view.width) + "x" +
+                    std::to_string(view.height));
+  return truth;
+}
+
+void show_difference(const DifferenceOptions& options) {
+  const Scene scene(options.view.rig);
+  if ((options.left_out >= 0) + options.scene + !options.truth.empty() != 1)
+    throw lf::Error("give one of --truth, --scene and --left-out");
+  std::vector<lf::NamedView> views;
+  lf::Mesh mesh = scene.mesh;
+  if (options.left_out >= 0) {
+    const lf::CameraIndex camera = lf::parse_camera_list(scene.rig, std::to_string(options.left_out))[0];
+    if (options.view.places_eye())
+      throw lf::Error("--left-out: the view is the camera's; leave out --views, --size, --fov and --move");
+    const lf::Camera& at = scene.rig.cameras[camera];
+    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
+    view.focus.plane = lf::focal_plane_at(view.pose, options.view.focus_distance(scene));
+    views.push_back({"left out", 0, view});
+    mesh = lf::build_mesh(scene.rig, {camera});
+  } else {
+    views = options.view.views(scene, options.output.open().takes_many());
+  }
+  size_t number = 0;
+  show_views(options.output, views, [&](const lf::NamedView& named) {
+    const lf::Image truth = truth_of(options, scene, named, number++);
+    const lf::Still still = picture_of(scene, mesh, options.view.focused(scene, mesh, named.view));
+    const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
+    const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
+    const std::vector<std::string> texts =
+        quality.coverage > 0
+            ? std::vector{lf::format_text("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
+                          lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
+                                          100 * quality.coverage)}
+            : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel of it"};
+    std::printf("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
+    return with_scale(
+        lf::heat_map(off, named.view.width, named.view.height, options.full),
+        {"off by 0", lf::format_text("%.4g of 255", options.full), quality.coverage < 1 ? "not compared" : "", texts});
+  });
+}
+
+void add_difference_command(cli::App& app) {
+  const auto o = std::make_shared<DifferenceOptions>();
+  cli::App* difference = app.add_subcommand("difference", "How far a view is from what it should look like");
+  o->view.add_to(*difference);
+  difference->add_option("--truth", o->truth, "A picture of what it should look like");
+  difference->add_flag("--scene", o->scene, "The cameras filmed the built-in scene: compare with that");
+  difference->add_option("--left-out", o->left_out, "Id of a camera that is left out, to compare with what it saw")
+      ->check(cli::NonNegativeNumber);
+  difference->add_option("--full", o->full, "The difference, of 255, that is the end of the scale")
+      ->capture_default_str()
+      ->check(cli::Range(1.0, 255.0));
+  o->output.add_to(*difference);
+  difference->callback([o] { show_difference(*o); });
 }
 
 }  // namespace

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "mjpeg_writer.h"
 
+#include <cstring>
+
 #include <gst/app/gstappsrc.h>
 #include <gst/video/video.h>
 
-#include <cstring>
-
-#include "base/error.h"
-#include "posted_error.h"
+#include "base/text.h"
 
 namespace {
 

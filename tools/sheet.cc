@@ -6,7 +6,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "image/heat_map.h"
+#include "image/image.h"
 
 namespace {
 

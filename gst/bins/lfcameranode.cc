@@ -38,23 +38,141 @@
 
 #include "bins/lfcameranode.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
-#include "bins/lfcameranode_private.h"
+#include <gst/gst.h>
+
+#include "base/schedule.h"
+#include "base/text.h"
 #include "bins/property_copy.h"
 #include "camsrc/lfcamsrc.h"
 #include "common/common.h"
+#include "common/gst_pointers.h"
+#include "common/guard.h"
+#include "common/properties.h"
 #include "fragment/lffragment.h"
+#include "recording/recording.h"
+#include "rig/rig.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
 
+namespace lf {
+namespace {
+
+// lfcameranode's properties, but for those that are its lffragment's.
+struct CameraNodeSettings {
+  std::string rig;
+  std::string cameras;
+  int fps_n = 0, fps_d = 1;
+  bool is_live = false;
+  bool loop = false;
+  bool decode = false;
+  guint64 latency = 200 * GST_MSECOND;
+  guint node = 0;
+  bool retry = true;
+  bool trusted = false;
+  std::string record;
+  bool operator==(const CameraNodeSettings&) const = default;
+
+  static PropertyTable<CameraNodeSettings>& properties();
+};
+
+PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
+  using S = CameraNodeSettings;
+  static PropertyTable<S> table = {
+      property<&S::rig>(kWhilePlaying, "rig", "Rig",
+                        "Path of the rig file (rig.json) of the whole array. Set while running, it is read again and "
+                        "serves from the next request on, if it has the same cameras with the same sources; time "
+                        "offsets count from the next start on"),
+      property<&S::cameras>(kWhileReady, "cameras", "Cameras",
+                            "Ids of the cameras of this node, such as \"0-15,20\" (empty = all of the rig)", ""),
+      fraction_property<&S::fps_n, &S::fps_d>(
+          kWhileReady, "framerate", "Frame rate",
+          "Frames per second of each camera (0/1 = as its source has them, 15/1 where that has none)", 0, 1),
+      property<&S::is_live>(kWhileReady, "is-live", "Is live",
+                            "Frames come at their time on the pipeline's clock, in place of when a request needs them"),
+      property<&S::loop>(kWhileReady, "loop", "Loop", "Videos and image sequences begin again at their end"),
+      property<&S::node>(kWhileReady, "node", "Node",
+                         "Number of this node in its answers; each node of an array has its own", 0u, G_MAXUINT),
+      property<&S::decode>(kWhileReady, "decode", "Decode",
+                           "JPEG video is decoded frame by frame, in place of where a request looks, and what is in a "
+                           "graphics card's memory is copied to the computer's"),
+      property<&S::latency>(kWhileReady, "latency", "Latency",
+                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
+                            guint64{0}, guint64{60 * GST_SECOND}),
+      property<&S::retry>(kWhileReady, "retry", "Retry",
+                          "Live cameras that fail are opened again, after half a second at first and after ten seconds "
+                          "at most; else they are lost for good, as files are that are not live"),
+      property<&S::record>(kWhileReady, "record", "Record",
+                           "Folder that the cameras are recorded into from the start to the stop, with a rig.json to "
+                           "play them by; it must not have one already (none: not recorded)"),
+      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
+                            "Whether the rig file may run any element: without it, sources that describe elements can "
+                            "have sources, converters and decoders of a short list only"),
+  };
+  return table;
+}
+
+constexpr std::string_view kColon = ": ";
+constexpr size_t kAlone = 3;  // reasons that are told one by one
+
+struct Reason {
+  std::string_view place, why;
+};
+
+Reason parse(std::string_view text) {
+  const size_t colon = text.rfind(kColon);
+  if (colon == text.npos) return {"", text};
+  return {text.substr(0, colon), text.substr(colon + kColon.size())};
+}
+
+}  // namespace
+
+std::string grouped_reasons(std::span<const std::string> reasons, const std::string& separator) {
+  std::map<std::string_view, size_t> cameras;
+  for (const std::string& reason : reasons) cameras[parse(reason).why]++;
+  std::string text;
+  for (const std::string& reason : reasons) {
+    const auto [place, why] = parse(reason);
+    const size_t count = cameras[why];
+    if (count == 0) continue;  // told with the first of them
+    if (!text.empty()) text += separator;
+    if (count <= kAlone) {
+      text += reason;
+      continue;
+    }
+    text += std::to_string(count) + " cameras: " + std::string(why);
+    if (!place.empty()) text += " (" + std::string(place) + " and others)";
+    cameras[why] = 0;
+  }
+  return text;
+}
+
+}  // namespace lf
+
 using Settings = lf::CameraNodeSettings;
+
+struct _LfCameraNode {
+  GstBin parent;
+  GstElement* fragment;                 // borrowed from the bin's children; null where lffragment is not installed
+  Settings* settings;                   // under the object lock
+  Settings* opened;                     // what the children were made for
+  std::shared_ptr<const lf::Rig>* rig;  // the same
+  std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock
+  std::shared_ptr<lf::Recording>* recording;  // null where nothing is recorded; under the object lock
+  bool failed;                                // no camera works, which ends the node; under the object lock
+  bool none_works;                            // no camera works for now, and that has been told; the same
+};
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
@@ -70,8 +188,170 @@ static GstStaticPadTemplate more_request_template =
 static GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
+// Null where nothing is recorded.
+static std::shared_ptr<lf::Recording> recording_of(LfCameraNode* self) {
+  const lf::ObjectLock lock(self);
+  return *self->recording;
+}
+
+// A camera that has just been made: what it gives is recorded while there is a recording. Both outlive its streams.
+static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
+  LfCamSrc* camera = LF_CAM_SRC(element);
+  lf_cam_src_set_keeper(camera, [=](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
+    const std::shared_ptr<lf::Recording> recording = recording_of(self);
+    if (recording) recording->add(id, buffer, caps, captured, lf_cam_src_is_live(camera));
+  });
+}
+
+// From now on, between two starts, its cameras are recorded, if its property says so. False, after posting the reason,
+// where they can't be.
+static bool start_recording(LfCameraNode* self) {
+  const std::string& folder = self->opened->record;
+  if (folder.empty()) return true;
+  try {
+    const lf::Rig& rig = **self->rig;
+    auto recording = std::make_shared<lf::Recording>(GST_ELEMENT(self), folder, rig, self->opened->rig,
+                                                     lf::parse_camera_list(rig, self->opened->cameras));
+    const lf::ObjectLock lock(self);
+    *self->recording = std::move(recording);
+    return true;
+  } catch (const std::exception& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, OPEN_WRITE, ("record: %s", error.what()), (nullptr));
+    return false;
+  }
+}
+
+// When they have stopped.
+static void finish_recording(LfCameraNode* self) {
+  const std::shared_ptr<lf::Recording> recording = recording_of(self);
+  if (!recording) return;
+  recording->finish();
+  const lf::ObjectLock lock(self);
+  self->recording->reset();
+}
+
+static std::vector<lf::ElementPtr> hold_cameras(LfCameraNode* self) {
+  std::vector<lf::ElementPtr> cameras;
+  lf::ObjectLock lock(self);
+  for (GstElement* camera : *self->cameras) cameras.emplace_back(GST_ELEMENT(gst_object_ref(camera)));
+  lock.unlock();
+  return cameras;
+}
+
+namespace {
+
+// Of a node none of whose cameras works.
+struct Losses {
+  bool has_worked = false, for_good = true;
+  std::vector<std::string> reasons;
+};
+
+}  // namespace
+
+// Nothing where a camera works, or is still being opened for the first time.
+static std::optional<Losses> losses_of(LfCameraNode* self) {
+  Losses losses;
+  for (const lf::ElementPtr& camera : hold_cameras(self)) {
+    const lf::CameraService::Report report = lf_cam_src_service(LF_CAM_SRC(camera.get())).report();
+    if (report.state != lf::CameraService::State::kLost) return std::nullopt;
+    losses.has_worked = losses.has_worked || report.worked;
+    losses.for_good = losses.for_good && lf_cam_src_is_lost_for_good(LF_CAM_SRC(camera.get()));
+    losses.reasons.push_back(report.reason);
+  }
+  return losses;
+}
+
+static bool exchange_flag(LfCameraNode* self, bool* flag, bool value) {
+  GST_OBJECT_LOCK(self);
+  const bool before = std::exchange(*flag, value);
+  GST_OBJECT_UNLOCK(self);
+  return before;
+}
+
+// A camera is back. Any thread.
+static void note_found(LfCameraNode* self) { exchange_flag(self, &self->none_works, false); }
+
+// All of them may come back.
+static void tell_none_works(LfCameraNode* self, const Losses& losses) {
+  if (exchange_flag(self, &self->none_works, true)) return;
+  // One that came back before the line above has not been noticed by it.
+  if (!losses_of(self)) return note_found(self);
+  const std::string reasons = lf::grouped_reasons(losses.reasons, "; ");
+  GstStructure* structure =
+      gst_structure_new(LF_NO_CAMERA, "cameras", G_TYPE_UINT, static_cast<guint>(losses.reasons.size()), "reason",
+                        G_TYPE_STRING, reasons.c_str(), nullptr);
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
+  GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("No camera works any more: %s", reasons.c_str()), (nullptr));
+}
+
+// A camera has been lost: if none works any more that is an error, or where one has worked before and some may come
+// back a warning and an element message, once until one is back. Any thread.
+static void check_cameras(LfCameraNode* self) {
+  const std::optional<Losses> losses = losses_of(self);
+  if (!losses) return;
+  if (losses->has_worked && !losses->for_good) return tell_none_works(self, *losses);
+  if (exchange_flag(self, &self->failed, true)) return;
+  GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
+                    ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
+}
+
+// Waits, for a limited time, until each camera has a first frame or is lost. Then has_failed() tells of an error at the
+// start.
+static void wait_for_cameras(LfCameraNode* self) {
+  constexpr uint64_t kPatience = 2'000'000'000;
+  const auto is_opening = [](const lf::ElementPtr& camera) {
+    return lf_cam_src_service(LF_CAM_SRC(camera.get())).state() == lf::CameraService::State::kOpening;
+  };
+  const std::vector<lf::ElementPtr> cameras = hold_cameras(self);
+  for (const uint64_t end = lf::now_ns() + kPatience; lf::now_ns() < end && std::ranges::any_of(cameras, is_opening);)
+    g_usleep(1000);
+  check_cameras(self);  // a loss is noted before it is told
+}
+
+// Whether the error that no camera works has been posted since it was forgotten.
+static bool has_failed(LfCameraNode* self) {
+  GST_OBJECT_LOCK(self);
+  const bool failed = self->failed;
+  GST_OBJECT_UNLOCK(self);
+  return failed;
+}
+
+static void forget_failure(LfCameraNode* self) {
+  GST_OBJECT_LOCK(self);
+  self->failed = self->none_works = false;
+  GST_OBJECT_UNLOCK(self);
+}
+
+// The `stats` property: what lffragment counts, and the structure `cameras` of one for each, camera-ID. Owned by the
+// caller.
+static GstStructure* stats_of(LfCameraNode* self) {
+  GstStructure* stats = nullptr;
+  if (self->fragment) g_object_get(self->fragment, "stats", &stats, nullptr);
+  if (!stats) stats = gst_structure_new_empty("lightfield-fragment-stats");
+  g_autoptr(GstStructure) cameras = gst_structure_new_empty("lightfield-cameras");
+  const std::shared_ptr<lf::Recording> recording = recording_of(self);
+  for (const lf::ElementPtr& camera : hold_cameras(self)) {
+    guint id = 0;
+    g_object_get(camera.get(), "camera", &id, nullptr);
+    const std::string name = "camera-" + std::to_string(id);
+    g_autoptr(GstStructure) one = lf_cam_src_stats(LF_CAM_SRC(camera.get()), name.c_str());
+    if (recording) {
+      const lf::CameraFile::Counts counts = recording->counts(id);
+      gst_structure_set(one, "recorded", G_TYPE_UINT64, counts.frames, "unrecorded", G_TYPE_UINT64, counts.dropped,
+                        nullptr);
+    }
+    gst_structure_set(cameras, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
+  }
+  gst_structure_set(stats, "cameras", GST_TYPE_STRUCTURE, cameras, nullptr);
+  if (recording) {
+    g_autoptr(GstStructure) of_all = recording->stats();
+    gst_structure_set(stats, "recording", GST_TYPE_STRUCTURE, of_all, nullptr);
+  }
+  return stats;
+}
+
 static Settings& settings_of(LfCameraNode* self) { return *self->settings; }
-using Properties = lf::Properties<settings_of, lf_camera_node_stats>;
+using Properties = lf::Properties<settings_of, stats_of>;
 static Settings current_settings(LfCameraNode* self) { return Properties::now(self); }
 
 static void remove_cameras(LfCameraNode* self) {
@@ -106,7 +386,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
     const lf::ObjectLock lock(self);
     self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
   }
-  if (!settings.record.empty()) lf_camera_node_tap(self, camera, rig.cameras[index].id);
+  if (!settings.record.empty()) tap_camera(self, camera, rig.cameras[index].id);
   gst_bin_add(GST_BIN(self), camera);
   lf::ObjectLock lock(self);
   self->cameras->push_back(camera);
@@ -184,7 +464,7 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
       return;
     }
     g_object_set(self->fragment, "rig", path, nullptr);
-    if (const auto recording = lf_camera_node_recording(self)) recording->take_rig(*rig, path);
+    if (const auto recording = recording_of(self)) recording->take_rig(*rig, path);
   }
   lf::ObjectLock lock(self);
   self->settings->rig = path ? path : "";
@@ -195,9 +475,9 @@ static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
   const GstStructure* structure =
       GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
   const bool is_loss = structure && gst_structure_has_name(structure, LF_CAMERA_LOST);
-  if (structure && gst_structure_has_name(structure, LF_CAMERA_FOUND)) lf_camera_node_note_found(LF_CAMERA_NODE(bin));
+  if (structure && gst_structure_has_name(structure, LF_CAMERA_FOUND)) note_found(LF_CAMERA_NODE(bin));
   GST_BIN_CLASS(lf_camera_node_parent_class)->handle_message(bin, message);
-  if (is_loss) lf_camera_node_check_cameras(LF_CAMERA_NODE(bin));
+  if (is_loss) check_cameras(LF_CAMERA_NODE(bin));
 }
 
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
@@ -206,16 +486,15 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
-  if (starts) lf_camera_node_forget_failure(self);
-  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !lf_camera_node_start_recording(self))
-    return GST_STATE_CHANGE_FAILURE;
+  if (starts) forget_failure(self);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !start_recording(self)) return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !self->opened->is_live && result == GST_STATE_CHANGE_SUCCESS)
-    lf_camera_node_wait_for_cameras(self);
-  if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
+    wait_for_cameras(self);
+  if (starts && has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY ||
       (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_FAILURE))
-    lf_camera_node_finish_recording(self);
+    finish_recording(self);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
       (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
     remove_cameras(self);

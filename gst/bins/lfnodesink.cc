@@ -32,16 +32,15 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
-#include "base/host_list.h"
+#include "base/text.h"
 #include "bins/lfcameranode.h"
 #include "bins/property_copy.h"
 #include "bins/rtp_link.h"
 #include "common/day_clock.h"
+#include "common/gst_pointers.h"
 #include "common/guard.h"
 #include "common/properties.h"
-#include "common/requested_pads.h"
-#include "rtp/host_lookup.h"
+#include "rtp/peers.h"
 #include "rtp/rtplfpay.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
@@ -82,7 +81,7 @@ constexpr lf::CopyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, 
 // The network side: what was made for these properties.
 struct Links {
   Settings settings;
-  std::vector<GstElement*> elements;  // the bin's
+  std::unique_ptr<lf::AddedElements> elements;
   std::unique_ptr<lf::RequestedPads> pads;
 };
 
@@ -105,41 +104,29 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfnodesink, "lfnodesink", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_node_sink_debug, "lfnodesink", 0,
                                                               "cameras for viewers on other machines"))
 
-static void remove_links(LfNodeSink* self) {
-  Links& links = *self->links;
-  for (GstElement* element : links.elements) {
-    gst_element_set_state(element, GST_STATE_NULL);
-    gst_bin_remove(GST_BIN(self), element);
-  }
-  links = {};
-}
-
-static GstElement* add(LfNodeSink* self, const char* factory, const std::string& name) {
-  self->links->elements.push_back(lf::add_element(GST_BIN(self), factory, name));
-  return self->links->elements.back();
-}
+static void remove_links(LfNodeSink* self) { *self->links = {}; }
 
 // Requester number `index`, who is at `to`.
 static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to,
                           const lf::Admission& admission) {
   const std::string number = std::to_string(index);
   const std::vector<std::string> addresses = lf::addresses_of(to.host);
-  GstPad* received =
-      lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", lf::admission_of(admission, addresses),
-                       "requests" + number, &self->links->elements);
-  GstElement* queue = add(self, "queue", "requests" + number);
+  lf::AddedElements& elements = *self->links->elements;
+  GstElement* received = lf::add_receiver(elements, from, "X-LIGHTFIELD-REQUEST",
+                                          lf::admission_of(admission, addresses), "requests" + number);
+  GstElement* queue = elements.add("queue", "requests" + number);
   // Late requests are of no use.
   gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
   g_object_set(queue, "max-size-buffers", 4, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
   // The node makes the next answer while one is on its way.
-  GstElement* made = add(self, "queue", "made" + number);
+  GstElement* made = elements.add("queue", "made" + number);
   g_object_set(made, "max-size-buffers", 16, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
-  GstElement* pay = add(self, "rtplfpay", "answers" + number + "_pay");
+  GstElement* pay = elements.add("rtplfpay", "answers" + number + "_pay");
   for (const char* name : {"mtu", "max-bitrate"})
     g_object_bind_property(self->pay, name, pay, name, G_BINDING_SYNC_CREATE);
-  GstElement* seal = add(self, "lfrtpseal", "answers" + number + "_seal");
+  GstElement* seal = elements.add("lfrtpseal", "answers" + number + "_seal");
   if (!admission.key_file.empty()) g_object_set(seal, "key-file", admission.key_file.c_str(), nullptr);
-  GstElement* udp = add(self, "udpsink", "answers" + number + "_udp");
+  GstElement* udp = elements.add("udpsink", "answers" + number + "_udp");
   g_object_set(udp, "host", addresses.front().c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
 
   std::string ending;
@@ -148,13 +135,10 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
     ending = std::string(GST_PAD_NAME(request)).substr(sizeof("request") - 1);
     self->links->pads->add(self->node, request);
   }
-  GstPad* in = gst_element_get_static_pad(queue, "sink");
-  const bool linked = gst_pad_link(received, in) == GST_PAD_LINK_OK &&
+  const bool linked = gst_element_link_pads(received, "src", queue, "sink") &&
                       gst_element_link_pads(queue, "src", self->node, ("request" + ending).c_str()) &&
                       gst_element_link_pads(self->node, ("src" + ending).c_str(), made, "sink") &&
                       gst_element_link_many(made, pay, seal, udp, nullptr);
-  gst_object_unref(in);
-  gst_object_unref(received);
   if (!linked) throw lf::Error("the cameras can't be linked with the network");
 }
 
@@ -175,6 +159,7 @@ static bool prepare(LfNodeSink* self) {
       throw lf::Error("listen and answers: must have as many items, one for each host that asks");
     for (const lf::HostPort& place : to)
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
+    links.elements = std::make_unique<lf::AddedElements>(GST_BIN(self));
     links.pads = std::make_unique<lf::RequestedPads>();
     for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings);
     lf::follow_limits(GST_BIN(self), self->node);

@@ -68,25 +68,466 @@
  * ]| Seen and recorded; lfviewsrc rig=seen/rig.json shows it again.
  */
 
+#include <algorithm>
+#include <array>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <set>
 #include <string>
 
-#include "base/error.h"
-#include "bins/lfviewsrc_private.h"
+#include <gst/gst.h>
+
+#include "base/text.h"
+#include "bins/property_copy.h"
 #include "bins/rtp_link.h"
+#include "bins/viewer_chain.h"
 #include "common/common.h"
 #include "common/day_clock.h"
 #include "common/guard.h"
-#include "rig/bin_description.h"
+#include "common/properties.h"
+#include "compositor/lfcompositor.h"
+#include "fragment/lffragment.h"
+#include "node/card.h"
+#include "rig/source_security.h"
+#include "viewrequest/lfviewrequest.h"
+#include "viewrequest/view_control.h"
 
-GST_DEBUG_CATEGORY(lf_view_src_debug);
+GST_DEBUG_CATEGORY_STATIC(lf_view_src_debug);
 #define GST_CAT_DEFAULT lf_view_src_debug
+
+#define LF_TYPE_VIEW_SRC (lf_view_src_get_type())
+G_DECLARE_FINAL_TYPE(LfViewSrc, lf_view_src, LF, VIEW_SRC, GstBin)
+
+namespace {
+
+struct Viewer {
+  Viewer(GstBin* bin, guint view_id, const std::string& ending) : chain(bin, view_id, ending) {}
+  lf::ViewerChain chain;
+  std::unique_ptr<lf::RequestedPads> pads;      // link the viewer with the cameras
+  std::unique_ptr<lf::RequestedPads> requests;  // link the viewer with hosts that ask for its view
+};
+
+// Other hosts, as properties name them.
+struct Hosts {
+  std::string nodes, listen, key_file, peers;
+  bool operator==(const Hosts&) const = default;
+  bool any() const { return !nodes.empty() || !listen.empty(); }
+};
+
+// The properties of lfviewsrc, but for those of the elements inside.
+struct Settings : Hosts {
+  std::string rig;
+  bool is_live = true;
+  std::string record;
+  bool trusted = false;
+  lf::RendererChoice renderer = lf::RendererChoice::kCpu;
+
+  static lf::PropertyTable<Settings>& properties();
+};
+
+// Of one viewer and no other.
+constexpr std::array kOwnProperties = {"location", "loop", "num-buffers"};
+
+bool is_own(const char* name) {
+  return std::ranges::any_of(kOwnProperties, [name](const char* own) { return g_str_equal(own, name); }) ||
+         std::ranges::any_of(lf::kViewFields, [name](const lf::ViewField& f) { return g_str_equal(f.name, name); });
+}
+
+}  // namespace
+
+struct _LfViewSrc {
+  GstBin parent;
+  // Under the object lock.
+  Settings* settings;
+  bool by_uri;  // the rig was named by a URI, which may come from anywhere
+
+  gint failed;  // atomic; 1: something inside has posted an error since the last change of state began
+
+  GstElement *view, *compositor;  // the viewer of the pad `src`; null where the elements are not installed
+  // What is inside, under its own lock, which is taken before any other: bins tell applications of children.
+  struct Inside {
+    std::recursive_mutex mutex;
+    std::map<std::string, std::shared_ptr<Viewer>> viewers;  // by the name of the viewer's pad
+    std::set<guint> view_ids;                                // numbers that some viewer has or had
+    std::unique_ptr<lf::ViewerCameras> cameras;
+    std::unique_ptr<lf::ViewerRequests> requests;  // null where viewers make their own
+    Hosts hosts;                                   // the hosts that `cameras` and `requests` were made for
+    GstClock* realtime = nullptr;                  // made when it is asked for
+  } * inside;
+};
+
+static void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
 
 G_DEFINE_FINAL_TYPE_WITH_CODE(LfViewSrc, lf_view_src, GST_TYPE_BIN,
                               G_IMPLEMENT_INTERFACE(GST_TYPE_URI_HANDLER, lf_view_src_uri_handler_init))
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewsrc, "lfviewsrc", GST_RANK_NONE, LF_TYPE_VIEW_SRC,
                                       GST_DEBUG_CATEGORY_INIT(lf_view_src_debug, "lfviewsrc", 0,
                                                               "view of a light field"))
+
+lf::PropertyTable<Settings>& Settings::properties() {
+  using S = Settings;
+  static lf::PropertyTable<S> table = {
+      lf::property<&S::rig>(
+          lf::kWhilePlaying, "rig", "Rig",
+          "Rig file (rig.json) of the array; required. Set while running, it is read again and serves from the next "
+          "request on, if it has the same cameras with the same sources"),
+      lf::inherited_property<S, &S::nodes>(
+          lf::kWhileReady, "nodes", "Nodes",
+          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..., with the ports "
+          "for requests there and for answers here, and the address of this machine that those come in at (none: any). "
+          "They are live (empty: all cameras are on this machine)"),
+      lf::inherited_property<S, &S::listen>(
+          lf::kWhileReady, "listen", "Listen",
+          "UDP port, ADDRESS:PORT of this machine or GROUP:PORT of a multicast group where viewers on other hosts ask "
+          "for views, which are shown in place of views of its own: view 0 by src, view 1 by src_0, and so on (none: "
+          "viewers are here)"),
+      lf::inherited_property<S, &S::key_file>(
+          lf::kWhileReady, "key-file", "Key file",
+          "With nodes or listen: file with the secret that all hosts share, 32 or more random characters (none: "
+          "whoever is on the network can see and steer)"),
+      lf::inherited_property<S, &S::peers>(
+          lf::kWhileReady, "peers", "Peers",
+          "With listen: names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between "
+          "(none: with a key-file all that have it; else the first address of this machine that asks)"),
+      lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
+                                "Pictures come in time with the clock, of frames that live cameras make, in place of "
+                                "as fast as they are taken"),
+      lf::property<&S::record>(
+          lf::kWhileReady, "record", "Record",
+          "Folder that the cameras are recorded into from the start to the stop, with a rig.json to play them by; it "
+          "must not have one already. Of nodes: see lfnodesink (none: not recorded)"),
+      lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
+                                 "What draws the sums of cameras of this machine, as of lfcameranode",
+                                 LF_TYPE_FRAGMENT_RENDERER),
+      lf::property<&S::trusted>(
+          lf::kWhileReady, "trusted", "Trusted",
+          "Whether the rig file may run any element: without it, sources that describe elements can "
+          "have sources, converters and decoders of a short list only"),
+  };
+  return table;
+}
+
+static Settings& settings_of(LfViewSrc* self) { return *self->settings; }
+using Properties = lf::Properties<settings_of>;
+
+// The path of the rig that the element is set to; "" where there is none. Takes the object lock.
+static std::string rig_of(LfViewSrc* self) { return Properties::now(self).rig; }
+static Hosts hosts_of(LfViewSrc* self) { return Properties::now(self); }
+static bool is_live(LfViewSrc* self) { return Properties::now(self).is_live; }
+static std::string record_of(LfViewSrc* self) { return Properties::now(self).record; }
+
+static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
+
+// Gives lfcameranode, if there is one inside, those of its properties that the bin decides.
+static void set_node(LfViewSrc* self) {
+  GstElement* node = find_node(self);
+  if (!node) return;
+  const Settings settings = Properties::now(self);
+  const auto text_or_null = [](const std::string& text) { return text.empty() ? nullptr : text.c_str(); };
+  g_object_set(node, "is-live", settings.is_live, "rig", text_or_null(settings.rig), "record",
+               text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), "trusted",
+               settings.trusted, nullptr);
+  gst_object_unref(node);
+}
+
+// Has a viewer send the commands that the cameras of "node" need (access).
+static void follow_access(LfViewSrc* self, const lf::ViewerChain& viewer) {
+  GstElement* node = find_node(self);
+  if (!node) return;
+  gint access = 0;
+  g_object_get(node, "access", &access, nullptr);
+  gst_object_unref(node);
+  if (access != static_cast<gint>(lf::Access::kSelf)) g_object_set(viewer.view(), "access", access, nullptr);
+}
+
+static void set_by_uri(LfViewSrc* self, bool by_uri) {
+  const lf::ObjectLock lock(self);
+  self->by_uri = by_uri;
+}
+
+// While it runs a node may have other cameras, and not take the rig: then nobody does. False if so.
+static bool give_rig(LfViewSrc* self, const gchar* path) {
+  if (GstElement* node = find_node(self)) {
+    g_object_set(node, "rig", path, nullptr);
+    g_autofree gchar* taken = nullptr;
+    g_object_get(node, "rig", &taken, nullptr);
+    gst_object_unref(node);
+    if (g_strcmp0(taken, path) != 0) return false;
+  }
+  for (auto& [name, viewer] : self->inside->viewers) {
+    g_object_set(viewer->chain.view(), "rig", path, nullptr);
+    g_object_set(viewer->chain.compositor(), "rig", path, nullptr);
+  }
+  return true;
+}
+
+static void give_live(LfViewSrc* self, gboolean live) {
+  for (auto& [name, viewer] : self->inside->viewers) viewer->chain.set_live(live);
+  set_node(self);
+}
+
+static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
+  return lf::is_copy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
+}
+
+static void lf_view_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfViewSrc* self = LF_VIEW_SRC(object);
+  if (lf::is_copy(pspec)) {
+    if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+    return;
+  }
+  const std::lock_guard lock(self->inside->mutex);
+  if (lf::is_named(pspec, "rig") && !give_rig(self, g_value_get_string(value))) return;
+  Properties::set(object, id, value, pspec);
+  if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
+  if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
+  if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer") || lf::is_named(pspec, "trusted"))
+    set_node(self);
+}
+
+static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  if (!lf::is_copy(pspec)) return Properties::get(object, id, value, pspec);
+  if (GstElement* owner = owner_of(LF_VIEW_SRC(object), pspec))
+    g_object_get_property(G_OBJECT(owner), pspec->name, value);
+}
+
+// Gives a new viewer the properties that all viewers of the bin have in common.
+static void copy_settings(LfViewSrc* self, const lf::ViewerChain& to) {
+  guint count = 0;
+  g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(self), &count);
+  for (guint i = 0; i < count; i++) {
+    GParamSpec* spec = specs[i];
+    if (!lf::is_copy(spec) || !(spec->flags & G_PARAM_WRITABLE) || is_own(spec->name)) continue;
+    const bool of_view = lf::is_copy(spec, LF_TYPE_VIEW_REQUEST);
+    GValue value = G_VALUE_INIT;
+    g_object_get_property(G_OBJECT(self), spec->name, &value);
+    g_object_set_property(G_OBJECT(of_view ? to.view() : to.compositor()), spec->name, &value);
+    g_value_unset(&value);
+  }
+  follow_access(self, to);
+}
+
+static GstURIType lf_view_src_uri_type(GType) { return GST_URI_SRC; }
+
+static const gchar* const* lf_view_src_protocols(GType) {
+  static const gchar* const protocols[] = {"lf", nullptr};
+  return protocols;
+}
+
+static gchar* lf_view_src_uri(GstURIHandler* handler) {
+  const std::string rig = rig_of(LF_VIEW_SRC(handler));
+  if (rig.empty()) return nullptr;
+  g_autofree gchar* whole = g_canonicalize_filename(rig.c_str(), nullptr);
+  g_autofree gchar* escaped = g_uri_escape_string(whole, G_URI_RESERVED_CHARS_ALLOWED_IN_PATH, FALSE);
+  return g_strconcat("lf://", escaped, nullptr);
+}
+
+static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GError** error) {
+  g_autofree gchar* path = gst_uri_get_location(uri);
+  if (!path || path[0] != '/') {
+    g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI, "%s: must be lf:///path/of/rig.json", uri);
+    return FALSE;
+  }
+  const std::lock_guard lock(LF_VIEW_SRC(handler)->inside->mutex);
+  g_object_set(handler, "rig", path, nullptr);
+  set_by_uri(LF_VIEW_SRC(handler), true);
+  return TRUE;
+}
+
+static void lf_view_src_uri_handler_init(gpointer iface, gpointer) {
+  GstURIHandlerInterface* handler = static_cast<GstURIHandlerInterface*>(iface);
+  handler->get_type = lf_view_src_uri_type;
+  handler->get_protocols = lf_view_src_protocols;
+  handler->get_uri = lf::callback<lf_view_src_uri>;
+  handler->set_uri = lf::callback<lf_view_src_set_uri>;
+}
+
+static gboolean lf_view_src_set_view(LfViewSrc* self, const GstStructure* structure) {
+  gboolean done = FALSE;
+  if (self->view) g_signal_emit_by_name(self->view, "set-view", structure, &done);
+  return done;
+}
+
+static gboolean lf_view_src_focus_at(LfViewSrc* self, gdouble x, gdouble y) {
+  gboolean done = FALSE;
+  if (self->view) g_signal_emit_by_name(self->view, "focus-at", x, y, &done);
+  return done;
+}
+
+static void install_actions(GObjectClass* klass) {
+  /**
+   * LfViewSrc::set-view:
+   * @src: the element
+   * @view: as of lfviewrequest
+   *
+   * Moves the view of `src`, as the same action of lfviewrequest does. That of `src_0` is moved by its child "view_0".
+   *
+   * Returns: %FALSE if nothing of @view is known.
+   */
+  g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_src_set_view>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             1, GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+  /**
+   * LfViewSrc::focus-at:
+   * @src: the element
+   * @x: pixels of the view, of a set of the whole picture, from the middle of its first one
+   * @y: the same
+   *
+   * Focuses the view of `src` at a pixel, as the same action of lfviewrequest does.
+   *
+   * Returns: %FALSE if that can't be.
+   */
+  g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_src_focus_at>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+}
+
+static void install_properties(GObjectClass* klass) {
+  const guint first_copy = Properties::install(klass);
+  klass->set_property = lf::callback<lf_view_src_set_property>;
+  klass->get_property = lf::callback<lf_view_src_get_property>;
+  const guint next = lf::install_copies(klass, first_copy, LF_TYPE_VIEW_REQUEST,
+                                        {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
+  constexpr lf::CopyDefault kLatency[] = {{"latency", LF_COMPOSITOR_LATENCY}};
+  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"}, kLatency);
+}
+
+constexpr guint kFirstOfReopened = 1 << 20;
+
+// View 0 by src, view 1 by src_0, and so on. Of a closed viewer there may still be answers, so that who comes by the
+// same pad is another view, unless others name it.
+static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
+  std::set<guint>& used = self->inside->view_ids;
+  const guint id = ending.empty() ? 0 : static_cast<guint>(g_ascii_strtoull(ending.c_str() + 1, nullptr, 10)) + 1;
+  if (used.insert(id).second || !hosts_of(self).listen.empty()) return id;
+  guint next = kFirstOfReopened;
+  if (*used.rbegin() >= next) next = *used.rbegin() + 1;
+  used.insert(next);
+  return next;
+}
+
+// Links a viewer with what it has in common with the others, as far as that is there. Throws Error.
+static void connect_viewer(LfViewSrc* self, Viewer& viewer) {
+  auto& inside = *self->inside;
+  if (inside.requests) viewer.requests = inside.requests->connect(viewer.chain);
+  if (inside.cameras) viewer.pads = inside.cameras->connect(viewer.chain);
+}
+
+// The viewer whose pictures leave by the pad `name`. Throws Error.
+static std::shared_ptr<Viewer> add_viewer(LfViewSrc* self, const std::string& name) {
+  auto& inside = *self->inside;
+  const std::string ending = name.substr(sizeof("src") - 1);
+  const auto viewer = std::make_shared<Viewer>(GST_BIN(self), choose_view_id(self, ending), ending);
+  inside.viewers[name] = viewer;
+  const std::string rig = rig_of(self);
+  if (!rig.empty()) {
+    g_object_set(viewer->chain.view(), "rig", rig.c_str(), nullptr);
+    g_object_set(viewer->chain.compositor(), "rig", rig.c_str(), nullptr);
+  }
+  viewer->chain.set_live(is_live(self));
+  return viewer;
+}
+
+static GstPad* add_ghost_pad(LfViewSrc* self, const Viewer& viewer, const char* name, const char* template_name) {
+  GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), template_name);
+  GstPad* target = viewer.chain.pictures();
+  GstPad* pad = gst_ghost_pad_new_from_template(name, target, templ);
+  gst_object_unref(target);
+  if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+  return pad;
+}
+
+static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const gchar* wanted, const GstCaps*) {
+  LfViewSrc* self = LF_VIEW_SRC(element);
+  const std::lock_guard lock(self->inside->mutex);
+  auto& inside = *self->inside;
+  std::string name = wanted ? wanted : "";
+  for (guint number = 0; name.empty() || (!wanted && inside.viewers.contains(name)); number++)
+    name = "src_" + std::to_string(number);
+  if (!self->view || inside.viewers.contains(name)) return nullptr;
+  try {
+    const std::shared_ptr<Viewer> viewer = add_viewer(self, name);
+    copy_settings(self, viewer->chain);
+    connect_viewer(self, *viewer);
+    GstPad* pad = add_ghost_pad(self, *viewer, name.c_str(), "src_%u");
+    viewer->chain.follow_bin();
+    return pad;
+  } catch (const std::exception& error) {
+    GST_ERROR_OBJECT(self, "no pad %s: %s", name.c_str(), error.what());
+  }
+  if (const auto half = inside.viewers.find(name); half != inside.viewers.end()) {
+    half->second->chain.take_out();
+    half->second->requests.reset();
+    half->second->pads.reset();
+    inside.viewers.erase(half);
+  }
+  return nullptr;
+}
+
+namespace {
+
+struct Closing {
+  std::shared_ptr<Viewer> viewer;
+  GstPad* pad;
+};
+
+void close_viewer(GstElement*, gpointer data) {
+  auto& [viewer, pad] = *static_cast<Closing*>(data);
+  viewer->chain.close([&] {
+    viewer->requests.reset();
+    viewer->pads.reset();
+  });
+  gst_pad_set_active(pad, FALSE);
+}
+
+void free_closing(gpointer data) {
+  Closing* closing = static_cast<Closing*>(data);
+  gst_object_unref(closing->pad);
+  delete closing;
+}
+
+}  // namespace
+
+// The viewer stops in another thread: this may be one of its own, in a probe, or somebody may hold its last picture.
+static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
+  LfViewSrc* self = LF_VIEW_SRC(element);
+  const std::lock_guard lock(self->inside->mutex);
+  const auto found = self->inside->viewers.find(GST_PAD_NAME(pad));
+  if (found == self->inside->viewers.end()) {  // the element itself goes, see dispose
+    gst_element_remove_pad(element, pad);
+    return;
+  }
+  Closing* closing = new Closing{found->second, GST_PAD(gst_object_ref(pad))};
+  self->inside->viewers.erase(found);
+  gst_ghost_pad_set_target(GST_GHOST_PAD(pad), nullptr);
+  gst_element_remove_pad(element, pad);
+  closing->viewer->chain.take_out();
+  gst_element_call_async(element, lf::callback<close_viewer>, closing, free_closing);
+}
+
+// The viewer of the pad that is always there, and the pad. Throws Error.
+static void add_main_viewer(LfViewSrc* self) {
+  const std::shared_ptr<Viewer> viewer = add_viewer(self, "src");
+  self->view = viewer->chain.view();
+  self->compositor = viewer->chain.compositor();
+  lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->view));
+  lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->compositor));
+  add_ghost_pad(self, *viewer, "src", "src");
+  viewer->chain.follow_bin();
+}
+
+static void install_pads(GstElementClass* klass) {
+  klass->request_new_pad = lf::callback<lf_view_src_new_pad>;
+  klass->release_pad = lf::callback<lf_view_src_release_pad>;
+  GstElementClass* compositor = GST_ELEMENT_CLASS(g_type_class_ref(LF_TYPE_COMPOSITOR));
+  GstCaps* caps = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, "src"));
+  gst_element_class_add_pad_template(klass, gst_pad_template_new("src", GST_PAD_SRC, GST_PAD_ALWAYS, caps));
+  gst_element_class_add_pad_template(klass, gst_pad_template_new("src_%u", GST_PAD_SRC, GST_PAD_REQUEST, caps));
+  gst_caps_unref(caps);
+  g_type_class_unref(compositor);
+}
 
 static void drop_hosts(LfViewSrc* self) {
   auto& inside = *self->inside;
@@ -99,7 +540,7 @@ static void drop_hosts(LfViewSrc* self) {
   inside.cameras.reset();
 }
 
-static lf::Admission admission_of_requests(const LfViewSrcHosts& hosts) { return {hosts.key_file, hosts.peers}; }
+static lf::Admission admission_of_requests(const Hosts& hosts) { return {hosts.key_file, hosts.peers}; }
 
 // What f() makes of a property; an Error of it begins with the property's name.
 template <typename F>
@@ -111,13 +552,13 @@ static auto of_property(const char* name, F f) {
   }
 }
 
-static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const Hosts& hosts) {
   if (hosts.nodes.empty()) return lf::cameras_here(GST_BIN(self));
   return of_property("nodes",
                      [&] { return lf::cameras_on_hosts(GST_BIN(self), lf::parse_nodes(hosts.nodes), hosts.key_file); });
 }
 
-static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Hosts& hosts) {
   if (hosts.listen.empty()) return nullptr;
   return of_property("listen", [&] {
     const std::vector<lf::HostPort> places = lf::parse_host_ports(hosts.listen);
@@ -127,14 +568,14 @@ static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Lf
 }
 
 // Other cameras, and other requests, for all viewers. While nothing runs. Throws Error.
-static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   auto& inside = *self->inside;
   drop_hosts(self);
   inside.hosts = hosts;
   try {
     inside.cameras = cameras_of(self, hosts);
     inside.requests = requests_of(self, hosts);
-    for (auto& [name, viewer] : inside.viewers) lf_view_src_connect(self, *viewer);
+    for (auto& [name, viewer] : inside.viewers) connect_viewer(self, *viewer);
   } catch (...) {
     drop_hosts(self);
     throw;
@@ -144,7 +585,7 @@ static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
     g_object_set(node, "loop", TRUE, nullptr);
     gst_object_unref(node);
   }
-  lf_view_src_set_node(self);
+  set_node(self);
 }
 
 // Players open URIs from anywhere, and elements may run any program.
@@ -163,22 +604,22 @@ static bool is_by_uri(LfViewSrc* self) {
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
-  const std::string rig = lf_view_src_rig(self);
-  const LfViewSrcHosts hosts = lf_view_src_hosts(self);
+  const std::string rig = rig_of(self);
+  const Hosts hosts = hosts_of(self);
   try {
     if (rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
-    if (hosts.any() && !lf_view_src_is_live(self))
+    if (hosts.any() && !is_live(self))
       throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
     if (!hosts.any() && !hosts.key_file.empty())
       throw lf::Error("key-file: nothing goes over the network without nodes or listen");
     if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: nobody sends requests without listen");
-    if (!hosts.nodes.empty() && !lf_view_src_record(self).empty())
+    if (!hosts.nodes.empty() && !record_of(self).empty())
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
     if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
-    for (auto& [name, viewer] : self->inside->viewers) lf_view_src_follow_access(self, viewer->chain);
+    for (auto& [name, viewer] : self->inside->viewers) follow_access(self, viewer->chain);
     return true;
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
@@ -195,7 +636,7 @@ static GstClock* hosts_clock(LfViewSrc* self) {
 }
 
 static void warn_without_key(LfViewSrc* self) {
-  const LfViewSrcHosts hosts = lf_view_src_hosts(self);
+  const Hosts hosts = hosts_of(self);
   if (!hosts.listen.empty()) lf::warn_without_key(GST_ELEMENT(self), admission_of_requests(hosts));
 }
 
@@ -263,15 +704,15 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_view_src_dispose;
   object_class->finalize = lf_view_src_finalize;
-  lf_view_src_install_properties(object_class);
-  lf_view_src_install_actions(object_class);
+  install_properties(object_class);
+  install_actions(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_view_src_change_state>;
   GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_view_src_handle_message>;
   element_class->provide_clock = lf::callback<lf_view_src_provide_clock>;
   element_class->send_event = lf::callback<lf_view_src_send_event>;
-  lf_view_src_install_pads(element_class);
+  install_pads(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view source", "Source/Video",
       "A view of a light field, flown with mouse and keys: lfviewrequest, the cameras of a rig and lfcompositor in one",
@@ -280,11 +721,11 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 
 static void lf_view_src_init(LfViewSrc* self) {
   self->inside = new _LfViewSrc::Inside;
-  self->settings = new LfViewSrcSettings;
+  self->settings = new Settings;
   // Requests to hosts leave by a sink, which is none of the pipeline's.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {
-    lf_view_src_add_main_viewer(self);
+    add_main_viewer(self);
     change_hosts(self, {});
   } catch (const std::exception& error) {
     GST_WARNING_OBJECT(self, "%s", error.what());

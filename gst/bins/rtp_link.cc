@@ -6,8 +6,9 @@
 #include <cstring>
 #include <fstream>
 
-#include "base/error.h"
-#include "common/request_guard.h"
+#include "base/text.h"
+#include "rtp/peers.h"
+#include "wire/unit.h"
 
 namespace lf {
 namespace {
@@ -28,15 +29,41 @@ bool is_group(const std::string& host) {
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
+// Of a host that is this machine itself nothing comes from outside.
+HostPort place_of_answers(const NodeAddress& node) {
+  std::string address = node.answer_host;
+  if (address.empty() && (node.host.starts_with("127.") || node.host == "::1")) address = node.host;
+  return {address, node.answer_port};
+}
+
 }  // namespace
 
-GstElement* add_element(GstBin* bin, const char* factory, const std::string& name) {
+AddedElements::~AddedElements() {
+  for (GstElement* element : elements_) {
+    gst_element_set_state(element, GST_STATE_NULL);
+    gst_bin_remove(bin_, element);
+  }
+}
+
+GstElement* AddedElements::add(const char* factory, const std::string& name) {
   GstElement* element = gst_element_factory_make(factory, name.c_str());
   if (!element)
     throw Error(std::string("element ") + factory +
                 " is not installed (those of UDP are in gstreamer1.0-plugins-good)");
-  gst_bin_add(bin, element);
+  return add(element);
+}
+
+GstElement* AddedElements::add(GstElement* element) {
+  elements_.push_back(element);
+  gst_bin_add(bin_, element);
   return element;
+}
+
+// All units of either stream have the view's id in the same place (lib/wire/spec.md).
+std::optional<uint32_t> view_of(GstBuffer* unit) {
+  guint8 bytes[4];
+  if (gst_buffer_extract(unit, wire::kUnitHeaderBytes, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
+  return wire::Reader(bytes).get<uint32_t>();
 }
 
 Admission admission_of(const Admission& settings, const std::vector<std::string>& addresses) {
@@ -56,10 +83,9 @@ void warn_without_key(GstElement* element, const Admission& admission) {
                       (nullptr));
 }
 
-GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
-                     const std::string& name, std::vector<GstElement*>* added) {
-  GstElement* udp = add_element(bin, "udpsrc", name + "_udp");
-  added->push_back(udp);
+GstElement* add_receiver(AddedElements& to, const HostPort& from, const char* encoding, const Admission& admission,
+                         const std::string& name) {
+  GstElement* udp = to.add("udpsrc", name + "_udp");
   // What comes to a port that two have taken reaches one of them: the second one is an error. A group's reaches both.
   g_object_set(udp, "reuse", is_group(from.host), nullptr);
   if (!from.host.empty())
@@ -71,16 +97,30 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
                                       G_TYPE_STRING, encoding, nullptr);
   g_object_set(udp, "port", from.port, "buffer-size", kReceiveBuffer, "caps", caps, nullptr);
   gst_caps_unref(caps);
-  GstElement* gate = add_element(bin, "lfrtpgate", name + "_gate");
-  added->push_back(gate);
+  GstElement* gate = to.add("lfrtpgate", name + "_gate");
   g_object_set(gate, "key-file", text_or_null(admission.key_file), "peers", text_or_null(admission.peers), nullptr);
   // A viewer seals a request once for all of its hosts.
   const bool has_copies = is_group(from.host) || std::strcmp(encoding, "X-LIGHTFIELD-REQUEST") == 0;
   g_object_set(gate, "copies", has_copies, nullptr);
-  GstElement* depay = add_element(bin, "rtplfdepay", name + "_depay");
-  added->push_back(depay);
+  GstElement* depay = to.add("rtplfdepay", name + "_depay");
   if (!gst_element_link_many(udp, gate, depay, nullptr)) throw Error("udpsrc can't be linked with rtplfdepay");
-  return gst_element_get_static_pad(depay, "src");
+  return depay;
+}
+
+CameraHosts::CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file)
+    : elements_(bin), requests_(elements_.add("rtplfpay", "request_pay")) {
+  GstElement* seal = elements_.add("lfrtpseal", "request_seal");
+  g_object_set(seal, "key-file", text_or_null(key_file), nullptr);
+  GstElement* udp = elements_.add("multiudpsink", "request_udp");
+  g_object_set(udp, "sync", FALSE, "async", FALSE, nullptr);
+  if (!gst_element_link_many(requests_, seal, udp, nullptr)) throw Error("requests can't be linked with the network");
+  for (const NodeAddress& node : nodes) {
+    const std::vector<std::string> addresses = addresses_of(node.host);
+    g_signal_emit_by_name(udp, "add", addresses.front().c_str(), node.request_port, nullptr);
+    GstElement* answers = add_receiver(elements_, place_of_answers(node), "X-LIGHTFIELD-ANSWER",
+                                       admission_of({key_file, ""}, addresses), "host" + std::to_string(hosts_.size()));
+    hosts_.push_back({node.host + ":" + std::to_string(node.request_port), answers});
+  }
 }
 
 void follow_limits(GstBin* bin, GstElement* element) {
@@ -89,9 +129,8 @@ void follow_limits(GstBin* bin, GstElement* element) {
     GValue item = G_VALUE_INIT;
     while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
       auto* const follower = static_cast<GObject*>(g_value_get_object(&item));
-      for (const char* name : RequestGuard::kNames)
-        if (follower != G_OBJECT(element) && g_object_class_find_property(G_OBJECT_GET_CLASS(element), name))
-          g_object_bind_property(element, name, follower, name, G_BINDING_SYNC_CREATE);
+      if (follower != G_OBJECT(element))
+        g_object_bind_property(element, "limits", follower, "limits", G_BINDING_SYNC_CREATE);
       g_value_reset(&item);
     }
     g_value_unset(&item);

@@ -2,10 +2,108 @@
 #include "bins/viewer_chain.h"
 
 #include <algorithm>
+#include <string>
 
-#include "base/error.h"
+#include "base/text.h"
+#include "bins/rtp_link.h"
+#include "common/common.h"
 #include "common/guard.h"
-#include "view/view_set.h"
+#include "view/view.h"
+#include "viewrequest/lfviewrequest.h"
+
+#define LF_TYPE_VIEW_SPLIT (lf_view_split_get_type())
+G_DECLARE_FINAL_TYPE(LfViewSplit, lf_view_split, LF, VIEW_SPLIT, GstElement)
+
+// Gives each answer or request of a stream to the viewer of its view. Unlike a tee it makes nobody decode what is for
+// others, and goes on whatever becomes of one of them: a unit whose viewer does not take it is dropped. Inside of bins
+// alone, so it is not registered.
+struct _LfViewSplit {
+  GstElement parent;
+  GstPad* sink;
+};
+
+G_DEFINE_FINAL_TYPE(LfViewSplit, lf_view_split, GST_TYPE_ELEMENT)
+
+static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE "; " LF_REQUEST_MEDIA_TYPE));
+static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src_%u", GST_PAD_SRC, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE "; " LF_REQUEST_MEDIA_TYPE));
+
+static std::string pad_name(guint view_id) { return "src_" + std::to_string(view_id); }
+
+// The pad of the view that a unit is of; null where there is none, or it is no unit.
+static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
+  const std::optional<uint32_t> view = lf::view_of(unit);
+  return view ? gst_element_get_static_pad(GST_ELEMENT(self), pad_name(*view).c_str()) : nullptr;
+}
+
+static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
+  if (GstPad* pad = pad_of(LF_VIEW_SPLIT(parent), buffer)) {
+    gst_pad_push(pad, buffer);
+    gst_object_unref(pad);
+  } else {
+    gst_buffer_unref(buffer);
+  }
+  return GST_FLOW_OK;
+}
+
+// By itself a pad keeps caps for itself. Whoever does not take them does not keep them from the others.
+static gboolean lf_view_split_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS) return gst_pad_event_default(pad, parent, event);
+  gst_pad_forward(
+      pad,
+      [](GstPad* src, gpointer caps) -> gboolean {
+        gst_pad_push_event(src, gst_event_ref(static_cast<GstEvent*>(caps)));
+        return FALSE;
+      },
+      event);
+  gst_event_unref(event);
+  return TRUE;
+}
+
+static gboolean copy_sticky_event(GstPad*, GstEvent** event, gpointer src) {
+  gst_pad_store_sticky_event(GST_PAD(src), *event);
+  return TRUE;
+}
+
+static LfViewSplit* lf_view_split_new(const std::string& name) {
+  return LF_VIEW_SPLIT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", name.c_str(), nullptr));
+}
+
+// A new source pad, owned by the element, for the units of this view; gst_element_release_request_pad() takes it away.
+// Thread-safe.
+static GstPad* lf_view_split_add_view(LfViewSplit* self, guint view_id) {
+  GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "src_%u");
+  GstPad* pad = gst_pad_new_from_template(templ, pad_name(view_id).c_str());
+  gst_pad_set_active(pad, TRUE);
+  // No event passes between what is copied and what the pad gets itself.
+  GST_PAD_STREAM_LOCK(self->sink);
+  gst_pad_sticky_events_foreach(self->sink, copy_sticky_event, pad);
+  const gboolean added = gst_element_add_pad(GST_ELEMENT(self), pad);
+  GST_PAD_STREAM_UNLOCK(self->sink);
+  return added ? pad : nullptr;
+}
+
+static void lf_view_split_release_pad(GstElement* element, GstPad* pad) {
+  gst_pad_set_active(pad, FALSE);
+  gst_element_remove_pad(element, pad);
+}
+
+static void lf_view_split_class_init(LfViewSplitClass* klass) {
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->release_pad = lf::callback<lf_view_split_release_pad>;
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Light field view split", "Filter",
+                                        "Gives each unit to the viewer of its view", "gst-lightfield");
+}
+
+static void lf_view_split_init(LfViewSplit* self) {
+  self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  gst_pad_set_chain_function(self->sink, lf::callback<lf_view_split_chain>);
+  gst_pad_set_event_function(self->sink, lf::callback<lf_view_split_event>);
+  gst_element_add_pad(GST_ELEMENT(self), self->sink);
+}
 
 namespace lf {
 namespace {
@@ -19,6 +117,14 @@ constexpr GstClockTime kEarliest = GST_SECOND / 10;  // before its time that a p
 void link(GstElement* from, const char* from_pad, GstElement* to, const char* to_pad) {
   if (!gst_element_link_pads(from, from_pad, to, to_pad))
     throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
+}
+
+// Takes both references.
+void link(GstPad* src, GstPad* sink) {
+  const bool linked = src && sink && gst_pad_link(src, sink) == GST_PAD_LINK_OK;
+  if (src) gst_object_unref(src);
+  if (sink) gst_object_unref(sink);
+  if (!linked) throw Error("a viewer can't be linked with the cameras");
 }
 
 // A live picture is made as soon as its answers are there and waits for the time at which it is shown: no longer than
@@ -172,6 +278,95 @@ void ViewerChain::close(const std::function<void()>& leave_cameras) {
   for (GstElement* element : behind_cameras()) gst_element_set_state(element, GST_STATE_NULL);
   leave_cameras();
   for (GstElement* element : before_cameras()) gst_element_set_state(element, GST_STATE_NULL);
+}
+
+ViewerRequests::ViewerRequests(GstBin* bin, const HostPort& from, const Admission& admission) : elements_(bin) {
+  GstElement* received = add_receiver(elements_, from, "X-LIGHTFIELD-REQUEST", admission, "listen");
+  split_ = elements_.add(GST_ELEMENT(lf_view_split_new("listen_requests")));
+  link(received, "src", split_, "sink");
+}
+
+std::unique_ptr<RequestedPads> ViewerRequests::connect(ViewerChain& viewer) {
+  constexpr guint kAtOnce = 16;  // what comes is not known: four sets of as many views, or one of 64
+  viewer.make_room(kAtOnce);
+  auto pads = std::make_unique<RequestedPads>();
+  GstPad* out = lf_view_split_add_view(LF_VIEW_SPLIT(split_), viewer.view_id());
+  if (out) pads->add(split_, GST_PAD(gst_object_ref(out)));
+  GstPad* in = gst_element_request_pad_simple(viewer.view(), "sink");
+  if (in) pads->add(viewer.view(), in);
+  if (!out || !in || gst_pad_link(out, in) != GST_PAD_LINK_OK)
+    throw Error("requests of other hosts can't be linked with a viewer");
+  return pads;
+}
+
+namespace {
+
+// Each viewer has a request pad of the node to itself, and with it a thread.
+class CamerasHere : public ViewerCameras {
+ public:
+  explicit CamerasHere(GstBin* bin) : elements_(bin), node_(elements_.add("lfcameranode", "node")) {}
+
+  std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
+    auto pads = std::make_unique<RequestedPads>();
+    lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), TRUE);
+    std::string ending;
+    GstPad* request = nullptr;
+    if (viewer.view_id() == 0) {
+      request = gst_element_get_static_pad(node_, "request");
+    } else {
+      ending = "_" + std::to_string(viewer.view_id() - 1);
+      request = gst_element_request_pad_simple(node_, ("request" + ending).c_str());
+      if (request) gst_object_ref(pads->add(node_, request));
+    }
+    link(viewer.requests(), request);
+    link(gst_element_get_static_pad(node_, ("src" + ending).c_str()), viewer.add_answers(false));
+    return pads;
+  }
+
+ private:
+  AddedElements elements_;
+  GstElement* node_;
+};
+
+// Requests of all viewers go to all hosts in one stream; the answers of each host are told apart here.
+class CamerasOnHosts : public ViewerCameras {
+ public:
+  CamerasOnHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file)
+      : network_(bin, nodes, key_file), elements_(bin), requests_(elements_.add("funnel", "all_requests")) {
+    link(requests_, "src", network_.requests(), "sink");
+    for (size_t i = 0; i < nodes.size(); i++) {
+      splits_.push_back(lf_view_split_new("host" + std::to_string(i) + "_answers"));
+      link(network_.hosts()[i].answers, "src", elements_.add(GST_ELEMENT(splits_.back())), "sink");
+    }
+  }
+
+  std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
+    auto pads = std::make_unique<RequestedPads>();
+    lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), FALSE);
+    GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
+    link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
+    for (size_t i = 0; i < splits_.size(); i++) {
+      GstPad* answers = GST_PAD(gst_object_ref(lf_view_split_add_view(splits_[i], viewer.view_id())));
+      link(GST_PAD(gst_object_ref(pads->add(GST_ELEMENT(splits_[i]), answers))),
+           viewer.add_answers(true, network_.hosts()[i].name));
+    }
+    return pads;
+  }
+
+ private:
+  CameraHosts network_;
+  AddedElements elements_;
+  GstElement* requests_;
+  std::vector<LfViewSplit*> splits_;  // one for each host
+};
+
+}  // namespace
+
+std::unique_ptr<ViewerCameras> cameras_here(GstBin* bin) { return std::make_unique<CamerasHere>(bin); }
+
+std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes,
+                                                const std::string& key_file) {
+  return std::make_unique<CamerasOnHosts>(bin, nodes, key_file);
 }
 
 }  // namespace lf

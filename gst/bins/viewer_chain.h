@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
+
+#include <gst/gst.h>
+
+#include "base/text.h"
+#include "bins/rtp_link.h"
+#include "common/gst_pointers.h"
 
 namespace lf {
 
@@ -72,5 +77,36 @@ class ViewerChain {
   std::vector<GstElement*> answers_;                                                                 // with references
   bool follows_ = false;  // the elements follow the bin's state
 };
+
+// View requests of viewers on other hosts, which come in at one port by RTP: each viewer of a bin then relays those of
+// its view, and makes none of its own. The elements are the bin's; they go with this, when all viewers have given their
+// pads back. To be used by one thread at a time.
+class ViewerRequests {
+ public:
+  // Throws Error if GStreamer's elements for that are not there.
+  ViewerRequests(GstBin* bin, const HostPort& from, const Admission& admission);
+
+  // Links the viewer, whose pads these are. Throws Error.
+  std::unique_ptr<RequestedPads> connect(ViewerChain& viewer);
+
+ private:
+  AddedElements elements_;
+  GstElement* split_;
+};
+
+// The cameras that the viewers of a bin share: where their requests go and their answers come from. The elements are
+// the bin's; they go with this, when all viewers have given their pads back. To be used by one thread at a time.
+class ViewerCameras {
+ public:
+  virtual ~ViewerCameras() = default;
+  // Links the viewer, whose pads these are. Throws Error.
+  virtual std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) = 0;
+};
+
+// The cameras of a rig that are on this machine: one lfcameranode, "node".
+std::unique_ptr<ViewerCameras> cameras_here(GstBin* bin);
+// Cameras on hosts that are reached by RTP, as CameraHosts has them. Throws Error.
+std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes,
+                                                const std::string& key_file);
 
 }  // namespace lf

@@ -1,22 +1,379 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/camera_chain.h"
 
-#include <gst/video/video.h>
-
 #include <atomic>
 #include <cstring>
+#include <vector>
 
+#include <gst/gst.h>
+#include <gst/video/video.h>
+
+#include "base/text.h"
 #include "camsrc/camera_controls.h"
-#include "camsrc/chain_links.h"
-#include "camsrc/described_source.h"
-#include "camsrc/lfpicturesrc.h"
-#include "camsrc/lfscenesrc.h"
+#include "camsrc/picture_sources.h"
 #include "common/common.h"
+#include "common/guard.h"
+#include "rig/source_security.h"
 
 namespace lf {
 namespace {
 
+constexpr const char* kAddMeta = "add-reference-timestamp-meta";
+constexpr GstClockTime k1970 = 2'208'988'800 * GST_SECOND;  // in NTP's time, which begins with 1900
+
+GstClockTime time_of_day() { return static_cast<GstClockTime>(g_get_real_time()) * GST_USECOND; }
+
+bool is_video(GstPad* pad) {
+  GstCaps* caps = gst_pad_get_current_caps(pad);
+  if (!caps) caps = gst_pad_query_caps(pad, nullptr);
+  const GstStructure* structure = gst_caps_get_size(caps) > 0 ? gst_caps_get_structure(caps, 0) : nullptr;
+  const gchar* media = structure ? gst_structure_get_string(structure, "media") : nullptr;
+  const bool video = !media || g_str_equal(media, "video");
+  gst_caps_unref(caps);
+  return video;
+}
+
+// Sent when, in NTP's time; nothing where no report has come yet.
+std::optional<GstClockTime> ntp_time(GstBuffer* packet) {
+  static GstStaticCaps ntp = GST_STATIC_CAPS("timestamp/x-ntp");
+  GstCaps* reference = gst_static_caps_get(&ntp);
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(packet, reference);
+  gst_caps_unref(reference);
+  if (!meta || meta->timestamp < k1970) return std::nullopt;
+  return meta->timestamp;
+}
+
+GstClockTime running_time(GstPad* pad, GstClockTime pts) {
+  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (!event) return GST_CLOCK_TIME_NONE;
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, pts);
+  gst_event_unref(event);
+  return time;
+}
+
+void forget(gpointer self, GClosure*) { delete static_cast<std::shared_ptr<SenderClock>*>(self); }
+
+}  // namespace
+
+void SenderClock::see(GstClockTime stamp, GstClockTime sent, GstClockTime now) {
+  const GstClockTimeDiff age = GST_CLOCK_DIFF(sent, now);
+  const bool true_enough =
+      age >= -static_cast<GstClockTimeDiff>(kMostAhead) && age <= static_cast<GstClockTimeDiff>(latency_ + kMostAge);
+  const std::lock_guard lock(mutex_);
+  offset_.reset();
+  if (true_enough) offset_ = GST_CLOCK_DIFF(stamp, sent);
+}
+
+std::optional<GstClockTime> SenderClock::taken(GstClockTime stamp) const {
+  const std::lock_guard lock(mutex_);
+  if (!offset_) return std::nullopt;
+  return stamp + static_cast<GstClockTime>(*offset_);
+}
+
+bool SenderClock::is_known() const {
+  const std::lock_guard lock(mutex_);
+  return offset_.has_value();
+}
+
+GstPadProbeReturn SenderClock::on_packet(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  GstBuffer* packet = nullptr;
+  if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER_LIST))
+    packet = GST_PAD_PROBE_INFO_BUFFER(info);
+  else if (GstBufferList* list = GST_PAD_PROBE_INFO_BUFFER_LIST(info); gst_buffer_list_length(list) > 0)
+    packet = gst_buffer_list_get(list, 0);
+  const std::optional<GstClockTime> ntp = packet ? ntp_time(packet) : std::nullopt;
+  if (!ntp) return GST_PAD_PROBE_OK;
+  const GstClockTime stamp = running_time(pad, GST_BUFFER_PTS(packet));
+  if (GST_CLOCK_TIME_IS_VALID(stamp))
+    (*static_cast<std::shared_ptr<SenderClock>*>(data))->see(stamp, *ntp - k1970, time_of_day());
+  return GST_PAD_PROBE_OK;
+}
+
+void SenderClock::on_pad(GstElement*, GstPad* pad, gpointer data) {
+  if (!GST_PAD_IS_SRC(pad) || !is_video(pad)) return;
+  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+                    callback<on_packet>, new std::shared_ptr(*static_cast<std::shared_ptr<SenderClock>*>(data)),
+                    [](gpointer self) { forget(self, nullptr); });
+}
+
+void SenderClock::watch(GstElement* source) {
+  if (!g_object_class_find_property(G_OBJECT_GET_CLASS(source), kAddMeta)) return;
+  g_object_set(source, kAddMeta, TRUE, nullptr);
+  g_signal_connect_data(source, "pad-added", G_CALLBACK(callback<on_pad>), new std::shared_ptr(shared_from_this()),
+                        forget, GConnectFlags(0));
+}
+
+namespace {
+
 using Kind = CameraSource::Kind;
+
+// Whether the source of the URI has pictures on a pad of its own, in place of bytes or packets.
+bool gives_pictures(const std::string& uri) {
+  GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
+  if (!source) return false;
+  gst_object_ref_sink(source);
+  bool pictures = false;
+  if (GstPad* pad = gst_element_get_static_pad(source, "src")) {
+    GstCaps* caps = gst_pad_get_pad_template_caps(pad);
+    for (guint i = 0; i < gst_caps_get_size(caps) && !gst_caps_is_any(caps); i++) {
+      const gchar* name = gst_structure_get_name(gst_caps_get_structure(caps, i));
+      pictures |= g_str_equal(name, "video/x-raw") || g_str_equal(name, "image/jpeg");
+    }
+    gst_caps_unref(caps);
+    gst_object_unref(pad);
+  }
+  gst_object_unref(source);
+  return pictures;
+}
+
+constexpr char kEnd[] = "end-of-described-source";
+
+// The text was checked before (rig/source_security.h), by a reader that knows a part of the language. This is the check
+// of what GStreamer's own parser has made of it.
+void require_listed_elements(GstBin* source) {
+  for (const GList* item = source->children; item; item = item->next) {
+    GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(item->data));
+    const std::string name = factory ? GST_OBJECT_NAME(factory) : "a bin";
+    if (!is_trusted_element(name)) throw Error("its source has " + name + ", which needs trusted=true");
+  }
+}
+
+// The elements that a rig describes (rig/source_security.h), as a bin with one source pad, "src", of the last of them;
+// floating. Throws Error that says what is wrong with the line. Unless the rig is `trusted`, elements that are not on
+// the list of rig/source_security.h are errors. An element that does nothing goes behind the line: it may end with
+// caps, which stand between elements alone, or with an element whose pads appear later.
+GstElement* make_described_source(const std::string& line, bool trusted) {
+  g_autoptr(GError) error = nullptr;
+  const std::string whole = line + " ! identity name=" + kEnd;
+  GstElement* source =
+      gst_parse_bin_from_description_full(whole.c_str(), FALSE, nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  const bool fits = source && !error && GST_OBJECT_FLAG_IS_SET(source, GST_ELEMENT_FLAG_SOURCE);
+  if (!fits) {
+    if (source) gst_object_unref(gst_object_ref_sink(source));
+    throw Error(error ? error->message : "there is no source in it");
+  }
+  try {
+    if (!trusted) require_listed_elements(GST_BIN(source));
+  } catch (const Error&) {
+    gst_object_unref(gst_object_ref_sink(source));
+    throw;
+  }
+  GstElement* end = gst_bin_get_by_name(GST_BIN(source), kEnd);
+  GstPad* pad = gst_element_get_static_pad(end, "src");
+  gst_element_add_pad(source, gst_ghost_pad_new("src", pad));
+  gst_object_unref(pad);
+  gst_object_unref(end);
+  return source;
+}
+
+// --- Links between elements, some of which have pads that appear later -----------------------------------------------
+
+// Throws MissingElement.
+GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
+  GstElement* element = gst_element_factory_make(factory, name);
+  if (!element) throw MissingElement(factory);
+  gst_bin_add(bin, element);
+  return element;
+}
+
+// The pad without the reference: it stays as long as its element.
+GstPad* borrow_pad(GstElement* element, const char* name) {
+  GstPad* pad = gst_element_get_static_pad(element, name);
+  gst_object_unref(pad);
+  return pad;
+}
+
+// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
+GstElement* append(GstElement* tail, GstElement* next) {
+  if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
+  return next;
+}
+
+// Adds a decoder of Motion JPEG. Throws MissingElement.
+GstElement* add_jpeg_decoder(GstBin* bin) {
+  GstElement* decoder = add(bin, "jpegdec");
+  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
+  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
+  return decoder;
+}
+
+// The identities around what makes raw video, where JPEG, and pictures in a graphics card's memory, go past it: named
+// so, because pads that appear later find nothing but the first of them.
+constexpr const char* kBeforeConvert = "before-convert";
+constexpr const char* kAfterConvert = "after-convert";
+
+bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
+
+// Links the first identity with the last: the video stays as it is. Before data flows.
+void bypass(GstElement* before) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstPad* src = borrow_pad(before, "src");
+  GstPad* sink = borrow_pad(after, "sink");
+  for (GstPad* pad : {src, sink}) {
+    GstPad* peer = gst_pad_get_peer(pad);
+    if (!peer) continue;
+    if (pad == src)
+      gst_pad_unlink(pad, peer);
+    else
+      gst_pad_unlink(peer, pad);
+    gst_object_unref(peer);
+  }
+  gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
+  gst_object_unref(after);
+  gst_object_unref(bin);
+}
+
+// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
+// of the wrong size comes as far as to be named.
+void link_new_pad(GstPad* pad, GstElement* next) {
+  GstPad* sink = borrow_pad(next, "sink");
+  if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
+}
+
+bool is_media(GstPad* pad, const char* prefix) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+// Whether the pad gives pictures in a graphics card's memory.
+bool is_on_card(GstPad* pad) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+// Whether who is behind the chain's last identity takes the pad's pictures as they are.
+bool takes_pictures(GstElement* before, GstPad* pad) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return false;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstCaps* given = gst_pad_query_caps(pad, nullptr);
+  GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
+  const bool takes = !gst_caps_is_empty(taken);
+  gst_caps_unref(taken);
+  gst_caps_unref(given);
+  gst_object_unref(after);
+  gst_object_unref(bin);
+  return takes;
+}
+
+// Calls f(pad) for each source pad inside of the bin.
+template <typename F>
+void for_each_source_pad(GstBin* bin, F f) {
+  const GstElementForeachPadFunc call_f = [](GstElement*, GstPad* pad, gpointer data) -> gboolean {
+    (*static_cast<F*>(data))(pad);
+    return TRUE;
+  };
+  GstIterator* elements = gst_bin_iterate_recurse(bin);
+  GValue item = G_VALUE_INIT;
+  GstIteratorResult next = GST_ITERATOR_OK;
+  while ((next = gst_iterator_next(elements, &item)) == GST_ITERATOR_OK || next == GST_ITERATOR_RESYNC) {
+    if (next == GST_ITERATOR_RESYNC) {
+      gst_iterator_resync(elements);
+      continue;
+    }
+    gst_element_foreach_src_pad(GST_ELEMENT(g_value_get_object(&item)), call_f, &f);
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(elements);
+}
+
+// Demuxers say it before their first picture.
+GstVideoOrientationMethod turn_of_film(GstBin* bin) {
+  GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
+  for_each_source_pad(bin, [&turn](GstPad* pad) {
+    if (turn == GST_VIDEO_ORIENTATION_IDENTITY) turn = turn_of(pad);
+  });
+  return turn;
+}
+
+// Links pictures with `head`: those on a card by way of gldownload, those that are to be turned by way of videoflip.
+void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_card) {
+  GstObject* bin = gst_element_get_parent(head);
+  if (!bin) return;  // being taken apart
+  try {
+    const GstVideoOrientationMethod turn = turn_of_film(GST_BIN(bin));
+    std::vector<GstElement*> between;
+    if (on_card) between.push_back(add(GST_BIN(bin), "gldownload"));
+    if (turn != GST_VIDEO_ORIENTATION_IDENTITY) {
+      between.push_back(add(GST_BIN(bin), "videoconvert"));
+      between.push_back(add(GST_BIN(bin), "videoflip"));
+      g_object_set(between.back(), "video-direction", turn, nullptr);
+    }
+    GstElement* next = head;
+    for (auto element = between.rbegin(); element != between.rend(); ++element) {
+      append(*element, next);
+      gst_element_sync_state_with_parent(*element);
+      next = *element;
+    }
+    link_new_pad(pad, next);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(decoder, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
+// These handle signals of pads that appear: they link the first video with `head`, the sink of the chain. This one is a
+// decoder's.
+void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
+  GstElement* const head = GST_ELEMENT(head_element);
+  if (gst_pad_is_linked(borrow_pad(head, "sink"))) return;
+  const bool is_raw = is_media(pad, "video/x-raw"), on_card = is_raw && is_on_card(pad);
+  const bool passes = may_bypass(head) && (on_card ? takes_pictures(head, pad) : is_media(pad, "image/jpeg"));
+  if (passes) bypass(head);
+  if (passes)
+    link_new_pad(pad, head);
+  else if (is_raw)
+    link_decoded(decoder, pad, head, on_card);
+}
+
+// This one is a Matroska demuxer's: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what
+// else there is goes through decodebin, which brings queues and threads.
+void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
+  if (may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, head);
+  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
+  if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
+  if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(head));
+
+  GstObject* bin = gst_element_get_parent(demuxer);
+  if (!bin) return;  // being taken apart
+  GstElement* decoder = nullptr;
+  try {
+    if (is_media(pad, "image/jpeg")) {
+      decoder = add_jpeg_decoder(GST_BIN(bin));
+      append(decoder, GST_ELEMENT(head));
+    } else {
+      decoder = add(GST_BIN(bin), "decodebin");
+      g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), head);
+    }
+    gst_element_sync_state_with_parent(decoder);
+    link_new_pad(pad, decoder);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
+// Posts an error if there was no video.
+void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
+  bool linked = false;
+  GST_OBJECT_LOCK(element);
+  for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
+  GST_OBJECT_UNLOCK(element);
+  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
+}
+
+// --- What feeds the tail of a chain ----------------------------------------------------------------------------------
 
 // Files are read in few large pieces: a still is one.
 constexpr guint kBlockSize = 1 << 20;
@@ -260,6 +617,31 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
 }
 
 }  // namespace
+
+CameraSource find_playable_source(const Rig& rig, const Camera& camera) {
+  CameraSource source = find_camera_source(rig, camera);
+  if (source.kind == CameraSource::Kind::kUri && gives_pictures(source.location))
+    source.kind = CameraSource::Kind::kDevice;
+  return source;
+}
+
+GstVideoOrientationMethod turn_of(GstPad* pad) {
+  GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
+  for (guint i = 0; turn == GST_VIDEO_ORIENTATION_IDENTITY; i++) {
+    g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, i);
+    if (!event) break;
+    GstTagList* tags = nullptr;
+    gst_event_parse_tag(event, &tags);
+    gst_video_orientation_from_tag(tags, &turn);
+  }
+  return turn;
+}
+
+bool has_sound(GstBin* bin) {
+  bool found = false;
+  for_each_source_pad(bin, [&found](GstPad* pad) { found |= is_media(pad, "audio/"); });
+  return found;
+}
 
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options) {

@@ -1,19 +1,53 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/camera_stream.h"
 
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+
 #include <gst/video/gstvideodecoder.h>
 #include <gst/video/video.h>
 
-#include <algorithm>
-#include <optional>
-
-#include "base/number_text.h"
 #include "base/schedule.h"
+#include "base/text.h"
+#include "camsrc/camera_chain.h"
+#include "common/coded_video.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
+#include "image/image_file.h"
 #include "jpeg/header.h"
 
 namespace lf {
+
+bool CodedPictures::admits(GstBuffer* picture) {
+  has_key_ = has_key_ || !GST_BUFFER_FLAG_IS_SET(picture, GST_BUFFER_FLAG_DELTA_UNIT);
+  return has_key_;
+}
+
+void CodedPictures::begin_again() {
+  has_key_ = false;
+  waiting_.clear();
+}
+
+void CodedPictures::wait(GstBuffer* picture, GstClockTime taken) {
+  if (waiting_.size() >= kMostWaiting) begin_again();
+  if (admits(picture)) waiting_.push_back({BufferPtr(gst_buffer_ref(picture)), taken});
+}
+
+std::vector<CodedPictures::Picture> CodedPictures::take_waiting() { return std::exchange(waiting_, {}); }
+
+GstClockTime CodedPictures::in_order(GstClockTime taken, GstClockTime captured) {
+  constexpr GstClockTime kLeast = 10 * GST_USECOND;  // times in a file are multiples of it
+  const bool is_newest = taken > newest_taken_;
+  if (!is_newest) return captured;
+  if (newest_captured_ > 0 && captured <= newest_captured_ && newest_captured_ - captured < kMostBack)
+    captured = newest_captured_ + kLeast;
+  newest_taken_ = taken;
+  newest_captured_ = captured;
+  return captured;
+}
+
 namespace {
 
 GstCaps* capture_time_reference() {
@@ -154,7 +188,7 @@ GstPadProbeReturn CameraStream::on_arrival(GstPad* pad, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-// Raw pictures have been turned as the film says (chain_links.cc): nobody behind turns them again.
+// Raw pictures have been turned as the film says (camera_chain.cc): nobody behind turns them again.
 GstPadProbeReturn CameraStream::on_tags(GstPadProbeInfo* info) {
   auto* event = static_cast<GstEvent*>(info->data);
   GstTagList* tags = nullptr;
@@ -406,6 +440,255 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
   }
   keep_frame(pad, GST_PAD_PROBE_INFO_BUFFER(info));
   return GST_PAD_PROBE_OK;
+}
+
+// --- What is kept of a camera ----------------------------------------------------------------------------------------
+//
+// Its pictures as it has coded them, seen before they are decoded, or its frames.
+
+// Where in the film, or when by running time, a picture was taken that has a stamp in `segment`; it may be one from
+// before the segment, which those in it need.
+std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockTime stamp) const {
+  if (segment.format != GST_FORMAT_TIME || !GST_CLOCK_TIME_IS_VALID(stamp)) return std::nullopt;
+  if (round_start_ > 0) segment.base = round_start_;  // as later_segment() makes it, behind the decoder
+  guint64 time = 0;
+  const int sign = live_ ? gst_segment_to_running_time_full(&segment, GST_FORMAT_TIME, stamp, &time)
+                         : gst_segment_to_stream_time_full(&segment, GST_FORMAT_TIME, stamp, &time);
+  if (sign == 0) return std::nullopt;
+  const gint64 taken = (sign < 0 ? -1 : 1) * static_cast<gint64>(time) + (live_ ? 0 : static_cast<gint64>(film_start_));
+  return static_cast<GstClockTime>(std::max<gint64>(taken, 0));
+}
+
+// Until a frame is sent nobody knows the time that a live picture was taken at, nor whether a film has caught up.
+GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
+  GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
+  if (!caps || !find_coded_video(caps) || is_turned(pad)) return GST_PAD_PROBE_OK;
+  const std::lock_guard lock(keeping_);
+  if (!coded_pad_) coded_pad_ = GST_PAD(gst_object_ref(pad));
+  g_autoptr(GstEvent) event = pad == coded_pad_ ? gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0) : nullptr;
+  if (!event) return GST_PAD_PROBE_OK;
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  const std::optional<GstClockTime> taken = taken_at(*segment, GST_BUFFER_PTS(picture));
+  if (frames_out_ == 0 && options_.catches_up)
+    coded_.begin_again();
+  else if (!taken)
+    return GST_PAD_PROBE_OK;
+  else if (frames_out_ == 0)
+    coded_.wait(picture, *taken);
+  else if (coded_.admits(picture))
+    listener_.on_keepsake(picture, caps, coded_.in_order(*taken, capture_time(*taken)));
+  return GST_PAD_PROBE_OK;
+}
+
+// jpegdec shows grey where a picture was cut off, and says nothing. Cameras that never write the end marker exist.
+GstPadProbeReturn CameraStream::on_jpeg(GstPad*, GstPadProbeInfo* info) {
+  const MappedBuffer bytes(GST_PAD_PROBE_INFO_BUFFER(info));
+  const bool is_whole = jpeg_end(bytes.bytes()).has_value();
+  jpegs_have_ends_ = jpegs_have_ends_ || is_whole;
+  if (is_whole || !jpegs_have_ends_) return GST_PAD_PROBE_OK;
+  ++*chain_.damaged;
+  return GST_PAD_PROBE_DROP;
+}
+
+// A file may say how long a coded picture lasts; parsers put a period of theirs in its place.
+GstPadProbeReturn CameraStream::on_parsed(GstPad* pad, GstPadProbeInfo* info) {
+  const GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
+  g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (!event || !caps || !find_coded_video(caps) || !GST_BUFFER_PTS_IS_VALID(picture)) return GST_PAD_PROBE_OK;
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  guint64 begin = 0;
+  if (segment->format != GST_FORMAT_TIME ||
+      gst_segment_to_stream_time_full(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture), &begin) != 1)
+    return GST_PAD_PROBE_OK;
+  if (const GstClockTime last = told_begin_; GST_CLOCK_TIME_IS_VALID(last) && begin < last) return GST_PAD_PROBE_OK;
+  told_begin_ = begin;
+  told_end_ = GST_BUFFER_DURATION_IS_VALID(picture) ? begin + GST_BUFFER_DURATION(picture) : GST_CLOCK_TIME_NONE;
+  return GST_PAD_PROBE_OK;
+}
+
+// What has waited for the first frame to be sent.
+void CameraStream::keep_waiting() {
+  const std::lock_guard lock(keeping_);
+  if (!coded_pad_) return;
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(coded_pad_);
+  for (const CodedPictures::Picture& picture : coded_.take_waiting())
+    if (caps)
+      listener_.on_keepsake(picture.buffer.get(), caps, coded_.in_order(picture.taken, capture_time(picture.taken)));
+}
+
+// --- Where in its film a camera is that is read from files -----------------------------------------------------------
+//
+// Seeks, rounds, and stamps where a source has none, so that capture times stay those of the film, whatever the source
+// is.
+GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  gdouble rate = 0;
+  GstFormat format = GST_FORMAT_UNDEFINED;
+  GstSeekFlags flags{};
+  GstSeekType start_type{}, stop_type{};
+  gint64 start = 0, stop = 0;
+  gst_event_parse_seek(event, &rate, &format, &flags, &start_type, &start, &stop_type, &stop);
+  if (live_ || rate <= 0 || format != GST_FORMAT_TIME || start_type != GST_SEEK_TYPE_SET || start < 0)
+    return GST_PAD_PROBE_OK;
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  const std::lock_guard lock(seeking_);
+  if (failed_ || stopping_) return GST_PAD_PROBE_DROP;  // nothing comes any more
+  sought_ = true;
+  if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
+  // What is in a later round of a film that loops is come to from the beginning.
+  gint64 duration = 0;
+  if (gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) && start >= duration) start = 0;
+  GstEvent* there = gst_event_new_seek(rate, format, flags, start_type, start, stop_type, stop);
+  gst_event_set_seqnum(there, seqnum);
+  // Here, because it and the one back to the beginning have to follow each other, and that is not done once it is.
+  return gst_pad_push_event(chain_.decoded, there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+}
+
+// Behind the end of a segment the stream goes on without a flush. Only behind EOS, which ends what has begun without a
+// seek, there has to be one.
+void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
+  std::lock_guard lock(seeking_);
+  if (stopping_ || loop_seqnum_ != seqnum) return;
+  const int flags = GST_SEEK_FLAG_SEGMENT | (flush ? GST_SEEK_FLAG_FLUSH : 0);
+  GstEvent* seek =
+      gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
+  gst_event_set_seqnum(seek, seqnum);
+  if (!gst_pad_push_event(chain_.decoded, seek))
+    fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
+}
+
+// A film that loops and is opened again begins in the round that it would be in, not in the first of all: after hours
+// nobody could decode what there has been since. Rounds are as long as they were found to be, so that it stays in step.
+void CameraStream::pass_rounds() {
+  gint64 duration = static_cast<gint64>(round_);
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  if (!options_.seek_to_loop || !GST_CLOCK_TIME_IS_VALID(now)) return;
+  if (duration == 0) gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration);
+  if (duration > 0) round_start_ = stream_end_ = now - now % static_cast<guint64>(duration);
+}
+
+// How much earlier than at the end that it says to have the film has ended; 0 for what is no more than a frame or two.
+GstClockTime CameraStream::missing_at_end() const {
+  gint64 duration = 0;
+  if (!gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) || duration <= 0) return 0;
+  const GstClockTime period = round_frames_ > 0 ? (stream_end_ - round_start_) / round_frames_ : 0;
+  const auto said = static_cast<GstClockTime>(duration);
+  const bool is_shorter = said > position_ + 2 * period + GST_SECOND / 50;
+  return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;  // which may be longer
+}
+
+// The last frame lasts until the end that its file tells, so that all cameras of a recording have rounds of one length.
+void CameraStream::end_round_as_told() {
+  told_begin_ = GST_CLOCK_TIME_NONE;
+  const GstClockTime told = told_end_.exchange(GST_CLOCK_TIME_NONE);
+  if (!GST_CLOCK_TIME_IS_VALID(told)) return;
+  const GstClockTimeDiff later = GST_CLOCK_DIFF(position_, told);
+  stream_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(stream_end_) + later);
+  film_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(film_end_) + later);
+  position_ = told;
+}
+
+// At the end of the file, or of a segment: true if it is to begin again.
+bool CameraStream::begin_again(bool flush) {
+  // Nobody wants more frames, or the file has none: no reason to turn round and round.
+  if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
+  if (stamps_arrival_ || live_latency(chain_.decoded)) return false;  // no beginning to seek back to
+
+  // A film that is cut off, or whose last frames were dropped, has none for the rest of its round, so that those after
+  // it are in step with the others'.
+  end_round_as_told();
+  const GstClockTime missing = missing_at_end();
+  const bool dropped = options_.shedder->dropped() != std::exchange(dropped_before_, options_.shedder->dropped());
+  if (missing > 0 && !dropped && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);
+  stream_end_ += missing;
+  film_end_ += missing;
+  if (options_.paced || options_.catches_up) due_ = stream_end_;
+  round_ = stream_end_ - round_start_;
+  round_start_ = stream_end_;
+  film_start_ = film_end_;
+  round_frames_ = 0;
+  loop_seqnum_ = gst_util_seqnum_next();
+
+  // On another thread: a seek waits until this one has let go.
+  struct Task {
+    std::shared_ptr<CameraStream> stream;
+    guint32 seqnum;
+    bool flush;
+    GstPad* pad;  // so that it is still there, if not in use any more
+  };
+  gst_element_call_async(
+      owner_,
+      [](GstElement* owner, gpointer data) {
+        const auto* task = static_cast<Task*>(data);
+        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum, task->flush), 0; });
+      },
+      new Task{shared_from_this(), loop_seqnum_, flush, GST_PAD(gst_object_ref(chain_.decoded))},
+      [](gpointer data) {
+        auto* task = static_cast<Task*>(data);
+        gst_object_unref(task->pad);
+        delete task;
+      });
+  return true;
+}
+
+// The same segment, `round_start_` later: running time goes on where the last round ended. Takes and gives a reference.
+GstEvent* CameraStream::later_segment(GstEvent* event) const {
+  GstSegment segment;
+  gst_event_copy_segment(event, &segment);
+  segment.base = round_start_;
+  segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
+  GstEvent* later = gst_event_new_segment(&segment);
+  gst_event_set_seqnum(later, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return later;
+}
+
+// JPEG files that elements read one by one (multifilesrc) are stretches of bytes without times. Takes and gives a
+// reference.
+GstEvent* CameraStream::time_segment(GstEvent* event) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  counts_time_ = segment->format != GST_FORMAT_TIME && fps_n_ > 0;
+  if (!counts_time_) return event;
+  GstSegment time;
+  gst_segment_init(&time, GST_FORMAT_TIME);
+  GstEvent* timed = gst_event_new_segment(&time);
+  gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return timed;
+}
+
+// The running time now; 0 before PLAYING, while a first frame waits there.
+GstClockTime CameraStream::running_time_now() const {
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  return GST_CLOCK_TIME_IS_VALID(now) ? now : 0;
+}
+
+// Gives a picture that has no stamp the time at which it arrives. Takes and gives a reference.
+GstBuffer* CameraStream::stamp_arrival(GstPad* pad, GstBuffer* buffer) const {
+  g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  const GstSegment* segment = nullptr;
+  if (event) gst_event_parse_segment(event, &segment);
+  if (!segment || segment->format != GST_FORMAT_TIME) return buffer;
+  buffer = gst_buffer_make_writable(buffer);
+  GST_BUFFER_PTS(buffer) = gst_segment_position_from_running_time(segment, GST_FORMAT_TIME, running_time_now());
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  return buffer;
+}
+
+GstBuffer* CameraStream::stamp(GstBuffer* buffer) const {
+  buffer = gst_buffer_make_writable(buffer);
+  const auto time = [this](guint64 n) {
+    return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(fps_d_), static_cast<guint64>(fps_n_));
+  };
+  GST_BUFFER_PTS(buffer) = time(pictures_);
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  GST_BUFFER_DURATION(buffer) = time(pictures_ + 1) - time(pictures_);
+  return buffer;
 }
 
 }  // namespace lf

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -10,13 +8,45 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
+
+#include <gst/gst.h>
 
 #include "camsrc/camera_chain.h"
-#include "camsrc/camera_shedder.h"
-#include "camsrc/coded_pictures.h"
+#include "camsrc/camera_service.h"
+#include "common/gst_pointers.h"
 #include "rig/rig.h"
 
 namespace lf {
+
+// What is to be known of a stream of coded pictures to keep them: from which one on they can be decoded, and in which
+// order they are to be seen. Of one stream; without locks.
+class CodedPictures {
+ public:
+  struct Picture {
+    BufferPtr buffer;
+    GstClockTime taken;  // running time, or time in the film
+  };
+  // So many may wait for a first frame to be sent, more than a decoder holds back; then it has failed.
+  static constexpr size_t kMostWaiting = 300;
+  // What a capture time may go back by without the clock having been set back: its sender has just told what it is.
+  static constexpr GstClockTime kMostBack = GST_SECOND;
+
+  // Whether a picture may be kept: nothing before the first key frame can.
+  bool admits(GstBuffer* picture);
+  // Those before are not kept, so that it begins with a key frame again.
+  void begin_again();
+  // Keeps a reference.
+  void wait(GstBuffer* picture, GstClockTime taken);
+  std::vector<Picture> take_waiting();
+  // The capture time of a picture. One that is seen later than all before it was taken later, whatever its time says.
+  GstClockTime in_order(GstClockTime taken, GstClockTime captured);
+
+ private:
+  bool has_key_ = false;
+  std::vector<Picture> waiting_;
+  GstClockTime newest_taken_ = 0, newest_captured_ = 0;  // of those passed on; 0: none was
+};
 
 // What is said of a camera's stream, and what becomes of it.
 struct StreamOptions {
@@ -102,14 +132,12 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
-  // camera_stream_seek.cc
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
   GstPadProbeReturn on_output_end(GstPad* pad);
-  // camera_stream_coded.cc
   GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_jpeg(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_parsed(GstPad* pad, GstPadProbeInfo* info);
-  GstPadProbeReturn on_arrival(GstPad* pad, GstPadProbeInfo* info);  // camera_stream.cc
+  GstPadProbeReturn on_arrival(GstPad* pad, GstPadProbeInfo* info);
   void end_round_as_told();
   std::optional<GstClockTime> taken_at(GstSegment segment, GstClockTime stamp) const;
   void keep_waiting();
@@ -117,7 +145,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();
   bool is_too_late(GstBuffer* buffer);
-  void pass_rounds();  // camera_stream_seek.cc
+  void pass_rounds();
   GstClockTime missing_at_end() const;
   void note_position(GstClockTime end);
 

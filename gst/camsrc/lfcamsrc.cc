@@ -51,35 +51,78 @@
 
 #include "camsrc/lfcamsrc.h"
 
-#include <gst/video/video.h>
-
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
+
+#include <gst/video/video.h>
 
 #include "base/schedule.h"
-#include "camsrc/camera_states.h"
-#include "camsrc/lfcamsrc_private.h"
-#include "camsrc/lfpicturesrc.h"
-#include "camsrc/message_secrets.h"
+#include "base/text.h"
+#include "camsrc/cam_src_children.h"
+#include "camsrc/camera_controls.h"
+#include "camsrc/picture_sources.h"
 #include "common/common.h"
+#include "rig/source_security.h"
 
 GST_DEBUG_CATEGORY(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
 using Settings = lf::CamSrcSettings;
+using State = lf::CameraService::State;
 
 G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
 GST_ELEMENT_REGISTER_DEFINE(lfcamsrc, "lfcamsrc", GST_RANK_NONE, LF_TYPE_CAM_SRC)
+
+lf::PropertyTable<Settings>& Settings::properties() {
+  using namespace lf;
+  using S = Settings;
+  static PropertyTable<S> table = {
+      property<&S::rig>(kWhileReady, "rig", "Rig", "Path of the rig file (rig.json) that describes the camera"),
+      property<&S::camera>(kWhileReady, "camera", "Camera", "Id of the camera in the rig file", 0u, G_MAXUINT),
+      fraction_property<&S::fps_n, &S::fps_d>(
+          kWhileReady, "framerate", "Frame rate",
+          "Frames per second (0/1 = as the source has them; 15/1 for stills, image sequences and the built-in scene, "
+          "which have no rate of their own). Videos of another rate get frames dropped or repeated",
+          0, 1),
+      property<&S::is_live>(kWhileReady, "is-live", "Is live",
+                            "Frames come at their time on the pipeline's clock, as from a device, in place of as fast "
+                            "as they are taken"),
+      property<&S::loop>(kWhileReady, "loop", "Loop",
+                         "Videos and image sequences begin again at their end, with running time going on"),
+      property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
+                               "Frames after which the stream ends (-1 = when the source does: stills and the built-in "
+                               "scene never do)",
+                               gint64{-1}, G_MAXINT64),
+      property<&S::decode>(
+          kWhileReady, "decode", "Decode",
+          "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
+          "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
+      property<&S::latency>(kWhileReady, "latency", "Latency",
+                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
+                            guint64{0}, guint64{60 * GST_SECOND}),
+      property<&S::retry>(kWhileReady, "retry", "Retry",
+                          "A camera that fails is opened again, after half a second at first and after ten seconds at "
+                          "most, in place of an error: the element messages lightfield-camera-lost and "
+                          "lightfield-camera-found and a warning tell"),
+      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
+                            "Whether the rig file may run any element: without it, sources that describe elements can "
+                            "have sources, converters and decoders of a short list only"),
+  };
+  return table;
+}
 
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
     GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS
                                         ", I420 }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 
-GstClockTime lf_cam_src_period(LfCamSrc* self) {
+// Nanoseconds between frames, by the rate in the source pad's caps.
+static GstClockTime lf_cam_src_period(LfCamSrc* self) {
   GstCaps* caps = gst_pad_get_current_caps(self->src);
   int fps_n = 0, fps_d = 1;
   if (caps) {
@@ -94,6 +137,323 @@ bool lf_cam_src_is_live(LfCamSrc* self) { return self->live; }
 
 void lf_cam_src_set_keeper(LfCamSrc* self, const lf::CameraKeeper& keeper) { *self->keeper = keeper; }
 
+// --- Loss and retry --------------------------------------------------------------------------------------------------
+//
+// A camera that fails where that is no error: it is closed, and opened again after a while, on threads of their own, as
+// neither may be done by the threads that streamed. Each of these steps has the element's state to itself; those that
+// were planned before the element was stopped, or opened anew, are void.
+
+static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
+  GST_OBJECT_LOCK(self);
+  GstStructure* structure =
+      gst_structure_new(name, "camera", G_TYPE_UINT, self->camera, "name", G_TYPE_STRING, self->name->c_str(), nullptr);
+  GST_OBJECT_UNLOCK(self);
+  return structure;
+}
+
+static void lf_cam_src_post_structure(LfCamSrc* self, GstStructure* structure) {
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
+}
+
+static bool lf_cam_src_retries(LfCamSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool retry = self->settings->retry;
+  GST_OBJECT_UNLOCK(self);
+  return retry && (self->live || !g_atomic_int_get(&self->expendable));
+}
+
+void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
+
+// Puts into `stats` what the camera's controls are, which asks its device: not for every frame.
+static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
+  lf::ObjectLock lock(self);
+  GstElement* device = self->run ? self->run->chain.device : nullptr;
+  if (device) gst_object_ref(device);
+  const lf::Controls wanted = self->run ? self->run->controls : lf::Controls{};
+  lock.unlock();
+  GstStructure* controls = device ? lf::read_controls(device, wanted) : gst_structure_new_empty("lightfield-controls");
+  GstStructure* values =
+      device ? lf::read_control_values(device, wanted) : gst_structure_new_empty("lightfield-controls");
+  if (!device)
+    for (const auto& [name, value] : wanted) gst_structure_set(controls, name.c_str(), G_TYPE_BOOLEAN, FALSE, nullptr);
+  gst_structure_set(stats, "controls", GST_TYPE_STRUCTURE, controls, "control-values", GST_TYPE_STRUCTURE, values,
+                    nullptr);
+  gst_structure_free(controls);
+  gst_structure_free(values);
+  if (device) gst_object_unref(device);
+}
+
+GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
+  const lf::CameraService::Report report = self->service->report();
+  lf::ObjectLock lock(self);
+  const std::shared_ptr<lf::SenderClock> sender = self->run ? self->run->chain.sender : nullptr;
+  const bool is_arrival = self->run && self->run->stream->stamps_arrivals();
+  const guint64 damaged = self->run ? self->run->chain.damaged->load() : 0;
+  lock.unlock();
+  const char* capture_time = is_arrival ? "arrival" : "source";
+  if (sender) capture_time = sender->is_known() ? "sender-reports" : "arrival";
+  return gst_structure_new(name, "state", G_TYPE_STRING, lf::to_string(report.state), "reason", G_TYPE_STRING,
+                           report.reason.c_str(), "losses", G_TYPE_UINT64, report.losses, "retries", G_TYPE_UINT64,
+                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), "damaged",
+                           G_TYPE_UINT64, damaged, "capture-time", G_TYPE_STRING, capture_time, nullptr);
+}
+
+const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }
+
+bool lf_cam_src_is_lost_for_good(LfCamSrc* self) {
+  return self->service->state() == State::kLost && !lf_cam_src_retries(self);
+}
+
+bool lf_cam_src_may_be_lost(LfCamSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool retry = self->settings->retry;
+  GST_OBJECT_UNLOCK(self);
+  return retry || g_atomic_int_get(&self->expendable);
+}
+
+static void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more = "") {
+  const std::string text = lf::location_text(failure.text) + more, debug = lf::location_text(failure.debug);
+  gst_element_message_full(GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup(text.c_str()),
+                           debug.empty() ? nullptr : g_strdup(debug.c_str()), __FILE__, GST_FUNCTION, __LINE__);
+}
+
+void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
+  if (!lf_cam_src_may_be_lost(self)) return lf_cam_src_post(self, GST_MESSAGE_ERROR, failure);
+  const std::string reason = lf::location_text(failure.text);
+  if (!self->service->lose(reason, lf::now_ns())) {
+    GST_INFO_OBJECT(self, "not back: %s", reason.c_str());
+    return;
+  }
+  GstStructure* lost = lf_cam_src_structure(self, LF_CAMERA_LOST);
+  gst_structure_set(lost, "reason", G_TYPE_STRING, reason.c_str(), nullptr);
+  lf_cam_src_post_structure(self, lost);
+  lf_cam_src_post(self, GST_MESSAGE_WARNING, failure,
+                  lf_cam_src_retries(self) ? ": out of service until it is back" : ": out of service from now on");
+}
+
+void lf_cam_src_tell_found(LfCamSrc* self) {
+  GST_INFO_OBJECT(self, "back again");
+  lf_cam_src_post_structure(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
+}
+
+// Of all cameras of the process one for a while.
+void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
+  constexpr uint64_t kQuiet = 10'000'000'000;
+  static std::atomic<uint64_t> told = 0;
+  const uint64_t now = lf::now_ns(), before = told.exchange(now);
+  if (before != 0 && now - before < kQuiet) return;
+  lf::ObjectLock lock(self);
+  const std::string place = self->run ? self->run->stream->place() : "";
+  lock.unlock();
+  GST_ELEMENT_WARNING(
+      self, STREAM, DECODE,
+      ("%s: this machine can't decode all frames, they come %d ms late: some are dropped before they are "
+       "decoded, up to the next key frame that can be on time",
+       place.c_str(), static_cast<int>(late / GST_MSECOND)),
+      ("further ones, of other cameras, too, are counted in stats"));
+}
+
+void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing) {
+  const auto seconds = [](GstClockTime time) {
+    return lf::format_text("%.2f", static_cast<double>(time) / GST_SECOND);
+  };
+  lf::ObjectLock lock(self);
+  const std::string place = self->run ? self->run->stream->place() : "";
+  lock.unlock();
+  GST_ELEMENT_WARNING(
+      self, STREAM, DECODE,
+      ("%s: is cut off: it ends after %s of %s s. %s, each time it loops", place.c_str(), seconds(lasted).c_str(),
+       seconds(lasted + missing).c_str(),
+       self->live ? "It gives nothing for the rest" : "For the rest its picture that is nearest in time stands"),
+      (nullptr));
+}
+
+// Tells downstream that no frame comes, by the event LF_CAMERA_LOST.
+static void lf_cam_src_push_lost(LfCamSrc* self) {
+  gst_pad_push_event(self->src,
+                     gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+}
+
+// Whether nothing has been opened or stopped since `serial`.
+static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
+  return static_cast<guint>(g_atomic_int_get(&self->serial)) == serial && GST_STATE(self) >= GST_STATE_PAUSED &&
+         GST_STATE_TARGET(self) >= GST_STATE_PAUSED;
+}
+
+// Calls `step` with the state lock, on a thread of its own, if it is still due then.
+static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
+  struct Call {
+    guint serial;
+    void (*step)(LfCamSrc*);
+  };
+  gst_element_call_async(
+      GST_ELEMENT(self),
+      [](GstElement* element, gpointer data) {
+        const auto* call = static_cast<Call*>(data);
+        GST_STATE_LOCK(element);
+        lf::guarded(element, 0, [=] {
+          if (lf_cam_src_is_due(LF_CAM_SRC(element), call->serial)) call->step(LF_CAM_SRC(element));
+          return 0;
+        });
+        GST_STATE_UNLOCK(element);
+      },
+      new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
+}
+
+// The same after `delay`, in place of what is planned.
+static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*step)(LfCamSrc*)) {
+  struct Plan {
+    GWeakRef element;
+    guint serial;
+    void (*step)(LfCamSrc*);
+  };
+  auto* plan = new Plan{{}, static_cast<guint>(g_atomic_int_get(&self->serial)), step};
+  g_weak_ref_init(&plan->element, self);
+  GstClock* clock = gst_system_clock_obtain();
+  GstClockID timer = gst_clock_new_single_shot_id(clock, gst_clock_get_time(clock) + delay);
+  gst_clock_id_wait_async(
+      timer,
+      [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
+        auto* due = static_cast<Plan*>(data);
+        if (gpointer element = g_weak_ref_get(&due->element)) {
+          lf::guarded(element, 0, [=] { return lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, due->step), 0; });
+          gst_object_unref(element);
+        }
+        return TRUE;
+      },
+      plan,
+      [](gpointer data) {
+        g_weak_ref_clear(&static_cast<Plan*>(data)->element);
+        delete static_cast<Plan*>(data);
+      });
+  gst_object_unref(clock);
+  GST_OBJECT_LOCK(self);
+  GstClockID before = std::exchange(self->timer, timer);
+  GST_OBJECT_UNLOCK(self);
+  if (!before) return;
+  gst_clock_id_unschedule(before);
+  gst_clock_id_unref(before);
+}
+
+// Plans the next attempt, if there is one to be.
+static void lf_cam_src_schedule_retry(LfCamSrc* self);
+
+static void lf_cam_src_close_lost(LfCamSrc* self) {
+  lf_cam_src_close(self);
+  lf_cam_src_push_lost(self);  // again: a frame may have been on its way
+  lf_cam_src_schedule_retry(self);
+}
+
+// Downstream is told without the state lock, as a file's frames may be waiting there for requests; but after a change
+// of state that is under way.
+void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
+  if (!lf_cam_src_may_be_lost(self)) return;
+  gst_element_call_async(
+      GST_ELEMENT(self),
+      [](GstElement* element, gpointer data) {
+        LfCamSrc* cam_src = LF_CAM_SRC(element);
+        GST_STATE_LOCK(element);
+        const bool is_due = lf_cam_src_is_due(cam_src, GPOINTER_TO_UINT(data));
+        GST_STATE_UNLOCK(element);
+        if (!is_due) return;
+        lf_cam_src_push_lost(cam_src);
+        // Without another attempt the children stay as they are: frames on their way still arrive.
+        lf::guarded(element, 0, [=] {
+          if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
+          return 0;
+        });
+      },
+      GUINT_TO_POINTER(serial), nullptr);
+}
+
+// Cables can be pulled so that nobody says a word.
+static void lf_cam_src_look_for_frames(LfCamSrc* self) {
+  if (!self->run || self->service->state() == State::kEnded) return;
+  constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
+  const uint64_t now = lf::now_ns(), frames = self->run->stream->frames_seen();
+  const uint64_t activity = frames + (*self->shedder)->dropped();
+  const GstClockTime time = gst_element_get_current_running_time(GST_ELEMENT(self));
+  const bool is_waiting = GST_CLOCK_TIME_IS_VALID(time) && time < self->run->stream->due();
+  if (GST_STATE(self) != GST_STATE_PLAYING || activity != self->activity || is_waiting) {
+    self->activity = activity;
+    self->active = now;
+  }
+  const uint64_t longest = frames > 0 ? std::max<uint64_t>(kLongestGap, 5 * lf_cam_src_period(self)) : kLongestStart;
+  if (now - self->active < longest) return lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
+  if (!self->run->stream->first_error()) return;  // that has been told
+  lf_cam_src_fail(
+      self,
+      {GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_READ,
+       self->run->stream->place() + ": no frame for " + std::to_string((now - self->active) / GST_SECOND) + " s", ""});
+  lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+}
+
+// Has a live camera of a node watched for frames that fail to come.
+static void lf_cam_src_watch(LfCamSrc* self) {
+  // Alone, its downstream may stop it for as long as it likes.
+  if (!self->live || !self->run || !g_atomic_int_get(&self->expendable)) return;
+  self->active = lf::now_ns();
+  lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
+}
+
+// Where the children have refused to start: as lf_cam_src_fail(), and they are removed.
+static void lf_cam_src_fail_to_start(LfCamSrc* self) {
+  if (self->run->stream->first_error())
+    lf_cam_src_fail(
+        self, {GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE, self->run->stream->place() + ": can't be started", ""});
+  g_atomic_int_inc(&self->serial);  // its errors have been told
+  lf_cam_src_close(self);
+  if (GST_STATE(self) >= GST_STATE_PAUSED) lf_cam_src_push_lost(self);
+  lf_cam_src_schedule_retry(self);
+}
+
+static void lf_cam_src_try_again(LfCamSrc* self) {
+  if (self->service->state() != State::kLost || self->run) return;
+  self->service->retry();
+  GST_INFO_OBJECT(self, "trying again");
+  std::unique_ptr<CamSrcFailure> failure;
+  lf_cam_src_open(self, &failure);
+  if (failure) {
+    lf_cam_src_fail(self, *failure);
+    return lf_cam_src_schedule_retry(self);
+  }
+  GstBin* bin = GST_BIN(self);
+  self->run->used = true;
+  lf_cam_src_start_tail(self->run->chain);
+  GstStateChangeReturn result = lf::pause_new_children(bin);
+  if (result == GST_STATE_CHANGE_NO_PREROLL) {
+    self->live = true;
+    self->run->stream->set_live();
+  }
+  if (result != GST_STATE_CHANGE_FAILURE && GST_STATE_TARGET(self) == GST_STATE_PLAYING)
+    result = lf::play_new_children(bin);
+  if (result == GST_STATE_CHANGE_FAILURE) return lf_cam_src_fail_to_start(self);
+  lf_cam_src_watch(self);
+}
+
+static void lf_cam_src_schedule_retry(LfCamSrc* self) {
+  if (lf_cam_src_retries(self)) lf_cam_src_call_later(self, self->service->wait(lf::now_ns()), lf_cam_src_try_again);
+}
+
+// Cancels the attempts and looks that are planned.
+static void lf_cam_src_cancel_plans(LfCamSrc* self) {
+  g_atomic_int_inc(&self->serial);
+  GST_OBJECT_LOCK(self);
+  GstClockID before = std::exchange(self->timer, nullptr);
+  GST_OBJECT_UNLOCK(self);
+  if (!before) return;
+  gst_clock_id_unschedule(before);
+  gst_clock_id_unref(before);
+}
+
+// A lost camera is not waited for any more: its stream ends. With the state lock, which is why the event is not sent by
+// this thread, which may be anyone's; and in no later run than this one.
+static void lf_cam_src_end_lost(LfCamSrc* self) {
+  lf_cam_src_cancel_plans(self);
+  lf_cam_src_call_step(self, static_cast<guint>(g_atomic_int_get(&self->serial)),
+                       [](LfCamSrc* camera) { gst_pad_push_event(camera->src, gst_event_new_eos()); });
+}
+
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
@@ -107,7 +467,7 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   return TRUE;
 }
 
-// --- States ---------------------------------------------------------------------------------------------------------
+// --- States ----------------------------------------------------------------------------------------------------------
 
 // Children for the current settings. False, without children, after posting why not; where that is no error there are
 // none either.
@@ -140,7 +500,7 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
     return open_camera(self);
   }
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
-    if (self->service->state() == lf::CameraService::State::kStopped) self->service->start();
+    if (self->service->state() == State::kStopped) self->service->start();
     if (is_stale(self) && !open_camera(self)) return false;
     if (!self->run) return true;
     self->run->used = true;
@@ -211,6 +571,54 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
   return result;
 }
 
+// --- Messages --------------------------------------------------------------------------------------------------------
+
+static bool has_secret(const gchar* text) { return text && lf::location_text(text) != text; }
+
+static gboolean find_secret(GQuark /*field*/, const GValue* value, gpointer data) {
+  bool& found = *static_cast<bool*>(data);
+  if (G_VALUE_HOLDS_STRING(value))
+    found = found || has_secret(g_value_get_string(value));
+  else if (G_VALUE_HOLDS(value, G_TYPE_ERROR) && g_value_get_boxed(value))
+    found = found || has_secret(static_cast<const GError*>(g_value_get_boxed(value))->message);
+  else if (GST_VALUE_HOLDS_STRUCTURE(value) && gst_value_get_structure(value))
+    gst_structure_foreach(gst_value_get_structure(value), find_secret, data);
+  return !found;
+}
+
+static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/) {
+  if (G_VALUE_HOLDS_STRING(value) && g_value_get_string(value)) {
+    g_value_set_string(value, lf::location_text(g_value_get_string(value)).c_str());
+  } else if (G_VALUE_HOLDS(value, G_TYPE_ERROR) && g_value_get_boxed(value)) {
+    const auto* error = static_cast<const GError*>(g_value_get_boxed(value));
+    const std::string text = lf::location_text(error->message);
+    g_value_take_boxed(value, g_error_new_literal(error->domain, error->code, text.c_str()));
+  } else if (GST_VALUE_HOLDS_STRUCTURE(value) && gst_value_get_structure(value)) {
+    GstStructure* copy = gst_structure_copy(gst_value_get_structure(value));
+    gst_structure_map_in_place(copy, hide_secret, nullptr);
+    g_value_take_boxed(value, copy);
+  }
+  return TRUE;
+}
+
+// The message with location_text() of all its texts: errors, warnings, progress and structures of the elements that
+// open a camera may name its URI. "http-headers" loses all fields. Takes `message` and returns it, or a copy.
+static GstMessage* hide_secrets(GstMessage* message) {
+  const GstStructure* structure = gst_message_get_structure(message);
+  // souphttpsrc: the password in Base64, and cookies.
+  if (structure && gst_structure_has_name(structure, "http-headers")) {
+    message = gst_message_make_writable(message);
+    gst_structure_remove_all_fields(gst_message_writable_structure(message));
+    return message;
+  }
+  bool found = false;
+  if (structure) gst_structure_foreach(structure, find_secret, &found);
+  if (!found) return message;
+  message = gst_message_make_writable(message);
+  gst_structure_map_in_place(gst_message_writable_structure(message), hide_secret, nullptr);
+  return message;
+}
+
 // Of what other elements say, to be gone on after: most of them end with a period.
 static std::string without_period(std::string text) {
   while (!text.empty() && strchr(". \n", text.back())) text.pop_back();
@@ -231,7 +639,7 @@ static std::string describe(const std::string& place, const std::string& wanted,
 // told: their warnings come before an error or mean nothing.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
-  message = lf::hide_secrets(message);
+  message = hide_secrets(message);
   if (lf::take_decoder_message(bin, message)) return;
   // Of films over HTTP. To an array, which may have many, it is no reason to pause.
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_BUFFERING) return gst_message_unref(message);
@@ -298,14 +706,14 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   bool running = self->run != nullptr;
   if (running) {
     self->run->stream->end();
-  } else if (self->service->state() == lf::CameraService::State::kLost) {
+  } else if (self->service->state() == State::kLost) {
     lf_cam_src_end_lost(self);
     running = true;
   }
   return running;
 }
 
-// --- GObject --------------------------------------------------------------------------------------------------------
+// --- GObject ---------------------------------------------------------------------------------------------------------
 
 static Settings& settings_of(LfCamSrc* self) { return *self->settings; }
 static GstStructure* stats_of(LfCamSrc* self) {

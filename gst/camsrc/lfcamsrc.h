@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <functional>
+
+#include <gst/gst.h>
 
 #include "camsrc/camera_service.h"
 

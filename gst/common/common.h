@@ -6,8 +6,10 @@
 #include <string>
 
 #include <gst/gst.h>
+#include <gst/video/video.h>
 
 #include "common/guard.h"
+#include "image/image.h"
 #include "rig/rig.h"
 
 // What the elements share. The elements hold no mathematics: that is in lib/.
@@ -79,5 +81,14 @@ std::shared_ptr<const Rig> shared_rig(const std::string& path);
 bool is_running(GstElement* element);
 // The rig in `path`, as shared_rig(). Null if it can't be read: then a warning says so, and nothing is to change.
 std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
+
+// The pixel family of a raw video format, kNone if it is neither in the RGB family nor I420, NV12 or GRAY8.
+PixelFamily family_of(const GstVideoInfo& info);
+// At which bytes of a pixel R, G and B are in a format of the RGB family.
+RgbLayout rgb_layout(const GstVideoInfo& info);
+// Sets what I420 means inside the system: full-range BT.601, centred chroma.
+void set_system_colorimetry(GstVideoInfo& info);
+// Whether it is YCbCr with the head and foot room of video, in place of what I420 means inside the system.
+bool has_video_levels(const GstVideoInfo& info);
 
 }  // namespace lf

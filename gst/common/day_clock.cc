@@ -7,7 +7,7 @@
 #include <mutex>
 #include <utility>
 
-#include "base/number_text.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {

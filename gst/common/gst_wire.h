@@ -9,16 +9,22 @@
 
 #include <gst/gst.h>
 
-#include "base/byte_buffer.h"
-#include "base/kept_memory.h"
-#include "common/card_memory.h"
-#include "wire/answer_parser.h"
+#include "base/memory.h"
+#include "render/gl/card_sum.h"
+#include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
 #include "wire/unit.h"
 
 // Buffers hold exactly the bytes of one unit of the wire format.
 namespace lf {
+
+// Memory of a sum on a graphics card, owned by the caller: the payload of a fragment of the whole view in 16 bits. It
+// comes here when it is mapped, which whoever knows nothing of cards does; to be read alone.
+GstMemory* card_memory_new(std::shared_ptr<gl::CardSum> sum);
+
+// The sum whose memory follows the first memory of an answer; null if none does.
+std::shared_ptr<gl::CardSum> card_sum_of(GstBuffer* answer);
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <string>
 #include <tuple>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include <glib-object.h>
+#include <gst/gst.h>
+
 #include "common/guard.h"
+#include "wire/command_codec.h"
 
 // Properties of an element are the fields of a plain struct, its settings: a row for each in one table says the field,
 // the name, the texts and the range. A field's initial value is the property's default. The settings have no lock of
@@ -194,4 +196,13 @@ GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> 
 
 inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_equal(spec->name, name); }
 
+}  // namespace lf
+
+// Property "access" of who asks cameras and of who answers for them: lf::Access.
+#define LF_TYPE_ACCESS (lf_access_get_type())
+GType lf_access_get_type(void);
+
+namespace lf {
+// The name of a value of the property.
+const char* access_nick(Access access);
 }  // namespace lf

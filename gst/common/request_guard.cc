@@ -1,68 +1,140 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/request_guard.h"
 
+#include <cmath>
 #include <iterator>
 #include <numeric>
+#include <type_traits>
 #include <utility>
 
 #include "base/schedule.h"
+#include "base/text.h"
+#include "common/common.h"
+#include "common/properties.h"
 #include "view/view.h"
 #include "wire/request_codec.h"
 
 namespace lf {
 
-void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
-  constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
-  constexpr RequestLimits kDefault;
-  const auto install = [&](Property property, GParamSpec* spec) {
-    g_object_class_install_property(klass, first_id + property, spec);
-  };
-  install(kMaxPixels,
-          g_param_spec_uint64(kNames[kMaxPixels], "Maximum pixels",
-                              "Pixels of a view at most, width times height, and four times as many of all views "
-                              "of a set together: requests for more are refused",
-                              1, uint64_t{kMaxImageSize} * kMaxImageSize, kDefault.pixels, kFlags));
-  install(kMaxAperture, g_param_spec_double(
-                            kNames[kMaxAperture], "Maximum aperture",
-                            "Synthetic aperture of a view at most, metres: requests for a wider one are refused (0: as "
-                            "wide as the array, where that is known)",
-                            0, Blending::kMaxAperture, kDefault.aperture, kFlags));
-  install(kMaxTrials, g_param_spec_uint(kNames[kMaxTrials], "Maximum trials",
-                                        "Trial surfaces of one request at most: requests for more are refused", 0,
-                                        lf::kMaxTrials, kDefault.trials, kFlags));
-  install(kMaxRate, g_param_spec_uint(kNames[kMaxRate], "Maximum requests per second",
-                                      "Requests of one view a second at most, where they come in real time: others are "
-                                      "refused (0: any number)",
-                                      0, G_MAXUINT, kDefault.requests_per_second, kFlags));
-  if (!views) return;
-  install(kMaxViews, g_param_spec_uint(kNames[kMaxViews], "Maximum views",
-                                       "Views that are served at a time at most: requests of more are refused, until "
-                                       "another one has not asked for two seconds",
-                                       1, 65536, kDefault.views, kFlags));
+namespace {
+
+struct LimitRow {
+  const char* name;
+  double least, most;
+  const char *unit, *what;  // without colons and brackets: docs/elements.md has them from the property's description
+};
+
+// Calls visit(row, field) for each of the limits.
+template <typename Limits, typename Visit>
+void for_each_limit(Limits& limits, const Visit& visit) {
+  visit(LimitRow{"max-pixels", 1, double{kMaxImageSize} * kMaxImageSize, "pixels",
+                 "width times height of a view, and four times as many of all views of a set together"},
+        limits.pixels);
+  visit(LimitRow{"max-aperture", 0, Blending::kMaxAperture, "metres",
+                 "synthetic aperture of a view; 0 = as wide as the array, where that is known"},
+        limits.aperture);
+  visit(LimitRow{"max-trials", 0, kMaxTrials, "surfaces", "trial surfaces of one request"}, limits.trials);
+  visit(LimitRow{"max-requests-per-second", 0, G_MAXUINT, "requests a second",
+                 "requests of one view, where they come in real time; 0 = any number"},
+        limits.requests_per_second);
+  visit(LimitRow{"max-views", 1, 65536, "views",
+                 "views that are served at a time; requests of more are refused until another one has not asked for "
+                 "two seconds"},
+        limits.views);
 }
 
-bool RequestGuard::set(guint id, const GValue* value) {
-  const std::lock_guard lock(mutex_);
-  switch (id - first_id_) {
-    case kMaxPixels: limits_.pixels = g_value_get_uint64(value); return true;
-    case kMaxAperture: limits_.aperture = g_value_get_double(value); return true;
-    case kMaxTrials: limits_.trials = g_value_get_uint(value); return true;
-    case kMaxRate: limits_.requests_per_second = g_value_get_uint(value); return true;
-    case kMaxViews: limits_.views = g_value_get_uint(value); return true;
-    default: return false;
+GType type_of(uint64_t) { return G_TYPE_UINT64; }
+GType type_of(double) { return G_TYPE_DOUBLE; }
+GType type_of(unsigned) { return G_TYPE_UINT; }
+
+// False if the limit can't have this value.
+template <typename Field>
+bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
+  GValue number = G_VALUE_INIT;
+  g_value_init(&number, G_TYPE_DOUBLE);
+  if (!g_value_transform(value, &number)) return false;
+  const double given = g_value_get_double(&number);
+  if (!(given >= row.least && given <= row.most)) return false;
+  if (!std::is_same_v<Field, double> && given != std::floor(given)) return false;
+  field = static_cast<Field>(given);
+  return true;
+}
+
+std::string description() {
+  std::string text =
+      "What requests may ask for at most, such as limits,max-pixels=4000000; requests for more are refused, and limits "
+      "that are not given have their defaults";
+  const char* separator = ": ";
+  const RequestLimits limits;
+  for_each_limit(limits, [&](const LimitRow& row, auto) {
+    text += format_text("%s%s (%s, %.10g to %.10g: %s)", separator, row.name, row.unit, row.least, row.most, row.what);
+    separator = ", ";
+  });
+  return text;
+}
+
+}  // namespace
+
+GstStructure* limits_structure(const RequestLimits& limits) {
+  GstStructure* structure = gst_structure_new_empty("limits");
+  for_each_limit(limits, [structure](const LimitRow& row, auto field) {
+    gst_structure_set(structure, row.name, type_of(field), field, nullptr);
+  });
+  return structure;
+}
+
+RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems) {
+  RequestLimits limits;
+  for (int i = 0; structure && i < gst_structure_n_fields(structure); i++) {
+    const std::string name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    const GValue* value = gst_structure_get_value(structure, name.c_str());
+    std::string problem = name + ": there is no such limit";
+    for_each_limit(limits, [&](const LimitRow& row, auto& field) {
+      if (name != row.name) return;
+      problem.clear();
+      if (set_limit(row, value, field)) return;
+      g_autofree gchar* given = gst_value_serialize(value);
+      problem = format_text("%s: must be a %snumber of %.10g to %.10g, not %s", row.name,
+                            std::is_same_v<decltype(field), double&> ? "" : "whole ", row.least, row.most,
+                            given ? given : G_VALUE_TYPE_NAME(value));
+    });
+    if (!problem.empty()) problems.push_back(problem);
   }
+  return limits;
+}
+
+void RequestGuard::install(GObjectClass* klass) {
+  static const std::string kDescription = description();
+  g_object_class_install_property(
+      klass, kLimits,
+      g_param_spec_boxed("limits", "Limits", kDescription.c_str(), GST_TYPE_STRUCTURE, kWhilePlaying));
+}
+
+bool RequestGuard::set(GstElement* element, guint id, const GValue* value) {
+  if (id != kLimits) return false;
+  std::vector<std::string> problems;
+  const RequestLimits limits = parse_limits(gst_value_get_structure(value), problems);
+  std::unique_lock lock(mutex_);
+  limits_ = limits;
+  problems_ = std::move(problems);
+  lock.unlock();
+  if (is_running(element)) warn_of_problems(element);
+  return true;
 }
 
 bool RequestGuard::get(guint id, GValue* value) const {
+  if (id != kLimits) return false;
   const std::lock_guard lock(mutex_);
-  switch (id - first_id_) {
-    case kMaxPixels: g_value_set_uint64(value, limits_.pixels); return true;
-    case kMaxAperture: g_value_set_double(value, limits_.aperture); return true;
-    case kMaxTrials: g_value_set_uint(value, limits_.trials); return true;
-    case kMaxRate: g_value_set_uint(value, limits_.requests_per_second); return true;
-    case kMaxViews: g_value_set_uint(value, limits_.views); return true;
-    default: return false;
-  }
+  g_value_take_boxed(value, limits_structure(limits_));
+  return true;
+}
+
+void RequestGuard::warn_of_problems(GstElement* element) const {
+  std::unique_lock lock(mutex_);
+  const std::vector<std::string> problems = problems_;
+  lock.unlock();
+  for (const std::string& problem : problems)
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("limits: %s; it is ignored", problem.c_str()), (nullptr));
 }
 
 bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced,
@@ -111,10 +183,12 @@ bool RequestGuard::admits_answer(GstElement* element, int width, int height) {
   return false;
 }
 
-void RequestGuard::clear() {
-  const std::lock_guard lock(mutex_);
+void RequestGuard::start(GstElement* element) {
+  std::unique_lock lock(mutex_);
   gate_.clear();
   std::fill(std::begin(refused_), std::end(refused_), 0);
+  lock.unlock();
+  warn_of_problems(element);
 }
 
 uint64_t RequestGuard::refused() const {

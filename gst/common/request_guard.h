@@ -5,10 +5,12 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 #include <gst/gst.h>
 
-#include "view/request_limits.h"
+#include "view/view_request.h"
 
 namespace lf {
 
@@ -26,21 +28,23 @@ class SecondlyMessage {
   uint64_t last_ = 0;
 };
 
-// The limits of an element to what requests may ask of it: its properties max-pixels, max-aperture, max-trials,
-// max-requests-per-second and, for elements that serve several views, max-views; what is refused for them is counted,
-// and a warning tells of it once a second at most. Thread-safe.
+// The value of the property `limits`: a structure with the fields max-pixels (uint64), max-aperture (double),
+// max-trials, max-requests-per-second and max-views (uint). The caller owns it.
+GstStructure* limits_structure(const RequestLimits& limits);
+// Reads such a structure, or null; its numbers may be of any type. What it does not give has the default, and so has
+// what it gives wrongly. Of each wrong field, and each with another name, a text that begins with that name is added to
+// `problems`.
+RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems);
+
+// The limits to what requests may ask of an element, which are its property `limits`. What is refused for them is
+// counted, and a warning tells of it once a second at most. Thread-safe.
 class RequestGuard {
  public:
-  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
-  static constexpr const char* kNames[kNumProperties] = {"max-pixels", "max-aperture", "max-trials",
-                                                         "max-requests-per-second", "max-views"};
-  // Installs the limits as properties first_id, first_id + 1, ... of the class; the last one, max-views, only if
-  // `views`.
-  static void install(GObjectClass* klass, guint first_id, bool views = true);
-  // `first_id`: as install() was told.
-  explicit RequestGuard(guint first_id) : first_id_(first_id) {}
-  // Sets or reads the limit that is the property of this id; false if the property is another one.
-  bool set(guint id, const GValue* value);
+  static constexpr guint kLimits = 100;  // id of the property; other properties of the class have lower ones
+  static void install(GObjectClass* klass);
+  // Sets or reads the limits; false if the id is that of another property. Warnings tell of values that are wrong, at
+  // once where the element runs, else when it starts.
+  bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
   // Whether a request is to be served. `requester` tells views of the same number apart that different senders ask for.
@@ -51,19 +55,20 @@ class RequestGuard {
   // Whether an answer of so many pixels may be taken; one larger than any request may ask for is refused.
   bool admits_answer(GstElement* element, int width, int height);
 
-  // Sets the numbers of refused requests to 0.
-  void clear();
+  // The element starts: sets the numbers of refused requests to 0.
+  void start(GstElement* element);
   uint64_t refused() const;
   // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views, -lens.
   void add_stats(GstStructure* stats) const;
 
  private:
+  void warn_of_problems(GstElement* element) const;
   // Counts a refusal, and says how many there were so far if it is to be told of. `lock`: of mutex_, given back.
   std::optional<uint64_t> refuse(RequestGate::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
 
-  const guint first_id_;
   mutable std::mutex mutex_;
   RequestLimits limits_;
+  std::vector<std::string> problems_;  // of what the limits were set to
   RequestGate gate_;
   uint64_t refused_[RequestGate::kNumRefusals] = {};
   SecondlyMessage told_;

@@ -7,7 +7,7 @@
 
 #include <gst/gst.h>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/focus_control.h"
 #include "quality/camera_monitor.h"
 

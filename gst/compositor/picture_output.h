@@ -3,23 +3,83 @@
 
 #include <atomic>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include <gst/base/gstaggregator.h>
+#include <gst/gst.h>
 #include <gst/video/video.h>
 
+#include "common/custom_events.h"
 #include "common/gst_wire.h"
-#include "common/in_process.h"
+#include "composite/accumulator.h"
 #include "composite/assembly.h"
-#include "composite/weight_overlay.h"
-#include "compositor/card_textures.h"
-#include "compositor/lfcompositor.h"
-#include "compositor/own_card.h"
+#include "composite/view_weights.h"
 #include "compositor/picture_pool.h"
-#include "node/answer_form.h"
+#include "image/image.h"
+#include "node/answer_encoder.h"
+#include "render/gl/card_sum.h"
+#include "view/view.h"
+
+// What is put out for a request of which something is missing.
+typedef enum {
+  LF_COMPOSITOR_INCOMPLETE_CONCEAL,
+  LF_COMPOSITOR_INCOMPLETE_REPEAT,
+  LF_COMPOSITOR_INCOMPLETE_DROP,
+} LfCompositorIncomplete;
 
 namespace lf {
+
+// Fixed caps of a picture of width x height pixels out of `downstream`, what is taken there; of the fragments' own
+// family where `family` is known; null if there are none. Of a set in this layout that GStreamer has a multiview-mode
+// for they have that. YCbCr has the range of cameras, or that of video where
+// downstream wants BT.601 so: nobody then has to convert it (GstVideoConverter 1.22 would leave the range as it is).
+// The frame rate is that of the requests that come to the pad `request`. In a graphics card's memory where downstream
+// takes no other. Owned by the caller.
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
+                            SetLayout layout);
+
+// Why choose_output_caps() finds no caps, and what to do: a sentence for a person.
+struct CapsMismatch {
+  bool is_of_size_or_rate = false;  // pictures of another size or rate would be accepted
+  std::string text;
+};
+CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
+
+// Video of this family, or of any family where it is kNone, in any memory. Owned by the caller.
+GstCaps* offered_caps(PixelFamily family);
+
+// Whether video of these caps, of all of them, is in a graphics card's memory.
+bool is_in_card(const GstCaps* caps);
+
+// The textures that a picture's buffer consists of, mapped to be drawn to as long as this lives.
+class CardTextures {
+ public:
+  // `group`: that they have to be of.
+  CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
+  // Waits for what has been begun.
+  ~CardTextures();
+  CardTextures(const CardTextures&) = delete;
+  CardTextures& operator=(const CardTextures&) = delete;
+
+  // False if it does not consist of such, or of others than a sum can be drawn to.
+  explicit operator bool() const { return is_mapped_; }
+  gl::ShareGroup group() const { return group_; }
+  // Has the card begin with the picture of a sum that is there, from this pixel on. False with the reason in `why`.
+  bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
+  // Waits for all that was begun. False if it will never be there, with the reason in `why`.
+  bool finish(std::string& why);
+
+ private:
+  void* put_fence() const;
+
+  const gl::ShareGroup group_;
+  GstVideoFrame frame_;
+  bool is_mapped_ = false;
+  gl::CardPicture picture_;                          // where they are, and how their bytes are laid out
+  std::vector<std::shared_ptr<gl::CardSum>> begun_;  // and not waited for: nothing is drawn over them until then
+};
 
 // What leaves an lfcompositor: pictures, or partial answers, in caps and memory that downstream agrees on, and the
 // picture before, which may stand in for an incomplete one. Posts errors of its element. Streaming thread, but for

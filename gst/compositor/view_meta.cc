@@ -5,7 +5,7 @@
 #include <span>
 #include <utility>
 
-#include "common/view_feedback.h"
+#include "common/custom_events.h"
 
 namespace lf {
 namespace {

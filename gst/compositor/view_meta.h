@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "rig/camera_ranges.h"
+#include "rig/rig.h"
 #include "view/view_request.h"
 
 // Name of the GstCustomMeta that describes the view of a picture. lfcompositor.cc documents the fields.

@@ -29,8 +29,7 @@
 #include "base/worker_pool.h"
 #include "common/common.h"
 #include "common/properties.h"
-#include "view/lens_display.h"
-#include "view/view_set.h"
+#include "view/view.h"
 
 namespace {
 

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/camera_input.h"
 
-#include <gst/gl/gl.h>
-
 #include <algorithm>
 #include <cstring>
+#include <optional>
+#include <vector>
+
+#include <gst/gl/gl.h>
 
 #include "common/common.h"
 #include "common/gst_wire.h"
-#include "fragment/card_picture.h"
-#include "fragment/lffragment_private.h"
+#include "fragment/fragment_state.h"
+#include "fragment/raw_picture.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
+#define GST_CAT_DEFAULT lf_fragment_debug
 
 namespace lf {
 namespace {
@@ -218,3 +223,177 @@ void CameraInput::reset() {
 }
 
 }  // namespace lf
+
+G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
+
+lf::PropertyTable<LfFragmentPadSettings>& LfFragmentPadSettings::properties() {
+  static lf::PropertyTable<LfFragmentPadSettings> table = {lf::property<&LfFragmentPadSettings::camera>(
+      lf::kWhileReady, "camera", "Camera",
+      "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)", -1, G_MAXINT)};
+  return table;
+}
+
+static LfFragmentPadSettings& settings_of(LfFragmentPad* pad) { return pad->settings; }
+
+static void lf_fragment_pad_finalize(GObject* object) {
+  delete LF_FRAGMENT_PAD(object)->input;
+  G_OBJECT_CLASS(lf_fragment_pad_parent_class)->finalize(object);
+}
+
+static void lf_fragment_pad_class_init(LfFragmentPadClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->finalize = lf_fragment_pad_finalize;
+  lf::Properties<settings_of>::install(object_class);
+}
+
+static void lf_fragment_pad_init(LfFragmentPad* pad) { pad->settings = {}; }
+
+static gboolean lf_fragment_camera_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  lf::CameraInputs& inputs = LF_FRAGMENT(parent)->state->node.inputs();
+  lf::CameraInput& input = *LF_FRAGMENT_PAD(pad)->input;
+  gboolean ok = TRUE;
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_CUSTOM_DOWNSTREAM_STICKY: {
+      const GstStructure* structure = gst_event_get_structure(event);
+      guint camera;
+      if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera))
+        input.name(camera);
+      gboolean paced = FALSE;
+      if (gst_structure_get_boolean(structure, "paced", &paced) && paced) input.note_paced();
+      break;
+    }
+    case GST_EVENT_CAPS: {
+      GstCaps* caps;
+      gst_event_parse_caps(event, &caps);
+      ok = input.set_caps(caps);
+      break;
+    }
+    case GST_EVENT_SEGMENT: input.start_stream(lf::live_latency(pad)); break;
+    case GST_EVENT_CUSTOM_DOWNSTREAM:
+      if (!gst_event_has_name(event, LF_CAMERA_LOST)) break;
+      inputs.give_up(input.frames());
+      input.frames()->lose_stream();
+      break;
+    case GST_EVENT_EOS:
+      inputs.give_up(input.frames());
+      input.frames()->end_stream();
+      break;
+    case GST_EVENT_FLUSH_START: input.frames()->set_flushing(true); break;
+    case GST_EVENT_FLUSH_STOP: input.frames()->set_flushing(false); break;
+    default: break;
+  }
+  gst_event_unref(event);  // a camera's events end here: answers follow the requests
+  return ok;
+}
+
+// How many frames are kept here as long as requests do not look further back: a pool needs as many more.
+static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstVideoInfo info;
+  if (caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-raw") &&
+      gst_video_info_from_caps(&info, caps)) {
+    const size_t kept = lf::live_latency(pad) ? lf::CameraFrames::kLiveFrames : lf::CameraFrames::kFileFrames;
+    gst_query_add_allocation_pool(query, nullptr, static_cast<guint>(info.size), static_cast<guint>(kept + 1), 0);
+  }
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  gst_query_add_allocation_meta(query, GST_GL_SYNC_META_API_TYPE, nullptr);
+  return TRUE;
+}
+
+static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) return lf_fragment_propose_allocation(pad, query);
+  return gst_pad_query_default(pad, parent, query);
+}
+
+static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  return lf::guarded_buffer(parent, [=] {
+    lf_fragment_trim_memory(LF_FRAGMENT(parent));
+    const GstSegment* segment = nullptr;
+    g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+    if (event) gst_event_parse_segment(event, &segment);
+    return LF_FRAGMENT_PAD(pad)->input->take(buffer, segment);
+  });
+}
+
+GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, const gchar* name) {
+  LfFragmentPad* pad = static_cast<LfFragmentPad*>(
+      g_object_new(LF_TYPE_FRAGMENT_PAD, "name", name, "direction", templ->direction, "template", templ, nullptr));
+  pad->input = new lf::CameraInput(self, pad, self->state->node);
+  GST_PAD_SET_ACCEPT_INTERSECT(GST_PAD(pad));  // a card's caps may leave out the kind of texture, where it is 2D
+  gst_pad_set_chain_function(GST_PAD(pad), lf::callback<lf_fragment_camera_chain>);
+  gst_pad_set_event_function(GST_PAD(pad), lf::callback<lf_fragment_camera_event>);
+  gst_pad_set_query_function(GST_PAD(pad), lf::callback<lf_fragment_camera_query>);
+  return GST_PAD(pad);
+}
+
+std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self) {
+  std::vector<lf::PadPtr> pads;
+  const lf::ObjectLock lock(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    if (LF_IS_FRAGMENT_PAD(item->data)) pads.emplace_back(GST_PAD(gst_object_ref(item->data)));
+  return pads;
+}
+
+static lf::CameraInput& input_of(const lf::PadPtr& pad) { return *LF_FRAGMENT_PAD(pad.get())->input; }
+
+void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
+                          std::optional<lf::CameraFrames::Mode> before) {
+  const bool running = mode == lf::CameraFrames::Mode::kRunning;
+  lf::CameraInputs& inputs = self->state->node.inputs();
+  lf::ObjectLock lock(self);
+  if (before && self->state->mode != *before) return;
+  self->state->mode = mode;
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
+    if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
+    const auto& frames = LF_FRAGMENT_PAD(item->data)->input->frames();
+    frames->set_mode(mode);
+    if (running) inputs.add(frames);
+  }
+  lock.unlock();
+  inputs.set_running(running);
+}
+
+uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
+  uint64_t needed = 0;
+  for (const lf::PadPtr& pad : lf_fragment_camera_pads(self))
+    needed = std::max(needed, input_of(pad).needed_delay(now));
+  return needed;
+}
+
+// Where to seek a camera for frames of `time`: a little before it, because a decoder may stamp the first frame behind a
+// seek with where it was sought, and before the last frame, because that stands for all times after it.
+static gint64 seek_position(const lf::PadPtr& pad, uint64_t time) {
+  const auto camera = input_of(pad).camera();
+  const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
+  const gint64 before = GST_SECOND + 2 * static_cast<gint64>(input_of(pad).frames()->period());
+  gint64 position = static_cast<gint64>(time) - offset, duration = 0;
+  if (gst_pad_peer_query_duration(pad.get(), GST_FORMAT_TIME, &duration) && duration > 0)
+    position = MIN(position, duration);
+  return MAX(position - before, 0);
+}
+
+void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
+  const std::lock_guard seeking(self->state->seeking);
+  if (!self->state->sought.is_new(seqnum)) return;
+  std::vector<lf::PadPtr> pads = lf_fragment_camera_pads(self);
+  std::erase_if(pads, [](const lf::PadPtr& pad) { return input_of(pad).is_live(); });
+  lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning, lf::CameraFrames::Mode::kFinished);
+  for (const lf::PadPtr& pad : pads) {
+    const gint64 position = seek_position(pad, time);
+    GST_DEBUG_OBJECT(pad.get(), "seeking to %" GST_TIME_FORMAT, GST_TIME_ARGS(position));
+    GstEvent* seek = gst_event_new_seek(1, GST_FORMAT_TIME, GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE),
+                                        GST_SEEK_TYPE_SET, position, GST_SEEK_TYPE_NONE, -1);
+    gst_event_set_seqnum(seek, seqnum);
+    if (!gst_pad_push_event(pad.get(), seek))
+      GST_ELEMENT_WARNING(self, RESOURCE, SEEK,
+                          ("Pad %s: its camera can't be sought; it shows what it has.", GST_PAD_NAME(pad.get())),
+                          (nullptr));
+  }
+}
+
+void lf_fragment_note_context(LfFragment* self, GstGLContext* context) {
+  const lf::ObjectLock lock(self);
+  lf::WeakGlContext& latest = self->state->frames_context;
+  if (latest.get().get() != context) latest = context ? lf::WeakGlContext(context) : lf::WeakGlContext();
+}

@@ -5,11 +5,15 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
+#include "common/gl_share.h"
+#include "common/gst_pointers.h"
+#include "common/properties.h"
 #include "fragment/lffragment.h"
 #include "fragment/raw_picture.h"
-#include "node/arrival_watch.h"
-#include "node/camera_frames.h"
+#include "node/camera_inputs.h"
+#include "node/frame_timing.h"
 #include "node/node.h"
 
 namespace lf {
@@ -75,3 +79,30 @@ class CameraInput {
 };
 
 }  // namespace lf
+
+// Properties of a camera pad.
+struct LfFragmentPadSettings {
+  gint camera = -1;  // id in the rig, -1: told by the stream, else the pad's number
+  static lf::PropertyTable<LfFragmentPadSettings>& properties();
+};
+
+struct _LfFragmentPad {
+  GstPad parent;
+  LfFragmentPadSettings settings;
+  lf::CameraInput* input;
+};
+
+// The camera pads of the element, each with a reference.
+std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
+// Stops, starts or finishes all cameras; if `before` is given, only if that is their mode.
+void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
+                          std::optional<lf::CameraFrames::Mode> before = std::nullopt);
+// Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
+// the seek with this number. Waits for no frames.
+void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
+// A frame is in textures of this context, where it may stay; null: none is.
+void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
+// How old captures have to be for the live cameras to have them, at clock time `now`; 0: nothing is known of any.
+uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
+// A new camera pad, not yet added to the element.
+GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, const gchar* name);

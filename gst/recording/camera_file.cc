@@ -7,7 +7,7 @@
 #include <chrono>
 #include <utility>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "common/common.h"
 #include "common/gl_writer.h"
 #include "common/guard.h"

@@ -31,11 +31,10 @@
 #include <string>
 #include <utility>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "common/properties.h"
 #include "rtp/peers.h"
-#include "rtp/rtp_key.h"
-#include "rtp/seal_opener.h"
+#include "rtp/srtp.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_gate_debug);
 #define GST_CAT_DEFAULT lf_rtp_gate_debug

@@ -29,10 +29,9 @@
 #include <string>
 #include <utility>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "common/properties.h"
-#include "rtp/hidden_element.h"
-#include "rtp/rtp_key.h"
+#include "rtp/srtp.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_seal_debug);
 #define GST_CAT_DEFAULT lf_rtp_seal_debug
@@ -57,7 +56,7 @@ constexpr guint kPacketsWithoutMarker = 1 << 12;  // that a new minute waits for
 struct Stream {
   lf::rtp::KeyName name;
   guint packets = 0;
-  std::unique_ptr<lf::HiddenElement> srtpenc;
+  std::unique_ptr<lf::rtp::HiddenElement> srtpenc;
 };
 
 }  // namespace
@@ -98,7 +97,7 @@ static void begin_stream(LfRtpSeal* self) {
   g_object_set(srtpenc, "key", key, "mki", mki, nullptr);
   gst_buffer_unref(key);
   gst_buffer_unref(mki);
-  stream.srtpenc = std::make_unique<lf::HiddenElement>(
+  stream.srtpenc = std::make_unique<lf::rtp::HiddenElement>(
       srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp",
       [self](GstBuffer* packet) {
         self->sealed = TRUE;

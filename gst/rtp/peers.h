@@ -1,15 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gio/gio.h>
-
 #include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <gio/gio.h>
+
 namespace lf {
+
+// The addresses of a host, as numbers; an address is its own. Asks the network about a name, for kLookupSeconds at
+// most, so that a change of state does not hang where nobody answers. Throws Error where nobody knows the name. Any
+// thread.
+inline constexpr int kLookupSeconds = 2;
+std::vector<std::string> addresses_of(const std::string& host);
 
 // An address without a port; those of IPv4 as IPv6 has them, ::ffff:a.b.c.d.
 using Address = std::array<uint8_t, 16>;

@@ -24,12 +24,12 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
+#include "common/custom_events.h"
 #include "common/gst_wire.h"
-#include "common/in_process.h"
 #include "common/properties.h"
 #include "common/request_guard.h"
 #include "rtp/depacketizer.h"
-#include "rtp/rtp_caps.h"
+#include "rtp/rtplfpay.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_depay_debug);
 #define GST_CAT_DEFAULT lf_rtp_depay_debug
@@ -47,8 +47,6 @@ struct Settings {
     return table;
   }
 };
-
-constexpr guint kFirstLimit = 100;  // the id of the first property that is RequestGuard's
 
 }  // namespace
 
@@ -214,7 +212,7 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
     self->stats = {};
     self->bad_rtp = 0;
     GST_OBJECT_UNLOCK(self);
-    self->guard->clear();
+    self->guard->start(element);
     self->warned_foreign = false;
   }
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_rtp_depay_parent_class)->change_state(element, transition);
@@ -245,7 +243,7 @@ static GstStructure* stats_of(LfRtpDepay* self) {
 using Properties = lf::Properties<settings_of, stats_of>;
 
 static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (!LF_RTP_DEPAY(object)->guard->set(id, value)) Properties::set(object, id, value, spec);
+  if (!LF_RTP_DEPAY(object)->guard->set(GST_ELEMENT(object), id, value)) Properties::set(object, id, value, spec);
 }
 
 static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
@@ -271,7 +269,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
       "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
       "behind them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, -trials, "
       "-rate, -views, -lens)");
-  lf::RequestGuard::install(object_class, kFirstLimit);
+  lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
 
@@ -292,7 +290,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->settings = {};
-  self->guard = new lf::RequestGuard(kFirstLimit);
+  self->guard = new lf::RequestGuard;
   // max-reorder: the base class drops what was overtaken; our own window knows duplicates. auto-header-extension:
   // GStreamer 1.22.0 never comes back from a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);

@@ -31,14 +31,12 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
-#include "common/buffer_ptr.h"
+#include "common/custom_events.h"
 #include "common/day_clock.h"
+#include "common/gst_pointers.h"
 #include "common/gst_wire.h"
-#include "common/in_process.h"
 #include "common/properties.h"
-#include "rtp/pacer.h"
 #include "rtp/packetizer.h"
-#include "rtp/rtp_caps.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 #define GST_CAT_DEFAULT lf_rtp_pay_debug

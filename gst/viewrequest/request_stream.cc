@@ -3,12 +3,15 @@
 
 #include <utility>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "common/common.h"
+#include "common/custom_events.h"
 #include "wire/command_codec.h"
 
-namespace lf {
+GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
+#define GST_CAT_DEFAULT lf_view_request_debug
 
+namespace lf {
 namespace {
 
 CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
@@ -24,6 +27,169 @@ RequestSchedule schedule_of(const ViewRequestSettings& settings) {
 }
 
 }  // namespace
+
+void RequestTurn::set_unlocked(bool unlocked) {
+  const std::lock_guard lock(mutex_);
+  unlocked_ = unlocked;
+  if (unlocked && clock_id_) gst_clock_id_unschedule(clock_id_);
+  released_.notify_all();
+}
+
+void RequestTurn::note_change() {
+  const std::lock_guard lock(mutex_);
+  changed_ = true;
+  if (ends_with_change_ && clock_id_) gst_clock_id_unschedule(clock_id_);
+}
+
+void RequestTurn::forget_change() {
+  const std::lock_guard lock(mutex_);
+  changed_ = false;
+}
+
+GstFlowReturn RequestTurn::wait_until(GstClock* clock, GstClockTime time, bool or_change) {
+  std::unique_lock lock(mutex_);
+  if (unlocked_) return GST_FLOW_FLUSHING;
+  if (or_change && changed_) return GST_FLOW_OK;
+  ends_with_change_ = or_change;
+  GstClockID id = clock_id_ = gst_clock_new_single_shot_id(clock, time);
+  lock.unlock();
+  const GstClockReturn result = gst_clock_id_wait(id, nullptr);
+  lock.lock();
+  clock_id_ = nullptr;
+  const bool ended = result == GST_CLOCK_UNSCHEDULED && !(or_change && changed_ && !unlocked_);
+  lock.unlock();
+  gst_clock_id_unref(id);
+  return ended ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
+void RequestTurn::hold(guint32 seqnum, bool held) {
+  const std::lock_guard lock(mutex_);
+  if (held)
+    held_for_ = seqnum;
+  else if (held_for_ == seqnum)
+    held_for_ = GST_SEQNUM_INVALID;
+  released_.notify_all();
+}
+
+GstFlowReturn RequestTurn::wait_for_seek() {
+  std::unique_lock lock(mutex_);
+  released_.wait(lock, [this] { return held_for_ == GST_SEQNUM_INVALID || unlocked_; });
+  return unlocked_ ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
+GstFlowReturn FocusWait::wait(guint view_id) {
+  using Waited = FocusFeedback::Waited;
+  constexpr std::chrono::milliseconds kLongest{5000};
+  if (!awaits_) awaits_ = is_focus_found(src_, view_id);
+  if (!*awaits_ || !last_) return GST_FLOW_OK;
+  bool paused = true;
+  while (paused) {
+    const Waited waited = feedback_.wait_for(*last_, kLongest);
+    if (waited != Waited::kTooLong) return waited == Waited::kCame ? GST_FLOW_OK : GST_FLOW_FLUSHING;
+    // Pictures that nobody takes are no reason to go on without: they are to be the same however long that lasts.
+    is_focus_found(src_, view_id, &paused);
+  }
+  GST_WARNING_OBJECT(src_, "no focal surface came of request %u: it is not waited for any more", *last_);
+  awaits_ = false;
+  return GST_FLOW_OK;
+}
+
+bool FocusWait::rehearses() {
+  constexpr unsigned kMost = 8;  // a search, and rounds that better what it found
+  rehearses_ = awaits_.value_or(false) && rehearsals_ < kMost && (rehearsals_ == 0 || feedback_.has_trials());
+  rehearsals_ = rehearses_ ? rehearsals_ + 1 : kMost;
+  return rehearses_;
+}
+
+void RequestRelay::set_sink(GstPad* sink) {
+  const std::lock_guard lock(mutex_);
+  sink_ = sink;
+}
+
+bool RequestRelay::is_on() const {
+  const std::lock_guard lock(mutex_);
+  return sink_ != nullptr;
+}
+
+// Owned by the caller: the pad may be released meanwhile.
+GstPad* RequestRelay::hold_sink() const {
+  const std::lock_guard lock(mutex_);
+  return sink_ ? GST_PAD(gst_object_ref(sink_)) : nullptr;
+}
+
+bool RequestRelay::push_upstream(GstEvent* event) {
+  g_autoptr(GstPad) sink = hold_sink();
+  if (sink) return gst_pad_push_event(sink, event);
+  gst_event_unref(event);
+  return false;
+}
+
+bool RequestRelay::query_upstream(GstQuery* query) {
+  g_autoptr(GstPad) sink = hold_sink();
+  return sink && gst_pad_peer_query(sink, query);
+}
+
+void RequestRelay::set_caps(GstCaps* caps) {
+  const std::lock_guard lock(mutex_);
+  gst_clear_caps(&caps_);
+  caps_ = gst_caps_copy(caps);
+  gst_caps_set_simple(caps_, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+GstCaps* RequestRelay::take_caps() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(caps_, nullptr);
+}
+
+GstFlowReturn RequestRelay::push(GstBuffer* request, bool live, bool* dropped) {
+  BufferPtr owned(request);
+  std::unique_lock lock(mutex_);
+  if (!live) changed_.wait(lock, [this] { return flushing_ || unlocked_ || ended_ || waiting_.size() < kMost; });
+  if (flushing_ || unlocked_) return GST_FLOW_FLUSHING;
+  if (ended_) return GST_FLOW_EOS;
+  *dropped = waiting_.size() >= kMost;
+  if (*dropped) waiting_.pop_front();
+  waiting_.push_back(std::move(owned));
+  changed_.notify_all();
+  return GST_FLOW_OK;
+}
+
+void RequestRelay::end() {
+  std::lock_guard lock(mutex_);
+  ended_ = true;
+  changed_.notify_all();
+}
+
+GstFlowReturn RequestRelay::pop(GstBuffer** request) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return unlocked_ || ended_ || !waiting_.empty(); });
+  if (unlocked_) return GST_FLOW_FLUSHING;
+  if (waiting_.empty()) return GST_FLOW_EOS;
+  *request = waiting_.front().release();
+  waiting_.pop_front();
+  changed_.notify_all();
+  return GST_FLOW_OK;
+}
+
+void RequestRelay::set_flushing(bool flushing) {
+  std::lock_guard lock(mutex_);
+  flushing_ = flushing;
+  ended_ = false;
+  waiting_.clear();
+  changed_.notify_all();
+}
+
+void RequestRelay::set_unlocked(bool unlocked) {
+  std::lock_guard lock(mutex_);
+  unlocked_ = unlocked;
+  changed_.notify_all();
+}
+
+void RequestRelay::clear() {
+  std::lock_guard lock(mutex_);
+  waiting_.clear();
+  ended_ = false;
+}
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
     : schedule(schedule_of(settings)), access_(CameraAccess::of(settings.access)) {

@@ -5,22 +5,16 @@
 //
 //   error.h     Error: what is thrown
 //   image.h     Image, ImageView: pixels
-//   rig.h       Rig, Camera, Lens, Pose: the array, and its file
-//   view.h      View: the virtual camera; Focus
+//   rig.h       Rig, Camera, Lens, Pose: the array, and its file; View: the virtual camera; Focus
 //   renderer.h  Renderer: pictures from images in this process
-//   request.h   Bytes: what travels
-//   node.h      Node: the cameras of one machine
-//   compositor.h  Compositor: a viewer of nodes elsewhere
+//   node.h      Node: the cameras of one machine; Compositor: a viewer of nodes elsewhere; Bytes: what travels
 //
 // calibration.h, which measures arrays, is a library of its own and is included by itself. docs/guide-embedding.md has
 // an introduction, docs/design.md the conventions and the rendering rule.
-#include <lightfield/compositor.h>
 #include <lightfield/error.h>
 #include <lightfield/image.h>
 #include <lightfield/node.h>
 #include <lightfield/renderer.h>
-#include <lightfield/request.h>
 #include <lightfield/rig.h>
-#include <lightfield/view.h>
 
 namespace lf = lightfield;

@@ -8,13 +8,13 @@
 #include <vector>
 
 #include <lightfield/image.h>
-#include <lightfield/view.h>
+#include <lightfield/rig.h>
 
 namespace lightfield {
 
-// What draws: SIMD on the CPU; OpenGL ES 3.1 without a window, where there is a driver for it; the faster one of them,
-// as the first pictures tell, and never a driver that computes on the CPU. All give the same picture to 1 of 255.
-enum class DrawnBy : uint8_t { kCpu, kGl, kAuto };
+// What draws: SIMD on the CPU; OpenGL ES 3.1 without a window, where there is a driver for it; or the faster one of
+// them, as the first pictures tell, and never a driver that computes on the CPU. All give the same picture to 1 of 255.
+enum class RendererChoice : uint8_t { kCpu, kGl, kAuto };
 
 // How a picture is made of a view.
 struct RenderOptions {
@@ -27,7 +27,7 @@ struct RenderOptions {
   std::optional<bool> match_brightness = {};
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   Colour background = {};                          // is shown where no camera sees anything
-  DrawnBy drawn_by = DrawnBy::kCpu;
+  RendererChoice renderer = RendererChoice::kCpu;  // what draws
 };
 
 // Pictures of one viewer from the images of all cameras, in this process: what Node and Compositor do between them, in

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "base/file.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstdint>
@@ -18,7 +13,12 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/text.h"
 
 namespace lf {
 namespace {
@@ -120,6 +120,12 @@ int open_regular(const std::string& path, uint64_t& size) {
   if (S_ISREG(status.st_mode)) return file;
   close(file);
   fail_to_read(path, S_ISDIR(status.st_mode) ? "it is a folder" : "it is not a regular file");
+}
+
+// Whether other users can read or change a secret.
+bool is_exposed(const struct stat& status) {
+  const mode_t group = status.st_uid == geteuid() ? S_IRWXG : S_IWGRP | S_IXGRP;
+  return status.st_mode & (group | S_IRWXO);
 }
 
 }  // namespace
@@ -278,6 +284,39 @@ void FolderUpdate::commit() {
     throw Error(folder_ + ": can't be written: " + error.code().message());
   }
   sync_folder(folder_);
+}
+
+std::string read_secret_file(const std::string& path, size_t most) {
+  // Without O_NONBLOCK, opening a FIFO blocks until another process writes to it.
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+  struct stat status {};
+  if (file < 0 || fstat(file, &status) != 0) fail_to_read(path, std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) fail_to_read(path, "it is not a regular file");
+  if (is_exposed(status)) {
+    char mode[8];
+    std::snprintf(mode, sizeof mode, "%o", static_cast<unsigned>(status.st_mode & 0777));
+    throw Error(path + ": other users can read or change this secret (mode " + mode + "): run chmod 600 " + path);
+  }
+  std::string text(most + 1, '\0');
+  size_t size = 0;
+  while (size < text.size()) {
+    const ssize_t count = read(file, text.data() + size, text.size() - size);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail_to_read(path, std::strerror(errno));
+    if (count == 0) break;
+    size += static_cast<size_t>(count);
+  }
+  if (size > most) {
+    wipe(text);
+    throw Error(path + ": a secret has at most " + std::to_string(most) + " bytes");
+  }
+  text.resize(size);
+  return text;
+}
+
+void wipe(std::string& secret) {
+  explicit_bzero(secret.data(), secret.size());  // a compiler may leave out a plain memset
+  secret.clear();
 }
 
 }  // namespace lf

@@ -17,9 +17,9 @@ std::string read_file(const std::string& path, size_t most_bytes = kMostFileByte
 // written by this class.
 //
 // The new content goes to a temporary file in the same folder; commit() renames it. The file keeps its mode and owner.
-// If `path` is a symbolic link, the link stays and its target is replaced. Another user's link in a world-writable folder
-// is an Error. A device or a FIFO is written to directly.
-// Without commit() nothing changes. Functions throw Error naming `path`. Not thread-safe.
+// If `path` is a symbolic link, the link stays and its target is replaced. Another user's link in a world-writable
+// folder is an Error. A device or a FIFO is written to directly. Without commit() nothing changes. Functions throw
+// Error naming `path`. Not thread-safe.
 class FileReplacement {
  public:
   explicit FileReplacement(const std::string& path);
@@ -66,5 +66,15 @@ class FolderUpdate {
 
 // A message with the names that files get at the end in place of their names in staging folders.
 std::string without_staging(std::string text);
+
+inline constexpr size_t kMaxSecretBytes = 65536;
+
+// Reads a token, key or password file. Throws Error naming the file if it is not a regular file, has more than `most`
+// bytes, or if other users can read or write it. A group may read a file that another user owns, such as root's
+// 0640 files in /etc/ssl/private and systemd credentials.
+std::string read_secret_file(const std::string& path, size_t most = kMaxSecretBytes);
+
+// Overwrites a secret and empties the string.
+void wipe(std::string& secret);
 
 }  // namespace lf

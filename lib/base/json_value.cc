@@ -6,8 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {

@@ -9,7 +9,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "base/vec.h"
+#include "base/maths.h"
 
 namespace lf {
 

@@ -2,11 +2,17 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <string>
 #include <vector>
 
+#include <Eigen/Core>
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/json_value.h"
 #include "calibration/tracks.h"
 #include "geometry/pose.h"
 #include "rig/rig.h"
@@ -152,5 +158,43 @@ double spread(const std::vector<Vec3>& points);
 // The similarity that takes poses `a` nearest to poses `b` (least squares of the centres: Umeyama 1991). Pairs by
 // index; two at least. `fixed_scale`: scale 1.
 Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fixed_scale = false);
+
+// How well the cameras of an adjusted scene are known: the inverse of the information in the observations and the
+// priors, targets and batch means eliminated, so that it is also the bound (Cramer, Rao) for any unbiased method when
+// taken at the truth. In the gauge of a scene that has been aligned by a similarity with the true centres (align()).
+//
+// Steps of a used camera: rotation about the world's axes (radians), position (units of the scene), free lens terms.
+struct Uncertainty {
+  std::vector<int> camera_row;  // first row of each camera; -1: not used
+  int camera_size = 0;          // rows of each
+  std::vector<int> lens_terms;  // lens terms that a camera's rows from the seventh on are of
+  Eigen::MatrixXd covariance;   // of the steps of all cameras
+  // Covariance of the lens terms as known before, lens_terms.size() rows for each camera.
+  Eigen::MatrixXd prior_covariance;
+
+  // A functional of all steps: its standard deviation.
+  double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
+};
+
+Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<Observation>& observations,
+                                 const Inliers& use, const AdjustmentOptions& options);
+
+// How well a camera's parameters are known: the member "covariance" of a camera in a rig file,
+//   {"parameters": ["f", "cx", "cy", "k1", "k2", "x", "y", "z", "rx", "ry", "rz"], "matrix": [[...], ...]}
+// f, cx, cy in pixels; k1, k2, p1, p2 as in the lens; x, y, z the position in metres; rx, ry, rz in radians: the
+// rotation, about the world's axes, by which the true orientation may differ. Any of them may be absent (a parameter
+// that was not estimated).
+struct CameraCovariance {
+  std::vector<std::string> parameters;
+  std::vector<double> matrix;  // row by row, parameters.size() squared
+
+  double at(size_t row, size_t column) const { return matrix[row * parameters.size() + column]; }
+  std::optional<size_t> index_of(const std::string& parameter) const;
+};
+
+// `camera` is an element of a rig file's "cameras". Nothing where it has no (or an empty) covariance. Throws Error
+// naming the place where it is not a symmetric positive semidefinite matrix of the right size.
+std::optional<CameraCovariance> parse_camera_covariance(const JsonValue& camera);
+nlohmann::ordered_json to_json(const CameraCovariance& covariance);
 
 }  // namespace lf

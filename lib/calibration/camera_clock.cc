@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 
 namespace lf {
 
@@ -35,11 +35,11 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-constexpr double kStep = 1.0 / 30;    // seconds between samples of a velocity
-constexpr double kFast = 3;           // times the median speed: more counts as that
+constexpr double kStep = 1.0 / 30;         // seconds between samples of a velocity
+constexpr double kFast = 3;                // times the median speed: more counts as that
 constexpr size_t kLeastClockSamples = 20;  // that two cameras have in common
-constexpr double kCorrelated = 0.5;   // of at most 2
-constexpr double kBest = 1e-4;        // of a variance, that is left where two motions are alike
+constexpr double kCorrelated = 0.5;        // of at most 2
+constexpr double kBest = 1e-4;             // of a variance, that is left where two motions are alike
 
 // Velocities of what is brightest, at multiples of kStep by the camera's clock.
 struct Motion {
@@ -138,8 +138,8 @@ namespace {
 constexpr int kClockRounds = 5;
 constexpr double kClockRobust = 3;    // sigmas where a sample counts less
 constexpr double kWholeFrame = 0.25;  // of a frame, that a step may differ from whole ones
-constexpr double kChangeGain = 60;     // of the sum of squared errors in sigmas, that a step or a drift is worth
-constexpr double kHint = 25;     // the same, of a step that is worth a try
+constexpr double kChangeGain = 60;    // of the sum of squared errors in sigmas, that a step or a drift is worth
+constexpr double kHint = 25;          // the same, of a step that is worth a try
 constexpr double kDriftSigmas = 6;
 constexpr size_t kLeastSide = 8;  // samples on both sides of a step
 

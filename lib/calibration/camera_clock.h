@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "calibration/light_paths.h"
+#include "calibration/light_detector.h"
 
 namespace lf {
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
 #include <numbers>
 
 #include <Eigen/Core>
@@ -10,8 +12,8 @@
 #include <Eigen/LU>
 #include <opencv2/imgproc.hpp>
 
-#include "base/error.h"
-#include "calibration/light_moments.h"
+#include "base/maths.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {
@@ -27,9 +29,9 @@ constexpr double kBusy = 0.05;             // share of a picture that no light f
 constexpr int kMostBlobs = 300;            // of a picture that is not busy
 constexpr int kSaturated = 250;            // of 255: video's white is not always its largest value
 constexpr double kSmallest = 0.6;          // pixels: sigma of the narrowest weight
-constexpr int kImageRounds = 25;                // the sizes of large images, whose edges are steep, settle slowly
-constexpr double kImageSettled = 2e-3;          // pixels
-constexpr double kWholeImage = 2.2;             // sigmas of an image that are in the picture on all sides
+constexpr int kImageRounds = 25;           // the sizes of large images, whose edges are steep, settle slowly
+constexpr double kImageSettled = 2e-3;     // pixels
+constexpr double kWholeImage = 2.2;        // sigmas of an image that are in the picture on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // of the third moment, that the centre is off by; sigmas that are no chance
 constexpr double kWander = 3;              // sigmas that the middle may move from where it was first
 // Pixels that images are off by which are not what they are taken for: any image, and one that is clipped all over.
@@ -40,6 +42,55 @@ constexpr double kSkirts = 5;                     // sigmas of an image that are
 constexpr int kProbes = 3;                        // places without light, for each light, that the noise is watched at
 constexpr double kTrust = 40;                     // probes that white noise counts as
 constexpr float kUp = 0.02f, kFirst = 0.7f, kLast = 0.05f;  // of the background's steps: lit, and over sigma
+
+// Sums over a light's image under a weight that is a normal distribution.
+constexpr double kMomentsReach = 3.5;  // sigmas of the weight that are looked at
+constexpr int kMomentsLargest = 80;    // pixels from the middle that are looked at
+
+struct LightMoments {
+  double weight = 0;                     // sum of weight x image
+  double clipped = 0;                    // the part of `weight` that is of clipped pixels
+  double squares = 0;                    // variance of `weight` under noise of variance 1
+  Vector2d mean = Vector2d::Zero();      // first moment about the weight's middle
+  Matrix2d spread = Matrix2d::Zero();    // second moment about the weight's middle
+  Vector2d skew = Vector2d::Zero();      // third moment, in sigmas of the weight
+  Matrix2d by_noise = Matrix2d::Zero();  // covariance of `mean` under noise of variance 1
+};
+
+// A pixel of a light's image.
+struct LightSample {
+  double value = 0;
+  double gain = 1;  // by how much noise of the picture moves the value; 0: it is clipped, and does not
+};
+
+// The sums over the pixels within reach of a weight's middle; `sample(x, y)` is a pixel's LightSample.
+template <class Sample>
+LightMoments light_moments(const Vector2d& centre, const Matrix2d& shape, int width, int height, Sample&& sample) {
+  LightMoments m;
+  const Matrix2d inverse = shape.inverse();
+  const int rx = std::min(kMomentsLargest, static_cast<int>(std::ceil(kMomentsReach * std::sqrt(shape(0, 0)))));
+  const int ry = std::min(kMomentsLargest, static_cast<int>(std::ceil(kMomentsReach * std::sqrt(shape(1, 1)))));
+  const int x0 = std::max(0, static_cast<int>(centre.x()) - rx),
+            x1 = std::min(width - 1, static_cast<int>(centre.x()) + rx + 1);
+  const int y0 = std::max(0, static_cast<int>(centre.y()) - ry),
+            y1 = std::min(height - 1, static_cast<int>(centre.y()) + ry + 1);
+  for (int y = y0; y <= y1; y++)
+    for (int x = x0; x <= x1; x++) {
+      const Vector2d from(x - centre.x(), y - centre.y());
+      const double distance = from.dot(inverse * from);
+      if (distance > kMomentsReach * kMomentsReach) continue;
+      const auto [d, gain] = sample(x, y);
+      const double w = std::exp(-distance / 2), noise = w * w * gain * gain;
+      m.weight += w * d;
+      m.mean += w * d * from;
+      m.spread += w * d * from * from.transpose();
+      m.skew += w * d * distance * from;
+      m.squares += noise;
+      m.by_noise += noise * from * from.transpose();
+      if (gain == 0) m.clipped += w * d;
+    }
+  return m;
+}
 
 // Eigenvalues no smaller than the narrowest weight, nor so large that the picture's noise would take over.
 Matrix2d bounded(const Matrix2d& shape) {
@@ -304,6 +355,316 @@ void LightDetector::learn(const uint8_t* grey, ptrdiff_t stride) {
       else
         background_[i] += d > 0 ? step : d < 0 ? -step : 0;
     }
+}
+
+namespace {
+
+constexpr double kPathReach = 10;         // pixels that a light may be off where it is expected
+constexpr double kFirstPathReach = 0.06;  // of the image's width: from the first place to the second
+constexpr double kTurn = 0.6;             // of the way from frame to frame: what a change of motion may add
+constexpr double kBrightness = 12;        // pixels that a brightness e times as large counts as
+constexpr double kStillLight = 4;         // pixels across that no moved light stays within
+constexpr size_t kLeastPathPoints = 4;
+constexpr size_t kLeastEven = 20;  // frames that show a rhythm
+constexpr double kJitter = 0.15;   // of the time of a frame
+
+struct Open {
+  LightPath path;
+  Vec2 expected(double time) const {
+    const auto& p = path.points;
+    if (p.size() < 2) return p.back().sight.pixel;
+    const LightPath::Point &a = p[p.size() - 2], &b = p.back();
+    return b.sight.pixel + (b.sight.pixel - a.sight.pixel) * ((time - b.time) / (b.time - a.time));
+  }
+  double reach(double width) const {
+    const auto& p = path.points;
+    if (p.size() < 2) return std::max(kPathReach, kFirstPathReach * width);
+    return kPathReach + kTurn * glm::length(p.back().sight.pixel - p[p.size() - 2].sight.pixel);
+  }
+};
+
+void close(Open& open, std::vector<LightPath>& paths) {
+  auto& points = open.path.points;
+  if (points.size() < kLeastPathPoints) return;
+  std::vector<double> brightness;
+  Vec2 least = points[0].sight.pixel, most = least;
+  for (const LightPath::Point& point : points) {
+    brightness.push_back(point.sight.brightness);
+    least = glm::min(least, point.sight.pixel), most = glm::max(most, point.sight.pixel);
+  }
+  open.path.brightness = median(std::move(brightness));
+  open.path.still = glm::length(most - least) < kStillLight;
+  paths.push_back(std::move(open.path));
+}
+
+}  // namespace
+
+double frame_time_of(const LightSights::Camera& camera) {
+  std::vector<double> steps;
+  for (size_t i = 1; i < camera.frames.size(); i++) steps.push_back(camera.frames[i].time - camera.frames[i - 1].time);
+  return steps.empty() ? 0 : median(std::move(steps));
+}
+
+std::vector<double> evened_stamps(const LightSights::Camera& camera) {
+  std::vector<double> stamps;
+  for (const LightSights::Frame& frame : camera.frames) stamps.push_back(frame.time);
+  const double step = frame_time_of(camera);
+  if (stamps.size() < kLeastEven || !(step > 0)) return stamps;
+  // Which beat each frame is of: counted from frame to frame, so that no error of the step adds up.
+  std::vector<double> beats{0};
+  for (size_t i = 1; i < stamps.size(); i++)
+    beats.push_back(beats.back() + std::max(1.0, std::round((stamps[i] - stamps[i - 1]) / step)));
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (size_t i = 0; i < stamps.size(); i++)
+    n++, x += beats[i], y += stamps[i], xx += beats[i] * beats[i], xy += beats[i] * stamps[i];
+  const double slope = (n * xy - x * y) / (n * xx - x * x), start = (y - slope * x) / n;
+  std::vector<double> even;
+  for (size_t i = 0; i < stamps.size(); i++) {
+    even.push_back(start + slope * beats[i]);
+    if (std::abs(even.back() - stamps[i]) > kJitter * step) return stamps;
+  }
+  return even;
+}
+
+std::vector<LightPath> link_light_paths(const LightSights::Camera& camera) {
+  std::vector<LightPath> paths;
+  std::vector<Open> open;
+  const double gap = (kMostMissed + 1.5) * frame_time_of(camera);
+  struct Link {
+    double cost;
+    size_t path, sight;
+  };
+  const std::vector<double> stamps = evened_stamps(camera);
+  for (size_t n = 0; n < camera.frames.size(); n++) {
+    const LightSights::Frame frame{stamps[n], camera.frames[n].sights};
+    std::erase_if(open, [&](Open& o) {
+      if (frame.time - o.path.points.back().time <= gap) return false;
+      close(o, paths);
+      return true;
+    });
+    std::vector<Link> links;
+    for (size_t i = 0; i < open.size(); i++)
+      for (size_t k = 0; k < frame.sights.size(); k++) {
+        const double distance = glm::length(frame.sights[k].pixel - open[i].expected(frame.time));
+        const double ratio = std::log(frame.sights[k].brightness / open[i].path.points.back().sight.brightness);
+        if (distance < open[i].reach(camera.width)) links.push_back({distance + kBrightness * std::abs(ratio), i, k});
+      }
+    std::sort(links.begin(), links.end(), [](const Link& a, const Link& b) { return a.cost < b.cost; });
+    std::vector<char> continued(open.size()), taken(frame.sights.size());
+    for (const Link& link : links) {
+      if (continued[link.path] || taken[link.sight]) continue;
+      continued[link.path] = taken[link.sight] = true;
+      open[link.path].path.points.push_back({frame.time, frame.sights[link.sight]});
+    }
+    for (size_t k = 0; k < frame.sights.size(); k++)
+      if (!taken[k]) open.push_back({{{{frame.time, frame.sights[k]}}, 0, false}});
+  }
+  for (Open& o : open) close(o, paths);
+  return paths;
+}
+
+std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time) {
+  const auto& p = path.points;
+  const auto after =
+      std::upper_bound(p.begin(), p.end(), time, [](double t, const LightPath::Point& q) { return t < q.time; });
+  if (after == p.begin() || (after == p.end() && time > p.back().time)) return std::nullopt;
+  const auto last = static_cast<ptrdiff_t>(p.size()) - 1;
+  const ptrdiff_t k = std::clamp<ptrdiff_t>(after - p.begin() - 1, 0, last - 1);
+  const double gap = (kMostMissed + 0.5) * frame_time;
+  if (p[k + 1].time - p[k].time > gap) return std::nullopt;
+  ptrdiff_t from = k, to = k + 1;
+  if (from > 0 && p[from].time - p[from - 1].time <= gap) from--;
+  if (to < last && p[to + 1].time - p[to].time <= gap) to++;
+  // Lagrange's polynomials and their slopes.
+  PathPlace place;
+  double variance = 0;
+  for (ptrdiff_t i = from; i <= to; i++) {
+    double value = 1, slope = 0;
+    for (ptrdiff_t j = from; j <= to; j++) {
+      if (j == i) continue;
+      const double span = p[i].time - p[j].time;
+      slope = slope * (time - p[j].time) / span + value / span;
+      value *= (time - p[j].time) / span;
+    }
+    place.pixel += value * p[i].sight.pixel;
+    place.velocity += slope * p[i].sight.pixel;
+    variance += value * value * p[i].sight.sigma * p[i].sight.sigma;
+  }
+  place.sigma = std::sqrt(variance);
+  const bool later = time - p[k].time > p[k + 1].time - time;
+  place.brightness = p[later ? k + 1 : k].sight.brightness;
+  return place;
+}
+
+void PicturePlaces::come(const Vec2& pixel) {
+  const int column = static_cast<int>((pixel.x + 0.5) * kColumns / width_);
+  const int row = static_cast<int>((pixel.y + 0.5) * kRows / height_);
+  came_[static_cast<size_t>(std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1))] = true;
+}
+
+double PicturePlaces::share() const {
+  return static_cast<double>(std::ranges::count(came_, true)) / static_cast<double>(came_.size());
+}
+
+std::vector<PicturePlaces::Gap> PicturePlaces::gaps() const {
+  static constexpr const char* kAcross[] = {"left", "right"};
+  static constexpr const char* kDown[] = {"upper", "middle", "lower"};
+  std::vector<Gap> gaps;
+  for (int row = 0; row < kRows; row++)
+    for (int half = 0; half < 2; half++) {
+      const int places = !has(2 * half, row) + !has(2 * half + 1, row);
+      if (places > 0) gaps.push_back({std::string(kDown[row]) + " " + kAcross[half], places});
+    }
+  return gaps;
+}
+
+std::string listed(const std::vector<PicturePlaces::Gap>& gaps) {
+  std::string all;
+  for (const PicturePlaces::Gap& gap : gaps) all += (all.empty() ? "" : ", ") + gap.name;
+  return all;
+}
+
+namespace {
+
+constexpr double kLongest = 1;        // seconds between two looks that a light's way is known in
+constexpr double kLeastAngle = 0.02;  // radians between lines of sight that meet anywhere
+constexpr double kMeet = 0.1;         // of the depth, by which lines of sight pass each other at most
+constexpr size_t kLeastDepths = 8;
+constexpr double kTail = 0.05;    // share of the depths at either end that is not believed
+constexpr double kThrough = 1.6;  // the far depth over the near one, of a light that was moved through a volume
+constexpr double kNear = 1.5;     // array sizes: what is nearer is near
+constexpr size_t kNamed = 2;      // cameras that are named; more than a glance takes in is no help
+
+// A point's depth before `a`, where its line of sight comes nearest to that of `b`; each is (u, v, 1).
+std::optional<double> depth_before(const Pose& a, const Vec2& of_a, const Pose& b, const Vec2& of_b) {
+  const Vec3 p = a.rotation() * Vec3(of_a, 1), q = b.rotation() * Vec3(of_b, 1), way = b.position - a.position;
+  const Vec3 across = glm::cross(p, q);
+  const double square = glm::dot(across, across);
+  if (std::sqrt(square) < kLeastAngle * glm::length(p) * glm::length(q)) return std::nullopt;
+  const double depth = glm::dot(glm::cross(way, q), across) / square;
+  const double other = glm::dot(glm::cross(way, p), across) / square;
+  if (!(depth > 0) || !(other > 0)) return std::nullopt;
+  if (glm::length(p * depth - (way + q * other)) > kMeet * depth) return std::nullopt;
+  return depth;
+}
+
+}  // namespace
+
+LightCoverage::LightCoverage(const Rig& rig, int lights) : rig_(rig), lights_(static_cast<size_t>(lights)) {
+  if (lights < 1) throw Error("lights: must be one at least");
+  for (const lf::Camera& camera : rig.cameras) {
+    cameras_.emplace_back(camera);
+    for (const lf::Camera& other : rig.cameras)
+      size_ = std::max(size_, glm::length(camera.pose.position - other.pose.position));
+  }
+}
+
+void LightCoverage::look(CameraIndex index, double time, const std::vector<Sight>& sights) {
+  Camera& camera = cameras_[index];
+  camera.looks++;
+  camera.lit |= !sights.empty();
+  Vec2 sum(0);
+  const size_t seen = std::min(sights.size(), lights_);
+  for (size_t i = 0; i < seen; i++) {
+    camera.places.come(sights[i].pixel);
+    sum += sights[i].pixel;
+  }
+  const std::optional<Look> before = camera.last;
+  camera.last.reset();
+  if (seen < lights_) return;
+  camera.last = Look{time, sum / static_cast<double>(seen)};
+  if (before && time > before->time && time - before->time < kLongest) measure_depth(index, *before, *camera.last);
+}
+
+void LightCoverage::measure_depth(CameraIndex index, const Look& before, const Look& now) {
+  const lf::Camera& planned = rig_.cameras[index];
+  std::optional<CameraIndex> farthest;
+  double distance = 0;
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    const std::optional<Look>& look = cameras_[i].last;
+    if (i == index || !look || look->time < before.time || look->time > now.time) continue;
+    const double d = glm::length(rig_.cameras[i].pose.position - planned.pose.position);
+    if (d > distance) farthest = i, distance = d;
+  }
+  if (!farthest) return;
+  const Look& other = *cameras_[*farthest].last;
+  const double t = (other.time - before.time) / (now.time - before.time);
+  const auto of_this = planned.lens.unproject(before.pixel + t * (now.pixel - before.pixel));
+  const auto of_other = rig_.cameras[*farthest].lens.unproject(other.pixel);
+  if (!of_this || !of_other) return;
+  if (const auto depth = depth_before(planned.pose, *of_this, rig_.cameras[*farthest].pose, *of_other))
+    cameras_[index].depths.push_back(*depth);
+}
+
+std::string LightCoverage::depth_wanted(CameraIndex index) const {
+  std::vector<double> depths = cameras_[index].depths;
+  if (depths.size() < kLeastDepths) return "";
+  std::ranges::sort(depths);
+  const auto tail = static_cast<size_t>(kTail * static_cast<double>(depths.size()));
+  const double near = depths[tail], far = depths[depths.size() - 1 - tail];
+  if (far >= kThrough * near) return "";
+  return near < kNear * size_ ? "farther" : "nearer";
+}
+
+std::string LightCoverage::wanted(CameraIndex index) const {
+  const std::string places = listed(cameras_[index].places.gaps()), depth = depth_wanted(index);
+  return places + (places.empty() || depth.empty() ? "" : ", ") + depth;
+}
+
+// The largest gaps alone: what a glance takes in.
+std::string LightCoverage::most_wanted(CameraIndex index) const {
+  std::vector<PicturePlaces::Gap> gaps = cameras_[index].places.gaps();
+  std::ranges::stable_sort(gaps, std::greater(), &PicturePlaces::Gap::places);
+  if (gaps.size() > kNamed) gaps.resize(kNamed);
+  const std::string places = listed(gaps), depth = depth_wanted(index);
+  return places + (places.empty() || depth.empty() ? "" : ", ") + depth;
+}
+
+std::string LightCoverage::told() const {
+  struct Lack {
+    int places = 0, cameras = 0;
+  };
+  std::map<std::string, Lack> places, depths;
+  const auto most = [](const std::map<std::string, Lack>& lacks) {
+    const auto& [name, lack] =
+        *std::ranges::max_element(lacks, {}, [](const auto& entry) { return entry.second.places; });
+    return name + " (" + std::to_string(lack.cameras) + (lack.cameras == 1 ? " camera)" : " cameras)");
+  };
+  std::vector<CameraIndex> dark, lacking;
+  size_t looked = 0;
+  double share = 0;
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    const Camera& camera = cameras_[i];
+    if (camera.looks == 0) continue;
+    looked++;
+    share += camera.places.share();
+    if (!camera.lit) {
+      dark.push_back(i);
+      continue;
+    }
+    for (const PicturePlaces::Gap& gap : camera.places.gaps())
+      places[gap.name].places += gap.places, places[gap.name].cameras++;
+    if (const std::string depth = depth_wanted(i); !depth.empty()) depths[depth].places++, depths[depth].cameras++;
+    if (!wanted(i).empty()) lacking.push_back(i);
+  }
+  if (looked == 0) return "No camera has given a picture yet.";
+  if (dark.size() == looked) return "No camera has seen a light that moves yet: is it on, and in the pictures?";
+  std::string text =
+      format_text("The light came to %.0f %% of the pictures.", std::floor(100 * share / static_cast<double>(looked)));
+  if (lacking.empty() && dark.empty()) return text + " It was everywhere, near and far.";
+  std::string next = places.empty() ? "" : most(places);
+  if (!depths.empty()) next += (next.empty() ? "" : ", ") + most(depths);
+  if (!next.empty()) text += " Next: " + next + ".";
+  const auto name = [&](CameraIndex i) {
+    const lf::Camera& camera = rig_.cameras[i];
+    return " Camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
+  };
+  for (size_t i = 0; i < std::min(kNamed, dark.size()); i++) text += name(dark[i]) + " has seen no light.";
+  std::ranges::stable_sort(lacking, {}, [&](CameraIndex i) { return cameras_[i].places.share(); });
+  for (size_t i = 0; i < std::min(kNamed, lacking.size()); i++)
+    text += name(lacking[i]) + format_text(" %.0f %%: ", std::floor(100 * cameras_[lacking[i]].places.share())) +
+            most_wanted(lacking[i]) + ".";
+  return text;
 }
 
 }  // namespace lf

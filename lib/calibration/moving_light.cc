@@ -4,35 +4,279 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/percentiles.h"
-#include "calibration/light_association.h"
+#include "base/maths.h"
+#include "base/text.h"
+#include "calibration/light_detector.h"
+#include "calibration/multiview_geometry.h"
 #include "calibration/noise.h"
-#include "calibration/triangulation.h"
 
 namespace lf {
 namespace {
 
-constexpr size_t kMostInstants = 400;    // more tell little more
-constexpr size_t kFirstInstants = 120;   // for a first layout
-constexpr int kMostClockRounds = 16;          // of clocks and geometry in turn
-constexpr int kMostModels = 3;           // of the lenses, that clocks are read with
-constexpr double kClockSettled = 5e-5;        // seconds
-constexpr double kNearlySettled = 3e-3;  // seconds: what is off by more is no step yet
-constexpr double kWholeStep = 0.25;          // of a frame, that a step may differ from whole ones
-constexpr size_t kEnoughForClocks = 12000;        // observations that clocks are read off in a round
-constexpr double kFirstLightReach = 8;        // pixels: a frame of time between cameras at first
-constexpr double kNearer = 0.7;          // from round to round
-constexpr double kLightReach = 1.5;           // pixels, or
-constexpr double kReachSigmas = 6;       // of what is left of errors
-constexpr double kDrifted = 2e-3;        // seconds, from the beginning to the end
-constexpr double kLate = 0.1;            // seconds
-constexpr double kSlow = 5;              // pixels a second: no clock is read off a light that rests
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using PathName = std::pair<uint32_t, uint32_t>;  // camera, path
+
+constexpr size_t kLeastSupport = 3;  // cameras that agree on a point; two rays always meet nearly
+constexpr size_t kMostPoints = 6;    // at an instant: lights and their reflections
+constexpr double kBarOff = 0.3;      // of its length: before the clocks are known
+
+void add(LightAssociation& result, const LightCandidate& c, uint32_t position, uint32_t light) {
+  result.tracks.observations.push_back({c.camera, position, light, c.place.pixel, c.place.sigma});
+  result.made_of.push_back(c);
+}
+
+LightAssociation begin(const Tracks& cameras, size_t positions) {
+  LightAssociation result;
+  result.tracks.cameras = cameras.cameras;
+  result.tracks.bar = cameras.bar;
+  result.tracks.num_positions = positions;
+  result.reflections.resize(cameras.cameras.size());
+  return result;
+}
+
+// The brightest of a camera, as many as there are lights; empty where it has fewer.
+std::vector<const LightCandidate*> brightest(const LightCandidates& list, uint32_t camera, size_t num_lights) {
+  std::vector<const LightCandidate*> own;
+  for (const LightCandidate& c : list)
+    if (c.camera == camera) own.push_back(&c);
+  if (own.size() < num_lights) return {};
+  std::sort(own.begin(), own.end(),
+            [](const auto* a, const auto* b) { return a->place.brightness > b->place.brightness; });
+  own.resize(num_lights);
+  std::sort(own.begin(), own.end(), [](const auto* a, const auto* b) { return a->path < b->path; });
+  return own;
+}
+
+// Observations count by their sigmas over the usual one, so that residuals stay pixels.
+LightAssociation weighted(LightAssociation result) {
+  std::vector<double> sigmas;
+  for (const Observation& o : result.tracks.observations) sigmas.push_back(o.sigma);
+  if (sigmas.empty()) return result;
+  const double usual = median(std::move(sigmas));
+  for (Observation& o : result.tracks.observations) o.sigma = std::clamp(o.sigma / usual, 0.5, 10.0);
+  return result;
+}
+
+Vector2d eigen(const Vec2& v) { return {v.x, v.y}; }
+
+}  // namespace
+
+std::vector<LightCandidates> candidates_at(const std::vector<std::vector<LightPath>>& paths,
+                                           const std::vector<double>& frame_times,
+                                           const std::vector<CameraClock>& clocks,
+                                           const std::vector<double>& instants) {
+  std::vector<LightCandidates> lists(instants.size());
+  for (uint32_t i = 0; i < paths.size(); i++) {
+    std::vector<double> all;
+    for (const LightPath& path : paths[i])
+      if (!path.still) all.push_back(path.brightness);
+    if (all.empty() || !clocks[i].known) continue;
+    const double usual = median(std::move(all));
+    for (size_t j = 0; j < instants.size(); j++) {
+      const double stamp = clocks[i].stamp_of(instants[j]);
+      for (uint32_t k = 0; k < paths[i].size(); k++) {
+        if (paths[i][k].still) continue;
+        const auto place = place_at(paths[i][k], stamp, frame_times[i]);
+        if (place) lists[j].push_back({i, k, *place, place->brightness / usual});
+      }
+    }
+  }
+  return lists;
+}
+
+LightAssociation associate_by_brightness(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
+                                         size_t reference) {
+  LightAssociation result = begin(cameras, candidates.size());
+  const auto num_cameras = static_cast<uint32_t>(cameras.cameras.size());
+  if (!cameras.bar) {
+    for (uint32_t j = 0; j < candidates.size(); j++)
+      for (uint32_t i = 0; i < num_cameras; i++)
+        for (const LightCandidate* c : brightest(candidates[j], i, 1)) add(result, *c, j, 0);
+    return weighted(std::move(result));
+  }
+  for (uint32_t i = 0; i < num_cameras; i++) {
+    // How the middle moves in this camera's picture where it moves in the reference's.
+    Matrix2d from = Matrix2d::Zero(), across = from;
+    struct Pair {
+      uint32_t position;
+      std::vector<const LightCandidate*> there, here;
+    };
+    std::vector<Pair> pairs;
+    for (uint32_t j = 0; j < candidates.size(); j++) {
+      Pair pair{j, brightest(candidates[j], static_cast<uint32_t>(reference), 2), brightest(candidates[j], i, 2)};
+      if (pair.there.empty() || pair.here.empty()) continue;
+      const Vector2d u = eigen(pair.there[0]->place.velocity + pair.there[1]->place.velocity);
+      const Vector2d v = eigen(pair.here[0]->place.velocity + pair.here[1]->place.velocity);
+      from += u * u.transpose() / (1 + u.squaredNorm()), across += v * u.transpose() / (1 + u.squaredNorm());
+      pairs.push_back(std::move(pair));
+    }
+    if (pairs.empty() || !(from.determinant() > 0)) continue;
+    const Matrix2d map = across * from.inverse();
+    // Paths are long: all instants of two pairs of paths say together which is which.
+    std::map<std::array<uint32_t, 4>, double> same;
+    const auto name = [](const Pair& p) {
+      return std::array{p.there[0]->path, p.there[1]->path, p.here[0]->path, p.here[1]->path};
+    };
+    for (const Pair& p : pairs)
+      same[name(p)] += (map * eigen(p.there[1]->place.pixel - p.there[0]->place.pixel))
+                           .dot(eigen(p.here[1]->place.pixel - p.here[0]->place.pixel));
+    for (const Pair& p : pairs) {
+      const uint32_t first = same[name(p)] > 0 ? 0 : 1;
+      add(result, *p.here[0], p.position, first);
+      add(result, *p.here[1], p.position, 1 - first);
+    }
+  }
+  return weighted(std::move(result));
+}
+
+namespace {
+
+struct Point {
+  Vec3 at;
+  std::vector<const LightCandidate*> seen;  // one a camera
+  double brightness = 0;                    // mean of the logarithms
+};
+
+class Geometry {
+ public:
+  Geometry(const Tracks& cameras, const std::vector<CameraState>& states, double reach)
+      : cameras_(cameras), states_(states), reach_(reach) {
+    size_t used = 0;
+    for (const CameraState& state : states) used += state.used;
+    least_ = std::min(kLeastSupport, used);
+  }
+
+  // Points that cameras agree on, each with what it explains.
+  std::vector<Point> points(const LightCandidates& candidates, const std::set<PathName>& none) const {
+    std::vector<const LightCandidate*> left;
+    for (const LightCandidate& c : candidates)
+      if (states_[c.camera].used && !none.count({c.camera, c.path})) left.push_back(&c);
+    std::vector<Point> found;
+    while (left.size() >= least_ && found.size() < kMostPoints) {
+      Tracks all;
+      all.num_positions = 1;
+      std::vector<uint32_t> indices;
+      for (const LightCandidate* c : left) {
+        indices.push_back(static_cast<uint32_t>(all.observations.size()));
+        all.observations.push_back({c->camera, 0, 0, c->place.pixel, c->place.sigma});
+      }
+      const auto point = triangulate(states_, all, indices, reach_);
+      if (!point) break;
+      TargetState target;
+      target.kind = TargetState::Kind::kPoint;
+      for (int k = 0; k < 3; k++) target.v[k] = point->point[k];
+      std::map<uint32_t, std::pair<double, const LightCandidate*>> nearest;
+      for (size_t i = 0; i < left.size(); i++) {
+        const auto e = residual(states_[left[i]->camera], target, all.observations[i]);
+        if (!e || glm::length(*e) > reach_) continue;
+        auto& best = nearest[left[i]->camera];
+        if (!best.second || glm::length(*e) < best.first) best = {glm::length(*e), left[i]};
+      }
+      if (nearest.size() < least_) break;
+      Point& p = found.emplace_back(Point{point->point, {}, 0});
+      for (const auto& [camera, one] : nearest) {
+        p.seen.push_back(one.second);
+        p.brightness += std::log(one.second->brightness);
+      }
+      p.brightness /= static_cast<double>(p.seen.size());
+      std::erase_if(left, [&](const auto* c) { return std::find(p.seen.begin(), p.seen.end(), c) != p.seen.end(); });
+    }
+    return found;
+  }
+
+  // The lights among them: one, or the two of a bar, or none.
+  std::vector<Point> lights(std::vector<Point> points) const {
+    if (!cameras_.bar) {
+      if (points.empty()) return {};
+      return {*std::max_element(points.begin(), points.end(),
+                                [](const Point& a, const Point& b) { return a.brightness < b.brightness; })};
+    }
+    std::vector<Point> best;
+    double most = -1e9;
+    for (size_t i = 0; i < points.size(); i++)
+      for (size_t k = 0; k < i; k++) {
+        if (std::abs(glm::length(points[i].at - points[k].at) - 1) > kBarOff) continue;
+        const double brightness = points[i].brightness + points[k].brightness;
+        if (brightness > most) most = brightness, best = {points[i], points[k]};
+      }
+    return best;
+  }
+
+ private:
+  const Tracks& cameras_;
+  const std::vector<CameraState>& states_;
+  double reach_;
+  size_t least_;
+};
+
+}  // namespace
+
+LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
+                                       const std::vector<CameraState>& states, double reach) {
+  const Geometry geometry(cameras, states, reach);
+  std::set<PathName> none;
+  std::vector<std::vector<Point>> chosen(candidates.size());
+  for (int round = 0; round < 2; round++) {
+    std::map<PathName, int> votes;
+    for (size_t j = 0; j < candidates.size(); j++) {
+      chosen[j] = geometry.lights(geometry.points(candidates[j], none));
+      if (chosen[j].empty()) continue;
+      for (const LightCandidate& c : candidates[j]) {
+        const bool light = std::any_of(chosen[j].begin(), chosen[j].end(), [&](const Point& p) {
+          return std::find(p.seen.begin(), p.seen.end(), &c) != p.seen.end();
+        });
+        votes[{c.camera, c.path}] += light ? 1 : -1;
+      }
+    }
+    if (round == 0)
+      for (const auto& [name, sum] : votes)
+        if (sum < 0 && states[name.first].used) none.insert(name);
+  }
+  LightAssociation result = begin(cameras, candidates.size());
+  const std::vector<Point>* before = nullptr;
+  for (uint32_t j = 0; j < candidates.size(); j++) {
+    std::vector<Point>& now = chosen[j];
+    if (now.empty()) continue;
+    // The same light has the same number as long as it is seen.
+    if (before && now.size() == 2) {
+      const auto apart = [&](int a, int b) { return glm::length(now[a].at - (*before)[b].at); };
+      if (apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0)) std::swap(now[0], now[1]);
+    }
+    before = &now;
+    for (uint32_t light = 0; light < now.size(); light++)
+      for (const LightCandidate* c : now[light].seen) add(result, *c, j, light);
+    for (const LightCandidate& c : candidates[j])
+      result.reflections[c.camera] += states[c.camera].used && none.count({c.camera, c.path});
+  }
+  return weighted(std::move(result));
+}
+
+namespace {
+
+constexpr size_t kMostInstants = 400;       // more tell little more
+constexpr size_t kFirstInstants = 120;      // for a first layout
+constexpr int kMostClockRounds = 16;        // of clocks and geometry in turn
+constexpr int kMostModels = 3;              // of the lenses, that clocks are read with
+constexpr double kClockSettled = 5e-5;      // seconds
+constexpr double kNearlySettled = 3e-3;     // seconds: what is off by more is no step yet
+constexpr double kWholeStep = 0.25;         // of a frame, that a step may differ from whole ones
+constexpr size_t kEnoughForClocks = 12000;  // observations that clocks are read off in a round
+constexpr double kFirstLightReach = 8;      // pixels: a frame of time between cameras at first
+constexpr double kNearer = 0.7;             // from round to round
+constexpr double kLightReach = 1.5;         // pixels, or
+constexpr double kReachSigmas = 6;          // of what is left of errors
+constexpr double kDrifted = 2e-3;           // seconds, from the beginning to the end
+constexpr double kLate = 0.1;               // seconds
+constexpr double kSlow = 5;                 // pixels a second: no clock is read off a light that rests
 
 // How much of a wrong offset in time a camera's pose and lens hide once they are adjusted to it: it moves all places
 // along their velocities, which these parameters' steps can do in part.
@@ -333,6 +577,85 @@ void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report) {
     for (const CameraClock::Step& step : clock.steps)
       camera["dropped_frames"].push_back({{"stamp", step.stamp}, {"frames", step.frames}});
   }
+}
+
+namespace {
+
+constexpr double kBlack = 20, kBlackBrightest = 40;  // of 255: a picture that shows nothing; video's black may be 16
+constexpr double kBright = 50;                       // of 255: a room that is not dark
+constexpr double kMostBusy = 0.2;                    // share of the pictures
+constexpr double kLeastCoverage = 0.5;
+constexpr double kShorter = 0.9;  // of the longest recording
+
+double seconds_of(const LightSights::Camera& camera) {
+  if (camera.frames.size() < 2) return 0;
+  return camera.frames.back().time - camera.frames.front().time;
+}
+
+std::optional<std::string> trouble_of(const LightSights::Camera& camera, const LightRecord& record, bool moves) {
+  const auto frames = static_cast<double>(std::max<size_t>(1, record.frames));
+  if (record.frames < 3) return "has no more than " + std::to_string(record.frames) + " pictures";
+  if (record.background < kBlack && record.brightest < kBlackBrightest && record.lit == 0)
+    return "is black from beginning to end: is there a cap on the lens, or is the exposure far too short?";
+  if (static_cast<double>(record.busy) > kMostBusy * frames)
+    return format_text(
+        "is full of changes in %.0f %% of its pictures, where a light can't be told from the rest: darken the room, "
+        "lock the exposure, and keep people and screens out of the picture",
+        100 * static_cast<double>(record.busy) / frames);
+  if (record.lit == 0)
+    return record.background > kBright
+               ? format_text(
+                     "shows no light: the room is not dark (%.0f of 255 on average). Draw the curtains, or expose less",
+                     record.background)
+               : std::string("shows no light: is it on, in the picture, and bright enough to be seen in the dark?");
+  if (!moves)
+    return camera.frames.size() < 10 ? "is too short for a light to be followed"
+                                     : "shows only lights that stand still, or none for longer than a moment";
+  return std::nullopt;
+}
+
+}  // namespace
+
+LightSummary summarize_lights(const LightSights::Camera& camera, const LightRecord& record) {
+  LightSummary summary;
+  summary.seconds = seconds_of(camera);
+  summary.lit = static_cast<double>(record.lit) / static_cast<double>(std::max<size_t>(1, record.frames));
+  PicturePlaces places(camera.width, camera.height);
+  std::vector<double> sigmas;
+  bool moves = false;
+  for (const LightPath& path : link_light_paths(camera)) {
+    if (path.still) continue;
+    moves = true;
+    for (const LightPath::Point& point : path.points) places.come(point.sight.pixel);
+  }
+  for (const LightSights::Frame& frame : camera.frames)
+    if (!frame.sights.empty()) sigmas.push_back(frame.sights[0].sigma);
+  if (!sigmas.empty()) summary.sigma = median(std::move(sigmas));
+  summary.coverage = places.share();
+  summary.trouble = trouble_of(camera, record, moves);
+  if (summary.trouble) return summary;
+  if (summary.coverage < kLeastCoverage)
+    summary.remarks.push_back(format_text("the light came to %.0f %% of its picture: move it to the %s, too",
+                                          100 * summary.coverage, listed(places.gaps()).c_str()));
+  if (record.background > kBright)
+    summary.remarks.push_back(
+        format_text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));
+  return summary;
+}
+
+std::vector<Finding> compare_recordings(const LightSights& sights) {
+  std::vector<Finding> findings;
+  double longest = 0;
+  for (const LightSights::Camera& camera : sights.cameras) longest = std::max(longest, seconds_of(camera));
+  for (const LightSights::Camera& camera : sights.cameras) {
+    const double seconds = seconds_of(camera);
+    if (seconds > 0 && seconds < kShorter * longest)
+      findings.push_back(
+          {Finding::Severity::kNote, "short-recording",
+           format_text("camera %u has %.1f s of the %.1f s that others have: what is missing is not used", camera.id,
+                       seconds, longest)});
+  }
+  return findings;
 }
 
 }  // namespace lf

@@ -6,10 +6,8 @@
 
 #include <Eigen/Cholesky>
 
-#include "base/percentiles.h"
-#include "calibration/adjustment.h"
-#include "calibration/triangulation.h"
-#include "calibration/uncertainty.h"
+#include "base/maths.h"
+#include "calibration/multiview_geometry.h"
 
 namespace lf {
 
@@ -122,11 +120,11 @@ void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double
 
 namespace {
 
-constexpr double kOutlierReach = 3.8;          // sigmas of the track itself to an outlier
-constexpr size_t kLeastNoiseSights = 4;      // that tell a track's noise
-constexpr double kPointParameters = 3;  // that a track's point takes of its residuals
-constexpr double kMedianCounts = 4;     // as so many residuals of x or y
-constexpr double kHopeless = 10;        // times the median: a track that tells nothing of itself
+constexpr double kOutlierReach = 3.8;    // sigmas of the track itself to an outlier
+constexpr size_t kLeastNoiseSights = 4;  // that tell a track's noise
+constexpr double kPointParameters = 3;   // that a track's point takes of its residuals
+constexpr double kMedianCounts = 4;      // as so many residuals of x or y
+constexpr double kHopeless = 10;         // times the median: a track that tells nothing of itself
 
 }  // namespace
 

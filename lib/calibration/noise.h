@@ -2,7 +2,6 @@
 #pragma once
 
 #include "calibration/adjustment.h"
-#include "calibration/uncertainty.h"
 
 namespace lf {
 

@@ -10,9 +10,8 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 
-#include "base/error.h"
-#include "calibration/adjustment.h"
-#include "calibration/report.h"
+#include "base/text.h"
+#include "calibration/placement.h"
 
 namespace lf {
 namespace {

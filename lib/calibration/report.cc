@@ -3,172 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/percentiles.h"
-#include "calibration/layout_alignment.h"
+#include "base/maths.h"
+#include "base/text.h"
+#include "calibration/multiview_geometry.h"
 #include "calibration/noise.h"
 
 namespace lf {
-namespace {
-
-// Amid the cameras, along their mean axes.
-Similarity own_frame(const std::vector<Pose>& poses) {
-  Vec3 mean(0, 0, 0), forward(0, 0, 0), right(0, 0, 0), down(0, 0, 0);
-  for (const Pose& p : poses) mean += p.position, forward += p.forward(), right += p.right(), down += p.down();
-  mean /= static_cast<double>(poses.size());
-  if (!(glm::length(forward) > 1e-3)) forward = poses[0].forward(), right = poses[0].right();  // all around
-  const Vec3 z = glm::normalize(forward);
-  Vec3 x = right - glm::dot(right, z) * z;
-  if (!(glm::length(x) > 1e-3)) x = glm::cross(down, z);
-  if (!(glm::length(x) > 1e-3)) x = poses[0].right() - glm::dot(poses[0].right(), z) * z;
-  x = glm::normalize(x);
-  Similarity s;
-  s.rotation = glm::conjugate(glm::normalize(glm::quat_cast(Mat3(x, glm::cross(z, x), z))));
-  s.translation = -(s.rotation * mean);
-  return s;
-}
-
-Similarity scaled(Similarity s, double factor) {
-  s.scale *= factor;
-  s.translation *= factor;
-  return s;
-}
-
-// How well it is known which way all cameras look together, for centres that are known: radians, about one axis.
-double common_turn(const Solution& solution) {
-  const Uncertainty& u = solution.uncertainty;
-  const auto used = static_cast<double>(
-      std::count_if(u.camera_row.begin(), u.camera_row.end(), [](const int row) { return row >= 0; }));
-  double variance = 0;
-  for (int axis = 0; axis < 3 && used > 0; axis++) {
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
-    for (const int row : u.camera_row)
-      if (row >= 0) mean[row + axis] = 1 / used;
-    variance += mean.dot(u.covariance * mean) / 3;
-  }
-  return std::sqrt(std::max(0.0, variance));
-}
-
-}  // namespace
-
-double neighbour_distance(const std::vector<Pose>& poses) {
-  std::vector<double> nearest(poses.size(), std::numeric_limits<double>::infinity());
-  for (size_t i = 0; i < poses.size(); i++)
-    for (size_t j = 0; j < poses.size(); j++)
-      if (i != j) nearest[i] = std::min(nearest[i], glm::length(poses[i].position - poses[j].position));
-  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
-  return nearest[nearest.size() / 2];
-}
-
-Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
-                         const PlacementOptions& placement) {
-  std::vector<Pose> poses;
-  std::vector<size_t> used, own;
-  for (size_t i = 0; i < tracks.cameras.size(); i++) {
-    if (!solution.scene.cameras[i].used) continue;
-    used.push_back(i);
-    poses.push_back(solution.scene.cameras[i].pose());
-    if (options.prior) own.push_back(*options.prior->index_of_id(tracks.cameras[i].id));
-  }
-  Placement result;
-  double scale = 0;
-  if (placement.bar_length > 0) {
-    if (!tracks.bar) throw Error("the bar's length is given, but the tracks are of one light");
-    scale = placement.bar_length;
-    result.scale_from = "the bar's length";
-  } else if (placement.distance) {
-    const auto position = [&](uint32_t id) {
-      for (size_t i = 0; i < tracks.cameras.size(); i++)
-        if (tracks.cameras[i].id == id && solution.scene.cameras[i].used)
-          return solution.scene.cameras[i].pose().position;
-      throw Error("the distance is to camera " + std::to_string(id) + ", which was not found");
-    };
-    const double distance = glm::length(position(placement.distance->a) - position(placement.distance->b));
-    if (!(placement.distance->metres > 0) || !(distance > 0))
-      throw Error("the distance of two cameras must be positive");
-    scale = placement.distance->metres / distance;
-    result.scale_from = "the distance of two cameras";
-  } else if (placement.pitch > 0) {
-    scale = placement.pitch / neighbour_distance(poses);
-    result.scale_from = "the pitch";
-  }
-  // A prior rig has a layout where its cameras are not all at one place.
-  std::vector<Pose> layout;
-  double extent = 0;
-  if (options.prior)
-    for (const Camera& camera : options.prior->cameras) layout.push_back(camera.pose);
-  for (const size_t i : own) extent = std::max(extent, glm::length(layout[i].position - layout[own[0]].position));
-  if (extent > 0) {
-    const LayoutAlignment aligned =
-        align_to_layout(poses, layout, own, scale > 0 ? std::optional(scale) : std::nullopt, common_turn(solution));
-    result.world_from_scene = aligned.layout_from_scene;
-    if (!(scale > 0)) result.scale_from = "the prior rig's layout";
-    for (const Tracks::Camera& camera : tracks.cameras) result.stands_at.push_back(camera.id);
-    for (size_t k = 0; k < used.size(); k++) result.stands_at[used[k]] = options.prior->cameras[aligned.place[k]].id;
-    return result;
-  }
-  result.world_from_scene = scaled(own_frame(poses), scale > 0 ? scale : 1 / neighbour_distance(poses));
-  return result;
-}
-
-Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement) {
-  Rig rig;
-  size_t used = 0;
-  for (size_t i = 0; i < tracks.cameras.size(); i++) {
-    const CameraState& state = solution.scene.cameras[i];
-    if (!state.used) continue;
-    used++;
-    Camera camera;
-    if (options.prior) {
-      camera = options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)];
-    } else {
-      camera.id = tracks.cameras[i].id;
-      camera.name = "cam_" + std::to_string(camera.id);
-      camera.width = state.width, camera.height = state.height;
-    }
-    camera.lens = state.lens();
-    camera.pose = placement.world_from_scene(state.pose());
-    rig.cameras.push_back(camera);
-  }
-  if (options.prior) {
-    const auto place = [&](size_t i) {
-      return *options.prior->index_of_id(placement.stands_at.empty() ? tracks.cameras[i].id : placement.stands_at[i]);
-    };
-    std::vector<std::pair<size_t, Camera>> ordered;
-    for (size_t i = 0; i < tracks.cameras.size(); i++)
-      if (const auto index = rig.index_of_id(tracks.cameras[i].id)) ordered.emplace_back(place(i), rig.cameras[*index]);
-    std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    for (size_t i = 0; i < ordered.size(); i++) rig.cameras[i] = std::move(ordered[i].second);
-    if (used == options.prior->cameras.size()) rig.topology = options.prior->topology;
-  }
-  if (options.prior) rig.directory = options.prior->directory;
-  return rig;
-}
-
-CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene) {
-  const int row = uncertainty.camera_row[index], n = uncertainty.camera_size, lens = n - 6;
-  // Steps in the scene to parameters in the rig, lens first.
-  Eigen::MatrixXd to = Eigen::MatrixXd::Zero(n, n);
-  const Mat3 turn = glm::mat3_cast(world_from_scene.rotation);
-  for (int k = 0; k < lens; k++) to(k, 6 + k) = 1;
-  for (int r = 0; r < 3; r++)
-    for (int c = 0; c < 3; c++) {
-      to(lens + r, 3 + c) = world_from_scene.scale * turn[c][r];
-      to(lens + 3 + r, c) = turn[c][r];
-    }
-  const Eigen::MatrixXd m = to * uncertainty.covariance.block(row, row, n, n) * to.transpose();
-  CameraCovariance covariance;
-  for (const int term : uncertainty.lens_terms) covariance.parameters.push_back(kLensTermNames[term]);
-  for (const char* name : {"x", "y", "z", "rx", "ry", "rz"}) covariance.parameters.push_back(name);
-  for (int r = 0; r < n; r++)
-    for (int c = 0; c < n; c++) covariance.matrix.push_back(m(r, c));
-  return covariance;
-}
-
 namespace {
 
 using nlohmann::ordered_json;
@@ -278,6 +122,377 @@ nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const 
   original["provenance"]["calibration"] = {
       {"program", program}, {"sigma_px", solution.sigma}, {"scale_from", placement.scale_from}};
   return original;
+}
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kOneWay = 0.8;     // length of the mean of the cameras' axes, from which they look about one way
+constexpr double kFlat = 0.1;       // of the array's extent: how far it may reach along an axis and count as nothing
+constexpr double kSoftPercent = 1;  // of depth, and of width beside height
+constexpr double kSoftTurn = 0.5;   // degrees
+constexpr double kSoftPlace = 0.1;  // of the distance of neighbours
+constexpr int kModeDepths = 12;
+
+// The array's own axes, amid its cameras, in the solver's frame and scale.
+struct Frame {
+  Vec3 middle{0, 0, 0}, x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
+  double extent = 0;     // the root of the mean squared distance from the middle
+  bool one_way = false;  // cameras look about the same way
+
+  explicit Frame(const Reconstruction& scene) {
+    Vec3 forward(0, 0, 0), right(0, 0, 0);
+    std::vector<Vec3> centres;
+    for (const CameraState& camera : scene.cameras) {
+      if (!camera.used) continue;
+      const Pose pose = camera.pose();
+      centres.push_back(pose.position), middle += pose.position, forward += pose.forward(), right += pose.right();
+    }
+    const auto n = static_cast<double>(centres.size());
+    middle /= n;
+    extent = spread(centres);
+    one_way = glm::length(forward) / n > kOneWay;
+    if (!one_way) return;
+    z = glm::normalize(forward);
+    x = glm::normalize(right - glm::dot(right, z) * z);
+    y = glm::cross(z, x);
+  }
+};
+
+class Modes {
+ public:
+  Modes(const Solution& solution, const Placement& placement)
+      : scene_(solution.scene), u_(solution.uncertainty), scale_(placement.world_from_scene.scale), frame_(scene_) {
+    std::vector<Pose> poses;
+    for (size_t i = 0; i < scene_.cameras.size(); i++)
+      if (u_.camera_row[i] >= 0) used_.push_back(i), poses.push_back(scene_.cameras[i].pose());
+    neighbours_ = neighbour_distance(poses);
+    n_ = static_cast<double>(used_.size());
+  }
+
+  std::vector<SoftMode> run() {
+    depth();
+    if (frame_.one_way) {
+      gaze();
+      toe_in();
+      bow();
+      proportions();
+    }
+    each();
+    std::ranges::stable_sort(all_, std::greater<>(), [](const SoftMode& m) { return m.sigma / m.limit; });
+    return std::move(all_);
+  }
+
+ private:
+  VectorXd nothing() const { return VectorXd::Zero(u_.covariance.rows()); }
+  void add(const char* code, double sigma, const char* unit, double limit, std::string what) {
+    all_.push_back({code, std::move(what), sigma, unit, limit});
+  }
+  // Along one of the array's axes, from its middle.
+  double along(size_t camera, const Vec3& axis) const {
+    return glm::dot(scene_.cameras[camera].pose().position - frame_.middle, axis);
+  }
+  bool reaches(const Vec3& axis) const {
+    double sum = 0;
+    for (const size_t i : used_) sum += along(i, axis) * along(i, axis);
+    return std::sqrt(sum / n_) > kFlat * frame_.extent;
+  }
+  void put(VectorXd& weights, int row, const Vec3& axis, double factor) const {
+    for (int k = 0; k < 3; k++) weights[row + k] += factor * axis[k];
+  }
+
+  void depth() {
+    if (u_.lens_terms.empty() || u_.lens_terms[0] != kF) return;
+    VectorXd w = nothing();
+    for (const size_t i : used_) w[u_.camera_row[i] + 6] = 1 / (n_ * scene_.cameras[i].lens_terms()[kF]);
+    const double percent = 100 * u_.sigma_of(w);
+    add("depth", percent, "%", kSoftPercent,
+        format_text(
+            "How deep the scene is: all focal lengths together are known to %.2g %%, and depths with them: what seems "
+            "to be 2 m away is so to %.2g cm",
+            percent, 2 * percent));
+  }
+
+  void gaze() {
+    double most = 0;
+    for (const Vec3& axis : {frame_.x, frame_.y}) {
+      VectorXd w = nothing();
+      for (const size_t i : used_) put(w, u_.camera_row[i], axis, 1 / n_);
+      most = std::max(most, glm::degrees(u_.sigma_of(w)));
+    }
+    add("gaze", most, "degrees", kSoftTurn,
+        format_text(
+            "Where all cameras look, together, beside the surface that they stand in: known to %.2g degrees. It shears "
+            "the scene as a whole, and no picture shows it",
+            most));
+  }
+
+  void toe_in() {
+    double most = 0;
+    for (const auto& [across, about] : {std::pair(frame_.x, frame_.y), std::pair(frame_.y, frame_.x)}) {
+      if (!reaches(across)) continue;
+      double squares = 0, widest = 0;
+      for (const size_t i : used_) {
+        squares += along(i, across) * along(i, across);
+        widest = std::max(widest, std::abs(along(i, across)));
+      }
+      VectorXd w = nothing();
+      for (const size_t i : used_) put(w, u_.camera_row[i], about, widest * along(i, across) / squares);
+      most = std::max(most, glm::degrees(u_.sigma_of(w)));
+    }
+    if (most > 0)
+      add("toe-in", most, "degrees", kSoftTurn,
+          format_text("Whether cameras at the edges look inwards: known to %.2g degrees. It bends depths", most));
+  }
+
+  void bow() {
+    if (!reaches(frame_.x) && !reaches(frame_.y)) return;
+    std::vector<double> radii;
+    double mean = 0, squares = 0;
+    for (const size_t i : used_) {
+      const double x = along(i, frame_.x), y = along(i, frame_.y);
+      radii.push_back(x * x + y * y), mean += radii.back() / n_;
+    }
+    for (double& r : radii) r -= mean, squares += r * r;
+    if (!(squares > 1e-12 * std::pow(frame_.extent, 4))) return;  // a ring has no middle
+    const double range = *std::ranges::max_element(radii) - *std::ranges::min_element(radii);
+    VectorXd w = nothing();
+    for (size_t k = 0; k < used_.size(); k++) put(w, u_.camera_row[used_[k]] + 3, frame_.z, range * radii[k] / squares);
+    const double mm = 1e3 * scale_ * u_.sigma_of(w);
+    add("bow", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
+        format_text("Whether the array bulges forward in its middle: known to %.2g mm", mm));
+  }
+
+  void proportions() {
+    if (!reaches(frame_.x) || !reaches(frame_.y)) return;
+    double xx = 0, yy = 0;
+    for (const size_t i : used_) xx += std::pow(along(i, frame_.x), 2), yy += std::pow(along(i, frame_.y), 2);
+    VectorXd w = nothing();
+    for (const size_t i : used_) {
+      put(w, u_.camera_row[i] + 3, frame_.x, along(i, frame_.x) / xx);
+      put(w, u_.camera_row[i] + 3, frame_.y, -along(i, frame_.y) / yy);
+    }
+    const double percent = 100 * u_.sigma_of(w);
+    add("proportions", percent, "%", kSoftPercent,
+        format_text("How wide the array is beside its height: known to %.2g %%", percent));
+  }
+
+  void each() {
+    double place = 0, turn = 0;
+    for (const size_t i : used_) {
+      place += u_.covariance.diagonal().segment(u_.camera_row[i] + 3, 3).sum() / n_;
+      turn += u_.covariance.diagonal().segment(u_.camera_row[i], 3).sum() / n_;
+    }
+    const double mm = 1e3 * scale_ * std::sqrt(place), degrees = glm::degrees(std::sqrt(turn));
+    add("places", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
+        format_text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
+    add("directions", degrees, "degrees", kSoftTurn,
+        format_text("Where each camera looks: known to %.2g degrees, all of these together", degrees));
+  }
+
+  const Reconstruction& scene_;
+  const Uncertainty& u_;
+  const double scale_;
+  const Frame frame_;
+  std::vector<size_t> used_;
+  double n_ = 0, neighbours_ = 0;
+  std::vector<SoftMode> all_;
+};
+
+// Where a camera's state has the point, and how that moves with its steps and with the point; nothing behind it.
+struct Projected {
+  MatrixXd by_camera;
+  Eigen::Matrix<double, 2, 3> by_point;
+};
+std::optional<Projected> project(const CameraState& camera, const Vec3& point, const Uncertainty& u) {
+  const auto pixel = [](const CameraState& state, const Vec3& at) {
+    TargetState target;
+    target.kind = TargetState::Kind::kPoint;
+    for (int k = 0; k < 3; k++) target.v[k] = at[k];
+    return residual(state, target, {});
+  };
+  const auto at = pixel(camera, point);
+  if (!at || at->x < -0.5 || at->y < -0.5 || at->x > camera.width - 0.5 || at->y > camera.height - 0.5)
+    return std::nullopt;
+  Projected result{MatrixXd(2, u.camera_size), {}};
+  const double depth = glm::length(point - camera.pose().position);
+  const auto difference = [&](const CameraState& state, const Vec3& there, double step) -> Eigen::Vector2d {
+    const auto moved = pixel(state, there);
+    return moved ? Eigen::Vector2d((moved->x - at->x) / step, (moved->y - at->y) / step) : Eigen::Vector2d::Zero();
+  };
+  for (int k = 0; k < u.camera_size; k++) {
+    CameraState moved = camera;
+    double step = 1e-6;
+    if (k < 3) {
+      Vec3 axis(0, 0, 0);
+      axis[k] = 1;
+      const Pose pose = camera.pose();
+      moved.set_pose({pose.position, glm::angleAxis(step, axis) * pose.orientation});
+    } else if (k < 6) {
+      step *= depth;
+      moved.v[static_cast<size_t>(4 + k - 3)] += step;
+    } else {
+      const int term = u.lens_terms[static_cast<size_t>(k - 6)];
+      step *= std::max(1.0, std::abs(camera.lens_terms()[term]));
+      moved.lens_terms()[term] += step;
+    }
+    result.by_camera.col(k) = difference(moved, point, step);
+  }
+  for (int k = 0; k < 3; k++) {
+    Vec3 there = point;
+    const double step = 1e-6 * depth;
+    there[k] += step;
+    result.by_point.col(k) = difference(camera, there, step);
+  }
+  return result;
+}
+
+// The mean squared distance between where camera `of` sees the point and where the others place it.
+std::optional<double> squared_error(const Solution& solution, size_t of, const Vec3& point) {
+  const Uncertainty& u = solution.uncertainty;
+  const auto own = project(solution.scene.cameras[of], point, u);
+  if (!own) return std::nullopt;
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  MatrixXd weights = MatrixXd::Zero(3, u.covariance.rows());
+  int others = 0;
+  for (size_t i = 0; i < solution.scene.cameras.size(); i++) {
+    if (i == of || u.camera_row[i] < 0) continue;
+    const auto seen = project(solution.scene.cameras[i], point, u);
+    if (!seen) continue;
+    others++;
+    information += seen->by_point.transpose() * seen->by_point;
+    weights.middleCols(u.camera_row[i], u.camera_size) = seen->by_point.transpose() * seen->by_camera;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(information);
+  if (others < 2 || !lu.isInvertible()) return std::nullopt;
+  // The point gives way to the others' errors.
+  MatrixXd by_steps = own->by_point * -lu.solve(weights);
+  by_steps.middleCols(u.camera_row[of], u.camera_size) += own->by_camera;
+  return (by_steps * u.covariance * by_steps.transpose()).trace();
+}
+
+}  // namespace
+
+std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& placement) {
+  return Modes(solution, placement).run();
+}
+
+LightRange light_range(const Solution& solution, const Placement& placement) {
+  const Frame frame(solution.scene);
+  std::vector<double> depths;
+  for (const TargetState& target : solution.scene.targets) {
+    if (target.kind == TargetState::Kind::kNone) continue;
+    const Vec3 at = Vec3(target.v[0], target.v[1], target.v[2]) - frame.middle;
+    depths.push_back(placement.world_from_scene.scale * (frame.one_way ? glm::dot(at, frame.z) : glm::length(at)));
+  }
+  if (depths.empty()) return {};
+  std::ranges::sort(depths);
+  return {depths[depths.size() / 20], depths[depths.size() - 1 - depths.size() / 20]};
+}
+
+std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement) {
+  const Frame frame(solution.scene);
+  const LightRange range = light_range(solution, placement);
+  std::vector<ProjectionError> errors;
+  if (!frame.one_way || !(range.near > 0)) return errors;
+  for (int d = 0; d < kModeDepths; d++) {
+    const double share = d / (kModeDepths - 1.0);
+    ProjectionError error;
+    error.depth = range.near / 2 * std::pow(4 * range.far / range.near, share);
+    std::vector<double> cameras;
+    for (size_t i = 0; i < solution.scene.cameras.size(); i++) {
+      const CameraState& camera = solution.scene.cameras[i];
+      if (!camera.used) continue;
+      double sum = 0, count = 0;
+      for (const Vec2& place : {Vec2(0.5, 0.5), Vec2(0.25, 0.25), Vec2(0.75, 0.7)}) {
+        const auto ray = camera.lens().unproject({place.x * camera.width - 0.5, place.y * camera.height - 0.5});
+        if (!ray) continue;
+        const Pose pose = camera.pose();
+        const Vec3 direction = pose.rotation() * Vec3(*ray, 1);
+        const double along = glm::dot(direction, frame.z);
+        if (!(along > 0)) continue;
+        const double depth = error.depth / placement.world_from_scene.scale;
+        const Vec3 point =
+            pose.position + direction * ((depth - glm::dot(pose.position - frame.middle, frame.z)) / along);
+        if (const auto squared = squared_error(solution, i, point)) sum += *squared, count++;
+      }
+      if (count > 0) cameras.push_back(std::sqrt(sum / count));
+    }
+    if (cameras.empty()) continue;
+    error.worst = *std::ranges::max_element(cameras);
+    error.middle = median(std::move(cameras));
+    errors.push_back(error);
+  }
+  return errors;
+}
+
+namespace {
+
+constexpr int kColumns = 8, kRows = 6;  // of a camera's picture, in which coverage is counted
+constexpr size_t kMostResiduals = 60;   // of a camera
+
+double rounded(double value) { return std::round(value * 1e4) / 1e4; }
+
+ordered_json triple(const Vec3& v) { return {v.x, v.y, v.z}; }
+
+void add_observations(const Solution& solution, const Tracks& tracks, const std::vector<uint32_t>& own, size_t camera,
+                      ordered_json& value) {
+  const CameraState& state = solution.scene.cameras[camera];
+  std::vector<int> counts(kColumns * kRows);
+  ordered_json residuals = ordered_json::array();
+  const size_t every = (own.size() + kMostResiduals - 1) / kMostResiduals;
+  for (size_t k = 0; k < own.size(); k++) {
+    const Observation& o = tracks.observations[own[k]];
+    if (!solution.inliers[own[k]]) continue;
+    const int column = static_cast<int>((o.pixel.x + 0.5) * kColumns / state.width);
+    const int row = static_cast<int>((o.pixel.y + 0.5) * kRows / state.height);
+    counts[static_cast<size_t>(std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1))]++;
+    const TargetState& target = solution.scene.targets[o.position];
+    if (k % every != 0 || !state.used || !target.has(o.light)) continue;
+    if (const auto e = residual(state, target, o))
+      residuals.push_back({rounded(o.pixel.x), rounded(o.pixel.y), rounded(e->x), rounded(e->y)});
+  }
+  value["coverage"] = counts;
+  value["residuals"] = std::move(residuals);
+}
+
+}  // namespace
+
+void add_details(const Solution& solution, const Tracks& tracks, const Placement& placement, const Rig& rig,
+                 ordered_json& report) {
+  const LightRange range = light_range(solution, placement);
+  report["lights"] = {{"near_m", range.near}, {"far_m", range.far}};
+  report["projection"] = ordered_json::array();
+  for (const ProjectionError& error : projection_errors(solution, placement))
+    report["projection"].push_back({{"depth_m", error.depth}, {"median_px", error.middle}, {"worst_px", error.worst}});
+  report["soft_modes"] = ordered_json::array();
+  for (const SoftMode& mode : soft_modes(solution, placement))
+    report["soft_modes"].push_back({{"code", mode.code},
+                                    {"text", mode.text},
+                                    {"sigma", mode.sigma},
+                                    {"unit", mode.unit},
+                                    {"limit", mode.limit},
+                                    {"soft", mode.is_soft()}});
+  report["coverage"] = {{"columns", kColumns}, {"rows", kRows}};
+  const auto lists = observations_of_cameras(tracks);
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    ordered_json& value = report["cameras"][i];
+    value["width"] = tracks.cameras[i].width, value["height"] = tracks.cameras[i].height;
+    add_observations(solution, tracks, lists[i], i, value);
+    const auto index = rig.index_of_id(tracks.cameras[i].id);
+    if (!index || !solution.scene.cameras[i].used) continue;
+    value["name"] = rig.cameras[*index].name;
+    value["position"] = triple(rig.cameras[*index].pose.position);
+    value["forward"] = triple(rig.cameras[*index].pose.forward());
+    const CameraCovariance covariance = covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
+    const size_t first = *covariance.index_of("x");
+    value["position_covariance"] = ordered_json::array();
+    for (size_t r = 0; r < 3; r++)
+      value["position_covariance"].push_back(
+          {covariance.at(first + r, first), covariance.at(first + r, first + 1), covariance.at(first + r, first + 2)});
+  }
 }
 
 }  // namespace lf

@@ -7,47 +7,9 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "calibration/adjustment.h"
-#include "calibration/solve.h"
-#include "calibration/uncertainty.h"
+#include "calibration/placement.h"
 
 namespace lf {
-
-// What gives a solution its scale and frame, which no image tells.
-struct PlacementOptions {
-  double pitch = 0;       // metres between neighbours (the median of the distances to the nearest); 0: not known
-  double bar_length = 0;  // metres between the two lights; 0: not known
-  struct Distance {
-    uint32_t a, b;  // ids of the two cameras
-    double metres;
-  };
-  std::optional<Distance> distance;  // the known distance of two cameras
-};
-
-struct Placement {
-  Similarity world_from_scene;
-  std::string scale_from;  // "the bar's length", "the pitch", ...; "" where nothing gives it: neighbours are 1 apart
-  // For each camera of the tracks the id of the prior rig's camera whose place it stands at: its own, where the order
-  // is right. Empty without a layout.
-  std::vector<uint32_t> stands_at;
-};
-
-// Scale from what is given (the bar before the two cameras, the pitch, the prior rig's layout), frame from the prior
-// rig's layout, centres and orientations (align_to_layout()); without one the origin is amid the cameras, z where they
-// look, x to their right. Throws Error where a camera is not there, or a distance is not positive.
-Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
-                         const PlacementOptions& placement);
-
-// The median of the distances of poses to the nearest other one.
-double neighbour_distance(const std::vector<Pose>& poses);
-
-// The cameras that were found, placed, as a rig: names, sources and topology are the prior rig's where there is one.
-// They come in the order of the places where they stand, which a topology counts in.
-Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement);
-
-// What a rig file says as "covariance" of camera `index` of the tracks (which must be used), in the rig's frame and
-// scale.
-CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene);
 
 // What a person must know about a calibration.
 struct Finding {
@@ -73,5 +35,44 @@ nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks
 // that `program` has calibrated it.
 nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const Placement& placement,
                           nlohmann::json original, const std::string& program);
+
+// A way in which all cameras of a solution may be off together, as far as what was seen tells.
+struct SoftMode {
+  std::string code;  // depth, gaze, toe-in, bow, proportions, places, directions
+  std::string text;  // what that would be, in words, with its size
+  double sigma = 0;  // one standard deviation, in `unit`
+  std::string unit;  // "%", "degrees", "mm"
+  double limit = 0;  // a sigma beyond this, in `unit`, is worth a better recording
+  bool is_soft() const { return !(sigma <= limit); }
+};
+
+// Softest first, by their limits. Of an array that looks about one way; of other rigs those alone that mean something.
+// In the scale of `placement`.
+std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& placement);
+
+// How far a new point is from where it should appear, when it is placed by all other cameras as they are calibrated
+// now: root of the mean square over places in the pictures, pixels, of errors that the solution's uncertainty
+// foretells.
+struct ProjectionError {
+  double depth = 0;              // metres before the array's middle
+  double middle = 0, worst = 0;  // the median of all cameras, and the worst
+};
+// The errors at depths from half the nearest light to twice the farthest.
+std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement);
+
+// How far from the array's middle lights were, metres along its gaze: the nearest and the farthest twentieth left away.
+struct LightRange {
+  double near = 0, far = 0;
+};
+LightRange light_range(const Solution& solution, const Placement& placement);
+
+// What pictures of a calibration are drawn from, added to its calibration_report():
+// "lights": {"near_m", "far_m"}; "projection": [{"depth_m", "median_px", "worst_px"}]; "soft_modes": [{"code", "text",
+// "sigma", "unit", "limit", "soft"}]; "coverage": {"columns", "rows"}; and of each camera that was found "name",
+// "width", "height", "position" (metres), "forward", "position_covariance" (3 rows, square metres), "coverage" (how
+// many observations fell into each part of its picture, row by row) and "residuals", a sample of them, [x, y, dx, dy]
+// pixels.
+void add_details(const Solution& solution, const Tracks& tracks, const Placement& placement, const Rig& rig,
+                 nlohmann::ordered_json& report);
 
 }  // namespace lf

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/vec.h"
+#include "base/maths.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -38,10 +38,6 @@ struct Tracks {
 // finite or far outside of its image, a camera's id or an observation comes twice.
 void check_tracks(const Tracks& tracks, const std::string& name);
 
-// What files of tracks, and of lights (light_sights.h), begin with.
-inline constexpr char kTracksFormat[] = "lightfield-tracks";
-inline constexpr int kTracksVersion = 1;
-
 // {"format": "lightfield-tracks", "version": 1, "bar": false, "ordered": true,
 //  "cameras": [{"id": 0, "width": 320, "height": 240}, ...],
 //  "positions": [{"observations": [[camera id, x, y], ...]}, ...]}
@@ -62,5 +58,37 @@ struct MultiCamSelfCal {
 };
 // Throws Error naming the file and the row.
 MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);
+
+// A light as it was found in a picture.
+struct Sight {
+  Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
+  double sigma = 0;       // standard deviation of x and of y, pixels, predicted from the picture's noise
+  double brightness = 0;  // above the background, summed over the light's image: compares lights of one camera
+};
+
+// What each camera saw of a moving light, or of the two of a bar, by its own clock: frames that no other camera took at
+// the same instant, lights beside their reflections. A plain value.
+struct LightSights {
+  struct Frame {
+    double time = 0;            // the camera's own stamp, seconds; grows from frame to frame
+    std::vector<Sight> sights;  // brightest first; may be empty
+  };
+  struct Camera {
+    uint32_t id = 0;            // unique
+    int width = 0, height = 0;  // pixels
+    std::vector<Frame> frames;
+  };
+  std::vector<Camera> cameras;
+  bool bar = false;  // two lights, always equally far apart
+};
+
+// {"format": "lightfield-tracks", "version": 1, "bar": true, "cameras": [{"id": 0, "width": 320, "height": 240,
+//  "frames": [[seconds, [x, y, sigma, brightness], ...], ...]}, ...]}
+// The other kind of that format: where "positions" has what all cameras saw at the same instant, "frames" of each
+// camera have what it saw at its own times.
+//
+// Nothing where `text` has positions. Throws Error naming the file and the place in it.
+std::optional<LightSights> parse_light_sights(const std::string& text, const std::string& name);
+std::string light_sights_to_json(const LightSights& sights);
 
 }  // namespace lf

@@ -6,9 +6,8 @@
 #include <cstring>
 #include <utility>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "composite/resolve.h"
-#include "composite/rows.h"
 #include "render/sum_planes.h"
 
 namespace lf {

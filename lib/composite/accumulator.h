@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/byte_buffer.h"
+#include "base/memory.h"
 #include "composite/resolve.h"
 #include "image/image.h"
 #include "render/gl/card_sum.h"

@@ -10,11 +10,9 @@
 #include "render/gl/card_sum.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
-#include "wire/answer_writer.h"
+#include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/limits.h"
-#include "wire/payload.h"
-#include "wire/strips.h"
+#include "wire/unit.h"
 
 namespace lf {
 
@@ -251,11 +249,11 @@ void copy(const ConstSumPlanes& from, const SumPlanes& to) {
 
 }  // namespace
 
-ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
+ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const Coding& coding,
                           ByteBuffer memory) {
   const std::optional<ConstSumPlanes> sums = sum.sums();
   if (!sums || sums->rect.empty()) return wire::AnswerWriter(header, 0, std::move(memory)).finish();
-  if (form.codec == wire::Codec::kRaw16) {
+  if (coding.codec == wire::Codec::kRaw16) {
     wire::AnswerWriter writer(header, 1, std::move(memory));
     copy(*sums, writer.add_sums({{}, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
     return writer.finish();
@@ -265,7 +263,7 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   for (const Rect& rect : rects) strips.push_back(rounded_fragment(part_of(*sums, rect)));
   std::vector<wire::AnswerFragment> fragments;
   for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
-  return wire::encode_fragments(header, fragments, form.quality, std::move(memory), serial_for);
+  return wire::encode_fragments(header, fragments, coding.quality, std::move(memory), serial_for);
 }
 
 std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,

@@ -7,16 +7,15 @@
 #include <span>
 #include <string>
 
-#include "base/byte_buffer.h"
+#include "base/memory.h"
 #include "base/worker_pool.h"
 #include "composite/accumulator.h"
 #include "composite/arrivals.h"
 #include "focus/view_focus.h"
-#include "node/answer_form.h"
+#include "node/answer_encoder.h"
 #include "render/ownership.h"
 #include "view/view_request.h"
-#include "wire/answer.h"
-#include "wire/answer_parts.h"
+#include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 #include "wire/moments_codec.h"
 
@@ -134,7 +133,7 @@ class Assembly {
 // the picture at the root is that of one compositor to the bit (unless a value saturated); with 8 it is rounded once
 // more for each level of the tree, within half a level; JPEG adds its error. `header.family` is the accumulator's.
 // `memory` is recycled. Throws Error if the header is not fit for the wire.
-ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
+ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const Coding& coding,
                           ByteBuffer memory);
 
 // Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Returns

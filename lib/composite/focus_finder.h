@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/byte_buffer.h"
+#include "base/memory.h"
 #include "focus/view_focus.h"
 #include "rig/rig.h"
 #include "view/view_request.h"

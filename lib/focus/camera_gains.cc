@@ -10,12 +10,12 @@
 #include <optional>
 #include <set>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/trial_levels.h"
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"
-#include "image/card_image.h"
 #include "image/correction.h"
+#include "image/image.h"
 
 namespace lf {
 

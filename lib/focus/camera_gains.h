@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "base/byte_buffer.h"
+#include "base/memory.h"
 #include "base/worker_pool.h"
 #include "focus/moments.h"
 #include "render/sum_renderer.h"

@@ -10,7 +10,7 @@
 
 #include "focus/surface_choice.h"
 #include "focus/trial_levels.h"
-#include "geometry/focal_surface.h"
+#include "geometry/pose.h"
 #include "view/view.h"
 #include "view/view_request.h"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/trial_levels.h"
 #include "render/ownership.h"
 

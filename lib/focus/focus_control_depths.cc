@@ -5,7 +5,7 @@
 #include <memory>
 #include <utility>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/focus_control.h"
 #include "focus/trial_levels.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "focus/moments.h"
-#include "geometry/focal_surface.h"
+#include "geometry/pose.h"
 #include "view/view.h"
 
 namespace lf {

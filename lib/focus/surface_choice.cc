@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "base/rect.h"
+#include "base/maths.h"
 #include "focus/moments.h"
 
 namespace lf {

@@ -9,7 +9,7 @@
 
 #include "focus/moments.h"
 #include "focus/trial_levels.h"
-#include "geometry/focal_surface.h"
+#include "geometry/pose.h"
 
 namespace lf {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "geometry/focal_surface.h"
+#include "geometry/pose.h"
 #include "view/view.h"
 #include "view/view_request.h"
 

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "focus/trial_samples.h"
-#include "image/card_image.h"
+#include "image/image.h"
 #include "render/camera_projection.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"

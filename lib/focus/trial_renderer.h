@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "base/byte_buffer.h"
+#include "base/memory.h"
 #include "base/worker_pool.h"
 #include "focus/moments.h"
 #include "focus/trial_levels.h"

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "base/byte_buffer.h"
-#include "base/rect.h"
+#include "base/maths.h"
+#include "base/memory.h"
 #include "focus/trial_projection.h"
 #include "image/image.h"
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/json_value.h"
-#include "base/vec.h"
+#include "base/maths.h"
 
 namespace lf {
 

@@ -19,10 +19,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "base/error.h"
 #include "base/file.h"
-#include "base/number_text.h"
-#include "image/picture_bytes.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {
@@ -229,6 +227,14 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
   return image;
 }
 
+// OpenCV takes no picture to be read alone, and wants its colours the other way round.
+cv::Mat to_bgr(const Image& rgb) {
+  const cv::Mat from(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
+  cv::Mat bgr;
+  cv::cvtColor(from, bgr, cv::COLOR_RGB2BGR);
+  return bgr;
+}
+
 }  // namespace
 
 ImageSize load_image_size(const std::string& path) { return checked_size(path, read_image_file(path)); }
@@ -248,9 +254,7 @@ Image load_image_of_size(const std::string& path, ImageSize expected) {
 }
 
 void save_image(const Image& rgb, const std::string& path) {
-  const cv::Mat in(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
-  cv::Mat bgr;
-  cv::cvtColor(in, bgr, cv::COLOR_RGB2BGR);
+  const cv::Mat bgr = to_bgr(rgb);
   std::vector<uint8_t> bytes;
   bool coded = false;
   try {
@@ -262,6 +266,33 @@ void save_image(const Image& rgb, const std::string& path) {
   FileReplacement file(path);
   file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   file.commit();
+}
+
+std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality) {
+  if (rgb.family() != PixelFamily::kRgb || rgb.data().empty()) throw Error("only RGB images can be encoded");
+  std::vector<uint8_t> bytes;
+  try {
+    cv::imencode(".jpg", to_bgr(rgb), bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
+  } catch (const cv::Exception& error) {
+    throw Error(error.what());
+  }
+  return bytes;
+}
+
+GreyPicture decode_grey_jpeg(const std::vector<uint8_t>& bytes, int smaller) {
+  try {
+    const cv::Mat grey = cv::imdecode(bytes, smaller == 8   ? cv::IMREAD_REDUCED_GRAYSCALE_8
+                                             : smaller == 4 ? cv::IMREAD_REDUCED_GRAYSCALE_4
+                                             : smaller == 2 ? cv::IMREAD_REDUCED_GRAYSCALE_2
+                                                            : cv::IMREAD_GRAYSCALE);
+    if (grey.empty()) throw Error("no JPEG");
+    GreyPicture picture{grey.cols, grey.rows, {}};
+    for (int y = 0; y < grey.rows; y++)
+      picture.samples.insert(picture.samples.end(), grey.ptr<uint8_t>(y), grey.ptr<uint8_t>(y) + grey.cols);
+    return picture;
+  } catch (const cv::Exception& error) {
+    throw Error(error.what());
+  }
 }
 
 }  // namespace lf

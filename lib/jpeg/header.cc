@@ -6,17 +6,52 @@
 
 #include <jerror.h>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "jpeg/idct.h"
-#include "jpeg/scan.h"
+#include "jpeg/libjpeg_errors.h"
 #include "rig/rig.h"
 
 namespace lf::jpeg {
 namespace {
 
+HuffmanSpec huffman_of(const JHUFF_TBL& table) {
+  HuffmanSpec spec;
+  std::copy_n(table.bits + 1, spec.counts.size(), spec.counts.begin());
+  std::copy_n(table.huffval, spec.symbols.size(), spec.symbols.begin());
+  return spec;
+}
+
 void set_huffman(const HuffmanSpec& spec, JHUFF_TBL& table) {
   std::copy(spec.counts.begin(), spec.counts.end(), table.bits + 1);
   std::copy(spec.symbols.begin(), spec.symbols.end(), table.huffval);
+}
+
+struct Standard {
+  HuffmanSpec dc[2], ac[2];
+};
+
+// Those that libjpeg's encoder begins with. Nothing in here has a destructor that a jump would pass over.
+Standard make_standard() {
+  Errors errors;
+  jpeg_compress_struct info{};
+  info.err = errors.install(false);
+  if (setjmp(errors.jump)) throw Error("JPEG: libjpeg can't be used");
+  jpeg_create_compress(&info);
+  info.input_components = 3;
+  info.in_color_space = JCS_YCbCr;
+  jpeg_set_defaults(&info);
+  Standard standard;
+  for (int i = 0; i < 2; i++) {
+    standard.dc[i] = huffman_of(*info.dc_huff_tbl_ptrs[i]);
+    standard.ac[i] = huffman_of(*info.ac_huff_tbl_ptrs[i]);
+  }
+  jpeg_destroy_compress(&info);
+  return standard;
+}
+
+const Standard& standard() {
+  static const Standard tables = make_standard();
+  return tables;
 }
 
 bool has_known_colours(const jpeg_decompress_struct& info) {
@@ -170,6 +205,9 @@ bool Reader::is_one_baseline_scan(const Header& h) const {
 }
 
 }  // namespace
+
+const HuffmanSpec& standard_dc(int chroma) { return standard().dc[chroma]; }
+const HuffmanSpec& standard_ac(int chroma) { return standard().ac[chroma]; }
 
 int Header::blocks_per_mcu() const {
   int blocks = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "image/picture_bytes.h"
+#include "image/image_file.h"
 
 #include <csetjmp>
 #include <cstring>
@@ -9,10 +9,9 @@
 
 #include <png.h>
 
-#include "base/error.h"
-#include "image/image_file.h"
-#include "jpeg/full_decode.h"
+#include "base/text.h"
 #include "jpeg/header.h"
+#include "jpeg/jpeg_frame.h"
 #include "rig/rig.h"
 
 namespace lf {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/camera_access.h"
 
+#include "render/camera_projection.h"
+#include "render/view_plan.h"
+
 namespace lf {
 
 const CameraAccess* CameraAccess::of(Access access) {
@@ -12,12 +15,40 @@ const CameraAccess* CameraAccess::of(Access access) {
   return nullptr;
 }
 
-std::unique_ptr<AnswerTask> make_task(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
-                                      std::span<const CameraIndex> own, const ParallelFor& parallel) {
-  if (const CameraAccess* access = CameraAccess::of(wire::access_of(request)))
-    return access->task(rig, request, own, parallel);
-  const auto& view = std::get<ViewRequest>(request);
-  return make_task(rig, mesh.get(rig, view.out_of_service), view, own, parallel);
+namespace {
+
+class WarpAccess : public CameraAccess {
+ public:
+  wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const override {
+    View view = request.view;
+    view.focus.map = nullptr;  // a matrix for each camera is one plane's: the viewer's
+    view.blending = blending(view.blending);
+    return wire::WarpCommand{request, view_warp(rig, ViewPlan(rig, mesh, view))};
+  }
+  Blending blending(const Blending&) const override { return {}; }  // triangles are the mesh's
+};
+
+class PixelAccess : public CameraAccess {
+ public:
+  wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const override {
+    const ViewPlan plan(rig, mesh, request.view);
+    wire::PixelCommand command{request, request.view.width, request.view.height, {}};
+    for (const CameraIndex camera : plan.contributors())
+      command.regions.push_back({camera, needed_pixels(plan, camera, rig.cameras[camera])});
+    return command;
+  }
+};
+
+}  // namespace
+
+const CameraAccess& warp_access() {
+  static const WarpAccess access;
+  return access;
+}
+
+const CameraAccess& pixel_access() {
+  static const PixelAccess access;
+  return access;
 }
 
 }  // namespace lf

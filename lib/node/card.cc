@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/number_text.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {
@@ -70,8 +70,7 @@ bool Card::draws_several(RendererChoice choice) const {
   if (choice == RendererChoice::kCpu) return false;
   const std::lock_guard lock(mutex_);
   const bool is_decided = choice == RendererChoice::kGl || race_.decided();
-  return drawer_ && !drawer_->is_lost() && is_decided && draws(choice) &&
-         !patience_.is_at_end(now_());
+  return drawer_ && !drawer_->is_lost() && is_decided && draws(choice) && !patience_.is_at_end(now_());
 }
 
 void Card::rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before) {
@@ -125,14 +124,14 @@ std::shared_ptr<gl::SumDrawer> Card::open_for_trials(RendererChoice choice) {
   return is_wanted ? drawer_ : nullptr;
 }
 
-void Card::tried(RendererChoice choice, const AnswerTask::Tried& tried) {
-  if (choice == RendererChoice::kCpu || tried.nodes == 0) return;
-  const Drawing& drawing = tried.drawing;
+void Card::tried(RendererChoice choice, const RenderedTrials& trials) {
+  if (choice == RendererChoice::kCpu || trials.nodes == 0) return;
+  const Drawing& drawing = trials.drawing;
   const std::lock_guard lock(mutex_);
   draws_trials_ = drawing.drawn;
   if (drawing.drawn || drawing.refused) trial_patience_.add(drawing.refused, now_());
   if (choice == RendererChoice::kAuto && !drawing.refused && is_in_race())
-    trial_race_.add(drawing.drawn, tried.nodes, tried.ns);
+    trial_race_.add(drawing.drawn, trials.nodes, trials.ns);
 }
 
 std::string Card::explain(RendererChoice choice) const {

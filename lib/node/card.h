@@ -11,15 +11,15 @@
 #include <set>
 #include <string>
 
+#include <lightfield/renderer.h>
+
 #include "base/schedule.h"
-#include "node/answer_renderer.h"
-#include "node/answer_task.h"
+#include "node/answer_encoder.h"
 #include "render/gl/sum_drawer.h"
 
 namespace lf {
 
-// What renders the sums of a node. kAuto: the faster one of the CPU and a graphics card that is not the CPU itself.
-enum class RendererChoice { kCpu, kGl, kAuto };
+using lightfield::RendererChoice;
 // "cpu", "gl", "auto".
 std::optional<RendererChoice> renderer_choice(const std::string& name);
 
@@ -88,7 +88,7 @@ class Card {
   // that group now.
   using OpenIn = std::function<std::unique_ptr<gl::SumDrawer>(std::string& why)>;
   bool move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why);
-  void tried(RendererChoice choice, const AnswerTask::Tried& tried);
+  void tried(RendererChoice choice, const RenderedTrials& trials);
   // Lets go of the context of somebody else's that move_to() has opened, even if it was lost; one of its own is opened
   // again when needed.
   void leave();

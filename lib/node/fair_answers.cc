@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "view/request_limits.h"
+#include "view/view_request.h"
 
 namespace lf {
 

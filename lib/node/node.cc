@@ -4,14 +4,64 @@
 #include <algorithm>
 #include <iterator>
 
-#include "base/error.h"
 #include "base/schedule.h"
-#include "node/camera_access.h"
-#include "node/found_frames.h"
+#include "base/text.h"
+#include "node/frame_sources.h"
 #include "render/gl/sum_drawer.h"
-#include "wire/answer_writer.h"
+#include "wire/answer_codec.h"
 
 namespace lf {
+
+void NodeStats::add(const Stages& stages) {
+  std::lock_guard lock(mutex_);
+  latest_ = stages;
+  wait_.add(stages.wait);
+  decode_.add(stages.decode);
+  render_.add(stages.render);
+  encode_.add(stages.encode);
+  total_.add(stages.wait + stages.decode + stages.render + stages.encode);
+}
+
+void NodeStats::set_gains(std::span<const Source> cameras, const CameraGains& gains) {
+  std::lock_guard lock(mutex_);
+  for (const Source& source : cameras) gains_[source.rig_camera->id] = gains.of(source.camera);
+}
+
+std::vector<std::pair<std::string, uint64_t>> NodeStats::all() const {
+  std::lock_guard lock(mutex_);
+  std::vector<std::pair<std::string, uint64_t>> all = {
+      {"requests", requests},
+      {"bad-requests", bad_requests},
+      {"rig-mismatches", rig_mismatches},
+      {"answers", answers},
+      {"drawn", drawn},
+      {"together", together},
+      {"card-frames", card_frames},
+      {"skipped", skipped},
+      {"superseded", superseded},
+      {"fragments", fragments},
+      {"bytes", bytes},
+      {"missing-frames", missing_frames},
+      {"stale-frames", stale_frames},
+      {"damaged-frames", damaged_frames},
+      {"max-skew-ns", max_skew_ns},
+      {"wait-ns", latest_.wait},
+      {"decode-ns", latest_.decode},
+      {"render-ns", latest_.render},
+      {"encode-ns", latest_.encode},
+  };
+  const std::pair<const char*, const Percentiles*> stages[] = {
+      {"wait", &wait_}, {"decode", &decode_}, {"render", &render_}, {"encode", &encode_}, {"answer", &total_}};
+  for (const auto& [name, times] : stages)
+    for (const int p : {50, 95, 99}) all.emplace_back(std::string(name) + "-ns-p" + std::to_string(p), times->at(p));
+  return all;
+}
+
+std::map<uint32_t, float> NodeStats::gains() const {
+  std::lock_guard lock(mutex_);
+  return gains_;
+}
+
 namespace {
 
 // An answer without fragments.
@@ -81,7 +131,7 @@ std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> r
     requester.rig = array->rig;
     requester.mesh.clear();
     requester.watch = {};
-    requester.maker.clear();
+    requester.renderer.clear();
     requester.gone.clear();
     requester.warned_of = 0;
   }
@@ -131,8 +181,8 @@ static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of
 // Live, a compositor takes cameras that are missing out of service, after some pictures. Pictures of files must not
 // depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
 // that their neighbours close the gap (see out_of_mesh()).
-Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requester& requester,
-                           const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames) {
+Node::Planned Node::make_plan(const ViewRequest& view, const Array& array, Requester& requester,
+                              const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames) {
   ViewRequest request = view;
   const CameraRanges named(view.out_of_service);
   CameraRanges gone;
@@ -141,7 +191,7 @@ Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requeste
   std::ranges::copy_if(requester.gone, std::back_inserter(missing), [&](CameraIndex camera) {
     return std::ranges::binary_search(own, camera) && !frames.find(camera);
   });
-  Plan plan;
+  Planned planned;
   do {
     if (!missing.empty()) {
       gone.add(CameraRanges(missing));
@@ -150,21 +200,22 @@ Node::Plan Node::make_plan(const ViewRequest& view, const Array& array, Requeste
       request.out_of_service = out.cameras();
     }
     const uint64_t begun = now_ns();
-    plan.task = make_task(*array.rig, requester.mesh, request, own, parallel);
-    plan.ns += now_ns() - begun;
+    const Mesh& mesh = requester.mesh.get(*array.rig, request.out_of_service);
+    planned.plan = std::make_unique<const RequestPlan>(*array.rig, mesh, request, own, parallel);
+    planned.ns += now_ns() - begun;
     missing.clear();
-    for (const CameraIndex camera : plan.task->cameras())
+    for (const CameraIndex camera : planned.plan->cameras())
       if (!frames.find(camera) && !gone.contains(camera)) missing.push_back(camera);
   } while (!missing.empty() && !*requester.cancelled);  // who is stopped gets no frames from anybody
-  plan.gone = gone.cameras();
-  requester.gone = plan.gone;
-  return plan;
+  planned.gone = gone.cameras();
+  requester.gone = planned.gone;
+  return planned;
 }
 
-std::vector<Node::Plan> Node::make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
-                                         Requester& requester, const std::vector<CameraIndex>& own, bool live,
-                                         const ParallelFor& parallel, FoundFrames& frames) {
-  std::vector<Plan> plans(requests.size());
+std::vector<Node::Planned> Node::make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
+                                            Requester& requester, const std::vector<CameraIndex>& own, bool live,
+                                            const ParallelFor& parallel, FoundFrames& frames) {
+  std::vector<Planned> plans(requests.size());
   const auto* const first = std::get_if<ViewRequest>(requests.front());
   if (!live && first && has_all(own, first->out_of_service, array.rig->cameras.size())) {
     for (size_t i = 0; i < plans.size(); i++)
@@ -180,42 +231,70 @@ std::vector<Node::Plan> Node::make_plans(std::span<const wire::AnyRequest* const
   });
   if (plans.size() == 1 || takes_long) {
     for (size_t i = 0; i < plans.size(); i++)
-      plans[i].task = make_task(*array.rig, requester.mesh, *requests[i], own, parallel);
+      plans[i].plan = plan_request(*array.rig, requester.mesh, *requests[i], own, parallel);
   } else {
     const Mesh& mesh = requester.mesh.get(*array.rig, first->out_of_service);
-    parallel(plans.size(),
-             [&](size_t i) { plans[i].task = make_task(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own); });
+    parallel(plans.size(), [&](size_t i) {
+      plans[i].plan = std::make_unique<const RequestPlan>(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own);
+    });
   }
-  for (Plan& plan : plans) plan.ns = (now_ns() - begun) / plans.size();
+  for (Planned& planned : plans) planned.ns = (now_ns() - begun) / plans.size();
   return plans;
 }
 
 // The cameras of all of them, ascending.
-std::vector<CameraIndex> Node::cameras_of(const std::vector<Plan>& plans) {
+std::vector<CameraIndex> Node::cameras_of(const std::vector<Planned>& plans) {
   std::vector<CameraIndex> cameras;
-  for (const Plan& plan : plans)
-    cameras.insert(cameras.end(), plan.task->cameras().begin(), plan.task->cameras().end());
+  for (const Planned& planned : plans)
+    cameras.insert(cameras.end(), planned.plan->cameras().begin(), planned.plan->cameras().end());
   std::ranges::sort(cameras);
   cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
   return cameras;
 }
 
-bool Node::has(const Plan& plan, CameraIndex camera) {
-  return std::ranges::binary_search(plan.task->cameras(), camera);
+// The frames of the plans' cameras.
+FrameSources Node::sources_of(const std::vector<Planned>& plans, const Array& array, const RenderOptions& options,
+                              FoundFrames& frames) {
+  const auto region_of = [&plans](CameraIndex camera) {
+    Rect region;
+    for (const auto& [plan, gone, ns] : plans)
+      if (plan->has(camera)) region = unite(region, plan->region(camera));
+    return region;
+  };
+  // Pixels that are sent as they are have to be here.
+  const bool may_be_on_card =
+      options.card && std::ranges::all_of(plans, [](const Planned& planned) { return planned.plan->sum() != nullptr; });
+  FrameSources sources(*array.rig, region_of, may_be_on_card ? options.card->group() : 0);
+  for (const CameraIndex camera : cameras_of(plans)) sources.add(camera, frames.find(camera));
+  return sources;
+}
+
+void Node::decode(FrameSources& sources, const Array& array, PixelFamily family, const ParallelFor& parallel) {
+  sources.decode(
+      family,
+      [&](CameraIndex camera, const CameraFrame& damaged) {
+        bool first = false;
+        auto before = array.cameras.at(camera)->replace_damaged(damaged.picture.get(), &first);
+        if (first) stats_.damaged_frames++;
+        if (before && !before->fits(array.rig->cameras[camera])) before.reset();
+        return before;
+      },
+      parallel);
 }
 
 // What the answer to one request says of the node's cameras, and how far their frames are off. `absent`: live cameras
 // without a frame.
-uint64_t Node::describe(const Plan& plan, const FrameSources& sources, const FoundFrames& frames,
+uint64_t Node::describe(const Planned& planned, const FrameSources& sources, const FoundFrames& frames,
                         const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header) {
-  CameraSet blind = plan.gone;
-  std::ranges::copy_if(absent, std::back_inserter(blind), [&](CameraIndex camera) { return !has(plan, camera); });
-  for (const CameraIndex camera : plan.gone)
-    if (!has(plan, camera)) stats_.missing_frames++;  // the others are counted below
+  const RequestPlan& plan = *planned.plan;
+  CameraSet blind = planned.gone;
+  std::ranges::copy_if(absent, std::back_inserter(blind), [&](CameraIndex camera) { return !plan.has(camera); });
+  for (const CameraIndex camera : planned.gone)
+    if (!plan.has(camera)) stats_.missing_frames++;  // the others are counted below
   uint64_t worst_skew = 0;
   for (size_t i = 0; i < sources.sources().size(); i++) {
     const Source& source = sources.sources()[i];
-    if (!has(plan, source.camera)) continue;
+    if (!plan.has(source.camera)) continue;
     if (source.image.family == PixelFamily::kNone) {
       stats_.missing_frames++;
       blind.push_back(source.camera);
@@ -247,72 +326,82 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   for (const auto& [camera, of_camera] : array.cameras) own.push_back(camera);
   const bool live =
       options.live || std::ranges::any_of(array.cameras, [](const auto& camera) { return camera.second->is_live(); });
-  const std::vector<Plan> plans = make_plans(requests, array, requester, own, live, options.parallel, frames);
-  const std::vector<CameraIndex> cameras = cameras_of(plans);
-  const auto region_of = [&plans](CameraIndex camera) {
-    Rect region;
-    for (const Plan& plan : plans)
-      if (has(plan, camera)) region = unite(region, plan.task->region(camera));
-    return region;
-  };
-  const bool may_be_on_card =
-      options.card && std::ranges::all_of(plans, [](const Plan& plan) { return plan.task->takes_card_images(); });
-  FrameSources sources(*array.rig, region_of, may_be_on_card ? options.card->group() : 0);
-  for (const CameraIndex camera : cameras) sources.add(camera, frames.find(camera));
+  const ParallelFor& parallel = options.render.parallel;
+  const std::vector<Planned> plans = make_plans(requests, array, requester, own, live, parallel, frames);
+  FrameSources sources = sources_of(plans, array, options.render, frames);
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
   CameraSet absent;
   for (const CameraIndex camera : own)
     if ((options.live || array.cameras.at(camera)->is_live()) && !frames.find(camera)) absent.push_back(camera);
   stats_.stale_frames += frames.stale() * requests.size();  // each answer lacks them
   const uint64_t found = now_ns();
-  // Of whatever has a frame the family is known.
-  const PixelFamily family = inputs_.choose_family();
-  sources.decode(
-      family,
-      [&](CameraIndex camera, const CameraFrame& damaged) {
-        bool first = false;
-        auto before = array.cameras.at(camera)->replace_damaged(damaged.picture.get(), &first);
-        if (first) stats_.damaged_frames++;
-        if (before && !before->fits(array.rig->cameras[camera])) before.reset();
-        return before;
-      },
-      options.parallel);
+  const PixelFamily family = inputs_.choose_family();  // known of whatever has a frame
+  decode(sources, array, family, parallel);
   const uint64_t decoded = now_ns();
 
-  std::vector<AnswerMaker::Work> works;
+  std::vector<RequestRenderer::Work> works;
   uint64_t worst_skew = 0, plan_ns = 0;
   for (size_t i = 0; i < plans.size(); i++) {
-    AnswerMaker::Work& work = works.emplace_back(AnswerMaker::Work{plans[i].task.get(), headers[i]});
+    RequestRenderer::Work& work = works.emplace_back(RequestRenderer::Work{plans[i].plan.get(), headers[i]});
     // Without an image in the view the answer still says what the node's images are.
     work.header.family = family;
     work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
-      return source.image.family != PixelFamily::kNone && has(plans[i], source.camera);
+      return source.image.family != PixelFamily::kNone && work.plan->has(source.camera);
     });
     worst_skew = std::max(worst_skew, describe(plans[i], sources, frames, own, absent, work.header));
     plan_ns += plans[i].ns;
   }
-  AnswerMaker::Options how = options;
+  RenderOptions how = options.render;
   how.colours = array.colours.get();
   ImageMemory scratch = requester.images->take();
-  std::vector<AnswerMaker::Units> units = requester.maker.make(works, sources.sources(), how, scratch, memory);
+  std::vector<RenderedAnswer> answers = requester.renderer.render(works, sources.sources(), how, scratch, memory);
   requester.images->give_back(std::move(scratch));
-  if (std::ranges::any_of(units, [](const AnswerMaker::Units& of_one) { return of_one.answer.drawing.drawn; }))
+  if (std::ranges::any_of(answers, [](const RenderedAnswer& answer) { return answer.drawing.drawn; }))
     stats_.card_frames += sources.on_card();
-  if (units.front().gains) stats_.set_gains(sources.sources(), *units.front().gains);
+  if (answers.front().gains) stats_.set_gains(sources.sources(), *answers.front().gains);
   std::vector<Reply> replies;
-  const uint64_t count = units.size();
-  for (size_t i = 0; i < units.size(); i++) {
-    Reply& reply = replies.emplace_back(Reply{std::move(units[i]), {}, {}});
-    reply.stages = {.wait = (waited + (found - begun - plan_ns)) / count,
-                    .decode = (decoded - found) / count,
-                    .render = plans[i].ns + reply.before_ns + reply.answer.render_ns,
-                    .encode = reply.answer.encode_ns};
-    stats_.add(reply.stages);
-    if (reply.answer.drawing.drawn) stats_.drawn++;
+  const uint64_t count = answers.size();
+  for (size_t i = 0; i < answers.size(); i++) {
+    RenderedAnswer& answer = answers[i];
+    const NodeStats::Stages stages{.wait = (waited + (found - begun - plan_ns)) / count,
+                                   .decode = (decoded - found) / count,
+                                   .render = plans[i].ns + answer.prepare_ns + answer.render_ns,
+                                   .encode = answer.encode_ns};
+    stats_.add(stages);
+    if (answer.drawing.drawn) stats_.drawn++;
+    replies.push_back({std::move(answer), stages, ""});
   }
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
   replies.front().warning = skew_warning(*array.rig, requester.watch.see(frames.skews()), requester);
   return replies;
+}
+
+std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
+  const std::lock_guard lock(mutex_);
+  auto found = views_.find(view_id);
+  if (found == views_.end()) {
+    const auto used = [](const auto& view) { return view.second.used; };
+    if (views_.size() >= 2 * kMostViews) views_.erase(std::ranges::min_element(views_, {}, used));
+    const auto requester = std::make_shared<Node::Requester>();
+    requester->cancelled = cancelled_;
+    requester->images = images_;
+    const auto latest = std::ranges::max_element(views_, {}, used);
+    if (latest != views_.end()) requester->renderer.begin_like(latest->second.requester->renderer);
+    found = views_.emplace(view_id, View{requester}).first;
+  }
+  found->second.used = ++uses_;
+  return found->second.requester;
+}
+
+uint64_t ViewRequesters::nanoseconds(uint32_t view_id, double work) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = views_.find(view_id);
+  return found == views_.end() ? 0 : found->second.requester->estimate.nanoseconds(work);
+}
+
+void ViewRequesters::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
 }
 
 }  // namespace lf

@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <numbers>
+#include <utility>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/carry_over.h"
 
 namespace lf {
@@ -14,7 +17,13 @@ namespace {
 constexpr size_t kNearest = 8;    // of a grid: those around a camera
 constexpr double kCleared = 0.7;  // of what is unusual: a suspect below it is none any more
 constexpr double kSigmaPerMad = 1.4826;
-constexpr double kScatters = 3;  // beyond which a figure says something although parts of the picture differ
+constexpr double kScatters = 3;     // beyond which a figure says something although parts of the picture differ
+constexpr double kAnyDistance = 1;  // metres: a camera sees itself through any plane in front of it
+constexpr double kSameRate = 0.01;  // part of a period
+// Of a WaveFinder.
+constexpr double kForget = 12;         // seconds
+constexpr double kLeastChange = 0.08;  // of the whole range: a hand covers most of the picture
+constexpr double kStandsOut = 1.8;     // times the next one
 
 std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
   std::vector<CameraIndex> others;
@@ -27,6 +36,15 @@ std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
   std::ranges::partial_sort(others, others.begin() + static_cast<ptrdiff_t>(count), {}, distance);
   others.resize(count);
   return others;
+}
+
+// Pixel x of the lens is pixel step x + first of `lens`.
+Lens every_nth(const Lens& lens, int step, int first) {
+  std::array<double, Lens::kMaxParams> params = lens.params();
+  const auto focal = static_cast<size_t>(lens_model_num_focal(lens.model()));
+  for (size_t i = 0; i < focal; i++) params[i] /= step;
+  for (size_t i = focal; i < focal + 2; i++) params[i] = (params[i] - first) / step;
+  return {lens.model(), params};
 }
 
 }  // namespace
@@ -186,21 +204,6 @@ std::string_view to_string(CameraMonitor::Fault fault) {
   return "picture";
 }
 
-namespace {
-
-constexpr double kAnyDistance = 1;  // metres: a camera sees itself through any plane in front of it
-
-// Pixel x of the lens is pixel step x + first of `lens`.
-Lens every_nth(const Lens& lens, int step, int first) {
-  std::array<double, Lens::kMaxParams> params = lens.params();
-  const auto focal = static_cast<size_t>(lens_model_num_focal(lens.model()));
-  for (size_t i = 0; i < focal; i++) params[i] /= step;
-  for (size_t i = focal; i < focal + 2; i++) params[i] = (params[i] - first) / step;
-  return {lens.model(), params};
-}
-
-}  // namespace
-
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without) {
   const Camera& at = rig.cameras[camera];
   const int step = (at.width + kProbeColumns - 1) / kProbeColumns, first = (step - 1) / 2;
@@ -226,6 +229,153 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
     request->rig_hash = rig.hash();
   }
   return probe;
+}
+
+std::optional<CameraProbe> CameraTurns::next(const Rig& rig, const ViewRequest& composed, unsigned interval) {
+  if (!monitor_ || rig_ != rig.hash()) {
+    clear();
+    monitor_.emplace(rig);
+    rig_ = rig.hash();
+  }
+  if (++requests_ < (asked_ ? interval + kPatience : interval)) return {};
+  requests_ = 0;
+  lose();
+  const std::optional<CameraIndex> camera = monitor_->next(composed.out_of_service);
+  if (!camera) return {};
+  CameraSet without;
+  std::ranges::set_union(composed.out_of_service, monitor_->suspected(), std::back_inserter(without));
+  asked_ = make_probe(rig, *camera, shown_view(composed), without);
+  return asked_;
+}
+
+bool CameraTurns::expects(const ViewRequest& probe) {
+  if (!asked_ || probe.view.pose != asked_->seen.view.pose) return false;  // of somebody else, or too late
+  if (probe.view == asked_->seen.view || (probe.view == asked_->predicted.view && seen_)) return true;
+  lose();
+  return false;
+}
+
+CameraTurns::Came CameraTurns::take(const ViewRequest& probe, CoveredPicture picture) {
+  if (probe.view == asked_->seen.view) {
+    seen_ = std::move(picture);
+    return Came::kHalf;
+  }
+  const std::vector<CameraMonitor::Suspect> before = monitor_->suspects();
+  monitor_->take(asked_->camera, compare_prediction(picture, *seen_));
+  lose();
+  return monitor_->suspects() != before ? Came::kOtherSuspects : Came::kTurn;
+}
+
+void CameraTurns::lose() {
+  asked_.reset();
+  seen_.reset();
+}
+
+FrameTimes measure_frame_times(std::span<const double> times) {
+  FrameTimes result{.frames = times.size()};
+  std::vector<double> forward;
+  for (const double time : times) {
+    if (!forward.empty() && !(time > forward.back()))
+      result.backwards++;
+    else
+      forward.push_back(time);
+  }
+  if (forward.size() < 3) return result;
+  std::vector<double> intervals;
+  for (size_t i = 1; i < forward.size(); i++) intervals.push_back(forward[i] - forward[i - 1]);
+  const double usual = median(intervals);
+
+  // Each frame's number, then the line through (number, time).
+  std::vector<double> numbers{0};
+  for (const double interval : intervals)
+    numbers.push_back(numbers.back() + std::max(1.0, std::round(interval / usual)));
+  const double n = static_cast<double>(forward.size());
+  double mean_number = 0, mean_time = 0, covariance = 0, variance = 0;
+  for (size_t i = 0; i < forward.size(); i++) mean_number += numbers[i] / n, mean_time += (forward[i] - forward[0]) / n;
+  for (size_t i = 0; i < forward.size(); i++) {
+    covariance += (numbers[i] - mean_number) * (forward[i] - forward[0] - mean_time);
+    variance += (numbers[i] - mean_number) * (numbers[i] - mean_number);
+  }
+  result.period = covariance / variance;
+  const double begin = mean_time - result.period * mean_number;
+  result.first = forward[0] + begin;
+  double squares = 0;
+  for (size_t i = 0; i < forward.size(); i++) {
+    const double error = forward[i] - forward[0] - begin - result.period * numbers[i];
+    squares += error * error;
+  }
+  result.jitter = std::sqrt(squares / n);
+  result.missing = static_cast<size_t>(numbers.back()) + 1 - forward.size();
+  return result;
+}
+
+Skew measure_skew(std::span<const FrameTimes> cameras) {
+  Skew skew;
+  skew.phase.assign(cameras.size(), NAN);
+  std::vector<double> periods;
+  for (const FrameTimes& camera : cameras)
+    if (camera.period > 0) periods.push_back(camera.period);
+  if (periods.empty()) return skew;
+  const double period = median(periods);
+  const auto counts = [&](const FrameTimes& camera) {
+    return camera.period > 0 && std::abs(camera.period / period - 1) <= kSameRate;
+  };
+  // Phases are angles: their middle is the direction of the sum of their unit vectors. Of all cameras at the time when
+  // the last of them began, so that clocks that differ have not drifted far.
+  double begin = -INFINITY;
+  for (const FrameTimes& camera : cameras)
+    if (counts(camera)) begin = std::max(begin, camera.first);
+  const auto late = [&](const FrameTimes& camera) {
+    return camera.first + std::ceil((begin - camera.first) / camera.period) * camera.period - begin;
+  };
+  double x = 0, y = 0;
+  for (const FrameTimes& camera : cameras) {
+    if (!counts(camera)) continue;
+    const double angle = 2 * std::numbers::pi * late(camera) / period;
+    x += std::cos(angle), y += std::sin(angle);
+  }
+  const double middle = std::atan2(y, x) / (2 * std::numbers::pi) * period;
+  double least = INFINITY, most = -INFINITY, shortest = INFINITY, longest = 0;
+  for (size_t i = 0; i < cameras.size(); i++) {
+    if (!counts(cameras[i])) continue;
+    const double phase = std::remainder(late(cameras[i]) - middle, period);
+    skew.phase[i] = phase;
+    least = std::min(least, phase), most = std::max(most, phase);
+    shortest = std::min(shortest, cameras[i].period), longest = std::max(longest, cameras[i].period);
+  }
+  skew.spread = most - least;
+  skew.drift = longest / shortest - 1;
+  return skew;
+}
+
+void WaveFinder::see(size_t camera, std::span<const float> parts, double time) {
+  Camera& c = cameras_[camera];
+  if (c.usual.size() != parts.size()) {
+    c.usual.assign(parts.begin(), parts.end());
+    c.time = time;
+    c.change = 0;
+    return;
+  }
+  const auto count = static_cast<double>(std::max<size_t>(parts.size(), 1));
+  double whole = 0, change = 0;
+  for (size_t i = 0; i < parts.size(); i++) whole += (parts[i] - c.usual[i]) / count;
+  for (size_t i = 0; i < parts.size(); i++) change += std::abs(parts[i] - c.usual[i] - whole / 2) / count;
+  c.change = change;
+  const auto share = static_cast<float>(1 - std::exp(-std::max(0.0, time - c.time) / kForget));
+  for (size_t i = 0; i < parts.size(); i++) c.usual[i] += share * (parts[i] - c.usual[i]);
+  c.time = time;
+}
+
+std::optional<size_t> WaveFinder::found() const {
+  size_t most = 0;
+  double next = 0;
+  for (size_t i = 1; i < cameras_.size(); i++)
+    if (cameras_[i].change > cameras_[most].change) most = i;
+  for (size_t i = 0; i < cameras_.size(); i++)
+    if (i != most) next = std::max(next, cameras_[i].change);
+  if (cameras_.empty() || cameras_[most].change < kLeastChange || cameras_[most].change < kStandsOut * next)
+    return std::nullopt;
+  return most;
 }
 
 }  // namespace lf

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -103,5 +105,87 @@ inline constexpr int kProbeColumns = 80;
 // `focused`: the view whose focal surface the others are focused on. `without` (ascending): cameras that predict
 // nothing, beside the camera itself.
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
+
+// A camera monitor's turns beside the requests of a view. A turn is two probes, small views that are asked for like any
+// other: what a camera sees itself, and what the others predict of it. Probes and their answers may be lost, or be
+// somebody else's. Not thread-safe.
+class CameraTurns {
+ public:
+  static constexpr unsigned kPatience = 30;  // requests after which probes, or their answers, have been lost
+
+  // A request has been composed. The two probes of a camera's turn, if it is time: every `interval` requests, or
+  // somewhat later while answers are waited for. With another rig than before all begins anew.
+  std::optional<CameraProbe> next(const Rig& rig, const ViewRequest& composed, unsigned interval);
+
+  // Whether the answer to this request, a probe, is of the turn, and its picture is to be made for take(). One that is
+  // out of turn ends it.
+  bool expects(const ViewRequest& probe);
+  enum class Came { kHalf, kTurn, kOtherSuspects };
+  // Takes the picture of a probe that was expected: half of the turn, or all of it, after which other cameras may be
+  // suspect than before.
+  Came take(const ViewRequest& probe, CoveredPicture picture);
+  // The picture can't be made of what came: the turn is over.
+  void lose();
+
+  void clear() { *this = {}; }
+  // Null before the first turn.
+  const CameraMonitor* monitor() const { return monitor_ ? &*monitor_ : nullptr; }
+
+ private:
+  std::optional<CameraMonitor> monitor_;
+  uint64_t rig_ = 0;       // hash of the rig that the monitor is of
+  unsigned requests_ = 0;  // requests since the latest turn
+  std::optional<CameraProbe> asked_;
+  std::optional<CoveredPicture> seen_;
+};
+
+// How evenly a camera takes its frames, from the times that they were taken at. Seconds.
+struct FrameTimes {
+  size_t frames = 0;
+  double period = 0;     // seconds from frame to frame on the line through all times; 0: fewer than three frames
+  double first = 0;      // time of the first frame on that line
+  double jitter = 0;     // rms of the times about the line: how far stamps can be believed
+  size_t missing = 0;    // frames that the line has and that did not come
+  size_t backwards = 0;  // times that are not after the one before; the line is through the others
+
+  double rate() const { return period > 0 ? 1 / period : 0; }
+};
+
+// `times`: in the order that frames came in.
+FrameTimes measure_frame_times(std::span<const double> times);
+
+// How cameras that run at one rate stand to each other.
+struct Skew {
+  std::vector<double>
+      phase;  // for each camera the seconds that it is behind the others' middle: at most half a period; NAN: not known
+  double spread = 0;  // seconds between the two cameras farthest apart
+  double drift = 0;   // relative rate by which the fastest camera's clock leads the slowest's
+};
+
+// Cameras whose period differs by more than 1 % from the median one are left out: their phase is NAN.
+Skew measure_skew(std::span<const FrameTimes> cameras);
+
+// Finds the camera that somebody holds a hand before: its picture is another one than it was, and those of the others
+// are not. Not thread-safe.
+class WaveFinder {
+ public:
+  explicit WaveFinder(size_t cameras) : cameras_(cameras) {}
+
+  // A picture as the mean brightness of its parts, 0..1, always as many; taken at `time`, seconds, which do not go
+  // back.
+  void see(size_t camera, std::span<const float> parts, double time);
+  // How far its newest picture is from its usual one, 0..1: the mean over the parts. What changes brightness as a
+  // whole, as an automatic exposure does, counts half.
+  double change(size_t camera) const { return cameras_[camera].change; }
+  // The camera that stands out, if one does. People who walk past change several.
+  std::optional<size_t> found() const;
+
+ private:
+  struct Camera {
+    std::vector<float> usual;  // forgets with a time constant, so that a hand is usual after a while, too
+    double time = 0, change = 0;
+  };
+  std::vector<Camera> cameras_;
+};
 
 }  // namespace lf

@@ -9,10 +9,8 @@
 #include <optional>
 #include <string>
 
-#include "base/error.h"
-#include "base/number_text.h"
-#include "base/percentiles.h"
-#include "base/rect.h"
+#include "base/maths.h"
+#include "base/text.h"
 
 namespace lf {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "base/vec.h"
+#include "base/maths.h"
 #include "composite/accumulator.h"
 #include "image/image.h"
 

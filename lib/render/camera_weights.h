@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "base/rect.h"
+#include "base/maths.h"
 #include "render/view_plan.h"
 #include "rig/rig.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "render/camera_projection.h"
 
 namespace lf {

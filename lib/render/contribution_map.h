@@ -9,7 +9,7 @@
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/navigator.h"
-#include "view/view_set.h"
+#include "view/view.h"
 
 namespace lf {
 

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <string>
 
-#include "base/error.h"
-#include "render/sampler.h"
+#include "base/text.h"
+#include "render/camera_projection.h"
 #include "view/view.h"
 
 namespace lf {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "view/navigator.h"
 
 namespace lf {

@@ -2,8 +2,317 @@
 #include "render/ownership.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace lf {
+namespace {
+
+bool meets_focal_surface(const ViewPlan& plan, const Vec2& ray) {
+  const double along = glm::dot(plan.focal_normal(), Vec3(ray, 1));
+  return plan.focal_offset() > 0 ? along > 0 : along < 0;
+}
+
+// All quotients e_k / (e_0 + e_1 + e_2) >= 0. False for rays that do not exist (NaN).
+bool contains(const FacePlan& face, const Vec2& ray) {
+  const double e0 = FacePlan::evaluate(face.edge[0], ray), e1 = FacePlan::evaluate(face.edge[1], ray),
+               e2 = FacePlan::evaluate(face.edge[2], ray), sum = e0 + e1 + e2;
+  return (e0 >= 0 && e1 >= 0 && e2 >= 0 && sum > 0) || (e0 <= 0 && e1 <= 0 && e2 <= 0 && sum < 0);
+}
+
+bool may_own(const ViewPlan& plan, const FacePlan& face, const Vec2& ray) {
+  return contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0 && meets_focal_surface(plan, ray);
+}
+
+// Whether h . d > 0 over all of `rect`, by more than rounding: linear, so the corners tell.
+bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
+  for (const int x : {rect.x0, rect.x1 - 1})
+    for (const int y : {rect.y0, rect.y1 - 1}) {
+      const Vec2 ray = rays.at(x, y);
+      const double scale = std::abs(h.x * ray.x) + std::abs(h.y * ray.y) + std::abs(h.z);
+      if (!(glm::dot(h, Vec3(ray, 1)) > 1e-12 * scale)) return false;
+    }
+  return true;
+}
+
+// Where one edge function changes its sign along the rows of a view: at x = offset + slope * v.
+class EdgeCrossing {
+ public:
+  EdgeCrossing(const Vec3& edge, const Rays& rays) : edge_(edge), rays_(&rays) {
+    const Vec2 origin = rays.at(0, 0);
+    const double step = rays.at(1, 0).x - origin.x;  // of u, from pixel to pixel
+    const double scale = -1 / (edge.x * step);
+    offset_ = edge.z * scale - origin.x / step;
+    slope_ = edge.y * scale;
+  }
+
+  // Clips what has sign * e >= 0 in many rows at once: `v` of the rows, x0 and x1 of what is left of them. Rows where
+  // find() has to look twice are marked as unclear.
+  void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
+    if (edge_.x == 0) {
+      for (size_t i = 0; i < v.size(); i++)
+        if (sign * FacePlan::evaluate(edge_, {0, v[i]}) < 0) x1[i] = x0[i];
+      return;
+    }
+    const bool at_least = (edge_.x > 0) == (sign > 0);
+    for (size_t i = 0; i < v.size(); i++) {
+      const double x = offset_ + slope_ * v[i], doubt = doubt_at(v[i]);
+      const double limited = x > -kFar ? (x < kFar ? x : kFar) : -kFar;  // NaN, too
+      constexpr double kWhole = 0x1.8p52;                                // leaves no bits for a fraction
+      const double nearest = (limited + kWhole) - kWhole;
+      const int end = static_cast<int>(nearest) + (limited > nearest ? 1 : 0);
+      unclear[i] |= !(doubt < kMostDoubt) | !(std::abs(limited - nearest) > doubt);
+      if (at_least)
+        x0[i] = std::max(x0[i], end);
+      else
+        x1[i] = std::min(x1[i], end);
+    }
+  }
+
+  // For row y with v: pixels x >= at_least() and x < less_than() on either side of the change; they differ by one where
+  // the function is 0 at a pixel. False if rounding is too large to tell.
+  struct Ends {
+    int first = 0;  // the smallest x not before the change
+    int past = 0;   // past the largest x not after it
+    bool rising = true;
+    bool constant = false;  // the whole row has sign `value`
+    double value = 0;
+  };
+  bool find(int y, double v, Ends& ends) const {
+    if (edge_.x == 0) {
+      ends.constant = true;
+      ends.value = FacePlan::evaluate(edge_, {0, v});
+      return true;
+    }
+    const double x = offset_ + slope_ * v, doubt = doubt_at(v);
+    if (!(doubt < kMostDoubt)) return false;
+    ends.rising = edge_.x > 0;
+    const double limited = std::clamp(x, -kFar, kFar), nearest = std::nearbyint(limited);
+    if (std::abs(limited - nearest) > doubt) {
+      ends.first = ends.past = static_cast<int>(std::ceil(limited));
+      return true;
+    }
+    const int n = static_cast<int>(nearest);
+    const double value = FacePlan::evaluate(edge_, rays_->at(n, y));
+    if (value == 0) {
+      ends.first = n;
+      ends.past = n + 1;
+    } else {
+      ends.first = ends.past = (value > 0) == ends.rising ? n : n + 1;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr double kRounding = 1e-13;  // far above that of the sums, relative to their terms
+  static constexpr double kMostDoubt = 1e-3, kFar = 1e6;
+  double doubt_at(double v) const { return kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize); }
+
+  Vec3 edge_;
+  const Rays* rays_;
+  double offset_, slope_;
+};
+
+struct Interval {
+  int x0, x1;
+  bool empty() const { return x1 <= x0; }
+  void at_least(int x) { x0 = std::max(x0, x); }
+  void less_than(int x) { x1 = std::min(x1, x); }
+  void clear() { x1 = x0; }
+};
+
+// Keeps what has sign * e >= 0.
+void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
+  if (ends.constant) {
+    if (sign * ends.value < 0) interval.clear();
+  } else if (ends.rising == (sign > 0)) {
+    interval.at_least(ends.first);
+  } else {
+    interval.less_than(ends.past);
+  }
+}
+
+// Calls fn(x0, x1) for the runs of a row that the face may own, pixel by pixel.
+template <class Fn>
+void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, const Fn& fn) {
+  for (int x = range.x0; x < range.x1; x++) {
+    if (!may_own(plan, face, plan.rays().at(x, y))) continue;
+    const int begin = x;
+    while (x + 1 < range.x1 && may_own(plan, face, plan.rays().at(x + 1, y))) x++;
+    fn(begin, x + 1);
+  }
+}
+
+// A face whose edge functions are linear along the rows.
+struct LinearFace {
+  LinearFace(const ViewPlan& plan, const FacePlan& face)
+      : plan(plan),
+        face(face),
+        crossing{{face.edge[0], plan.rays()}, {face.edge[1], plan.rays()}, {face.edge[2], plan.rays()}},
+        sum(face.edge[0] + face.edge[1] + face.edge[2]) {}
+  const ViewPlan& plan;
+  const FacePlan& face;
+  const EdgeCrossing crossing[3];
+  const Vec3 sum;  // 0 is no part of the face. That is only where all three functions vanish.
+};
+
+// One row with all the care there is. `range`: where to look.
+template <class Fn>
+void find_in_row(const LinearFace& linear, int y, const Interval& range, const Fn& fn) {
+  const auto scan_row = [&](const Interval& part) {
+    scan(linear.plan, linear.face, y, part, [&](int x0, int x1) { fn(y, x0, x1); });
+  };
+  const Rays& rays = linear.plan.rays();
+  const Vec2 begin = rays.at(0, y);
+  EdgeCrossing::Ends ends[3];
+  bool clear = true;
+  for (int k = 0; k < 3; k++) clear = linear.crossing[k].find(y, begin.y, ends[k]) && clear;
+  if (!clear) return scan_row(range);
+  Interval found[2];
+  for (int i = 0; i < 2; i++) {
+    found[i] = range;
+    for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
+  }
+  // That the sum is not 0 shows at the ends of an interval.
+  const Vec3& sum = linear.sum;
+  const double u_step = rays.at(1, y).x - begin.x, row_sum = sum.y * begin.y + sum.z;
+  for (const Interval& interval : found) {
+    if (interval.empty()) continue;
+    const double first = sum.x * (begin.x + interval.x0 * u_step) + row_sum;
+    const double last = sum.x * (begin.x + (interval.x1 - 1) * u_step) + row_sum;
+    const double rounding = 1e-12 * (std::abs(sum.x) + std::abs(row_sum));
+    if (std::min(std::abs(first), std::abs(last)) > rounding)
+      fn(y, interval.x0, interval.x1);
+    else
+      scan_row(interval);
+  }
+}
+
+// Calls fn(y, x0, x1) for the runs of a face in `rect`.
+template <class Fn>
+void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, const Fn& fn) {
+  const Rays& rays = plan.rays();
+  const Vec3 towards_focus = plan.focal_offset() > 0 ? plan.focal_normal() : -plan.focal_normal();
+  if (!rays.separable() || !positive_over(face.facing, rays, rect) || !positive_over(towards_focus, rays, rect)) {
+    for (int y = rect.y0; y < rect.y1; y++)
+      scan(plan, face, y, {rect.x0, rect.x1}, [&](int x0, int x1) { fn(y, x0, x1); });
+    return;
+  }
+  const LinearFace linear(plan, face);
+  const int sign = positive_over(linear.sum, rays, rect) ? 1 : positive_over(-linear.sum, rays, rect) ? -1 : 0;
+  if (sign == 0) {  // it straddles the eye's plane
+    for (int y = rect.y0; y < rect.y1; y++) find_in_row(linear, y, {rect.x0, rect.x1}, fn);
+    return;
+  }
+  constexpr int kRows = 64;
+  double v[kRows];
+  int x0[kRows], x1[kRows];
+  uint8_t unclear[kRows];
+  for (int y = rect.y0; y < rect.y1; y += kRows) {
+    const int rows = std::min(rect.y1 - y, kRows);
+    for (int i = 0; i < rows; i++) v[i] = rays.at(0, y + i).y;
+    std::fill_n(x0, rows, rect.x0);
+    std::fill_n(x1, rows, rect.x1);
+    std::fill_n(unclear, rows, 0);
+    for (const EdgeCrossing& crossing : linear.crossing)
+      crossing.clip_rows(sign, {v, static_cast<size_t>(rows)}, x0, x1, unclear);
+    for (int i = 0; i < rows; i++)
+      if (unclear[i])
+        find_in_row(linear, y + i, {rect.x0, rect.x1}, fn);
+      else if (x0[i] < x1[i])
+        fn(y + i, x0[i], x1[i]);
+  }
+}
+
+}  // namespace
+
+// The runs of all faces in a part of the region, face by face.
+std::vector<OwnerRuns::Found> OwnerRuns::find(const ViewPlan& plan, const Rect& band) const {
+  std::vector<Found> found;
+  found.reserve(4 * static_cast<size_t>(band.height()) * 8);
+  for (size_t i = 0; i < plan.faces().size(); i++) {
+    const Rect rect = intersect(plan.faces()[i].rect, band);
+    if (rect.empty()) continue;
+    find_runs(plan, plan.faces()[i], rect, [&](int y, int x0, int x1) {
+      found.push_back({y, x0, x1, static_cast<int32_t>(i)});
+    });
+  }
+  return found;
+}
+
+OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel)
+    : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
+  if (region_.empty()) region_ = {};
+  // In small parts where pixels are looked at one by one, or might be. Else the rows of a face are found together.
+  constexpr int kBandRows = 32;
+  constexpr size_t kManyPixels = size_t{1} << 22;
+  size_t pixels = 0;
+  for (const FacePlan& face : plan.faces()) {
+    const Rect rect = intersect(face.rect, region_);
+    if (!rect.empty()) pixels += static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
+  }
+  const bool in_bands = !plan.rays().separable() || pixels > kManyPixels;
+  const int height = in_bands ? kBandRows : std::max(region_.height(), 1);
+  std::vector<std::vector<Found>> bands(static_cast<size_t>((region_.height() + height - 1) / height));
+  parallel(bands.size(), [&](size_t i) {
+    const int top = region_.y0 + static_cast<int>(i) * height;
+    bands[i] = find(plan, {region_.x0, top, region_.x1, std::min(top + height, region_.y1)});
+  });
+  rows_.resize(static_cast<size_t>(region_.height()));
+  for (const std::vector<Found>& band : bands)
+    for (const Found& f : band) rows_[static_cast<size_t>(f.y - region_.y0)].count++;
+  // Each run that lower-numbered ones cut leaves at most one more piece than it has cuts, and n disjoint runs make at
+  // most n + 1 of them: 2 n are enough for a row.
+  uint32_t begin = 0;
+  for (Row& row : rows_) {
+    row.begin = begin;
+    begin += 2 * row.count;
+    row.count = 0;
+  }
+  runs_.resize(begin);
+  for (const std::vector<Found>& band : bands)
+    for (const Found& f : band) {
+      Row& row = rows_[static_cast<size_t>(f.y - region_.y0)];
+      OwnerRun* const end = runs_.data() + row.begin + row.count;
+      if (row.count == 0 || (end - 1)->x1 <= f.x0) {
+        *end = {f.x0, f.x1, f.face};
+        row.count++;
+      } else {
+        insert(row, f.x0, f.x1, f.face);
+      }
+    }
+}
+
+// Faces come in ascending order: what is there already stays.
+void OwnerRuns::insert(Row& row, int x0, int x1, int32_t face) {
+  OwnerRun* const begin = runs_.data() + row.begin;
+  OwnerRun* at = begin + row.count;
+  while (at > begin && (at - 1)->x1 > x0) at--;  // the first one that ends past x0
+  const auto put = [&](int from, int to) {
+    std::move_backward(at, begin + row.count, begin + row.count + 1);
+    *at = {from, to, face};
+    row.count++;
+  };
+  while (x0 < x1) {
+    const int next = at < begin + row.count ? at->x0 : x1;
+    if (next >= x1) {
+      put(x0, x1);
+      return;
+    }
+    if (x0 < next) {
+      put(x0, next);
+      at++;
+    }
+    x0 = at->x1;
+    at++;
+  }
+}
+
+std::span<const OwnerRun> OwnerRuns::row(int y, int x0, int x1) const {
+  const std::span<const OwnerRun> all = row(y);
+  const auto first = std::partition_point(all.begin(), all.end(), [x0](const OwnerRun& r) { return r.x1 <= x0; });
+  const auto past = std::partition_point(first, all.end(), [x1](const OwnerRun& r) { return r.x0 < x1; });
+  return {first, past};
+}
 
 OwnerMap::OwnerMap(const ViewPlan& plan, const Rect& region) : OwnerMap(OwnerRuns(plan, region)) {}
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "base/number_text.h"
+#include "base/text.h"
 #include "render/focus_range.h"
 #include "rig/still_images.h"
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/rect.h"
+#include "base/maths.h"
 #include "image/image.h"
 
 namespace lf {

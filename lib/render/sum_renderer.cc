@@ -5,10 +5,8 @@
 #include <mutex>
 #include <utility>
 
-#include "base/error.h"
-#include "base/number_text.h"
+#include "base/text.h"
 #include "render/camera_weights.h"
-#include "render/fetched_images.h"
 #include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
@@ -33,7 +31,7 @@ struct SumRenderer::State : simd::PreparedTask {
     });
   }
   const std::span<const Source> sources;
-  FetchedImages images;
+  simd::FetchedImages images;
   std::once_flag fetched;
   bool may_stay = false;
   gl::DrawnSum drawn;

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "base/rect.h"
+#include "base/maths.h"
 #include "base/worker_pool.h"
 #include "image/image.h"
-#include "render/owner_runs.h"
+#include "render/ownership.h"
 #include "render/sum_planes.h"
 #include "render/view_plan.h"
 #include "rig/rig.h"

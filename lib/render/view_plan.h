@@ -3,16 +3,72 @@
 
 #include <array>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
-#include "base/rect.h"
-#include "render/rays.h"
+#include "base/maths.h"
+#include "base/worker_pool.h"
+#include "geometry/lens.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"
 
 namespace lf {
+
+// Lines of sight (u, v, 1) of a view's pixels: computed for pinhole lenses, looked up for distorted ones.
+// A pixel that no ray falls on has NaN for u and v.
+class Rays {
+ public:
+  // `parallel`: computes the table of a distorted lens, which takes lens.mean_steps() per pixel.
+  Rays(const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
+
+  bool separable() const { return !table_; }  // u depends on x alone and v on y alone
+  Vec2 at(int x, int y) const {
+    if (separable()) return {(x - cx_) * inv_fx_, (y - cy_) * inv_fy_};
+    return table_[static_cast<size_t>(y) * width_ + x];
+  }
+  // The line of sight between pixel centres, at (x + 0.5, y + 0.5), for chroma: exact for pinholes, the mean of the
+  // four pixels otherwise (the pixels to the right and below are clamped to the view).
+  Vec2 at_centre_of_four(int x, int y) const;
+
+ private:
+  int width_, height_;
+  double cx_, cy_, inv_fx_, inv_fy_;
+  std::shared_ptr<const Vec2[]> table_;  // row by row; null for a pinhole
+};
+
+// Bounds the pixels of a view whose line of sight d = (u, v, 1) has h . d >= 0 for each of several half-planes h.
+class RegionBounds {
+ public:
+  // `rays`, `lens`: of the view; `rays` must outlive this. `parallel`: visits the pixels of a distorted view.
+  RegionBounds(const Rays& rays, const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
+
+  // The bounds: tight for pinholes (the view's rectangle clipped by the half-planes), whole tiles for distorted lenses.
+  // Never misses a pixel, rounding included.
+  Rect bound(std::span<const Vec3> half_planes) const;
+
+ private:
+  struct Tile {
+    Rect rect;
+    Vec2 low, high;  // bounds of the tile's rays; low > high: there are none
+    bool may_hold(std::span<const Vec3> half_planes) const;
+    void add(const Tile& other);
+  };
+  // A square of tiles: one test tells that none of them holds anything.
+  struct Block {
+    Tile whole;
+    size_t first, past;  // of tiles_
+    bool may_hold(std::span<const Vec3> half_planes) const;
+  };
+  Rect bound_polygon(std::span<const Vec3> half_planes) const;
+  Rect bound_tiles(std::span<const Vec3> half_planes) const;
+
+  int width_, height_;
+  double fx_, fy_, cx_, cy_;
+  std::vector<Tile> tiles_;  // distorted lenses only; block by block
+  std::vector<Block> blocks_;
+};
 
 class BlendGrid;
 struct ViewWarp;
@@ -83,5 +139,30 @@ class ViewPlan {
 
 // The smallest rectangle of whole 2x2 chroma blocks around `rect`, inside the view.
 Rect chroma_aligned(const Rect& rect, const View& view);
+
+// What cameras have to be told of a view to render their parts of it without knowing where they or any others stand:
+// the plan of the view with the projections into the cameras. All is relative to the view's eye.
+struct ViewWarp {
+  int width = 0, height = 0;    // pixels of the view
+  Lens lens;                    // the view's lens
+  Vec3 in_front{0};             // lines of sight d with in_front . d > 0 meet the focal plane
+  std::vector<FacePlan> faces;  // as in ViewPlan, numbered in their order
+
+  struct Projection {
+    CameraIndex camera = 0;
+    Mat3 camera_from_ray{1};  // see CameraProjection
+    bool operator==(const Projection&) const = default;
+  };
+  std::vector<Projection> cameras;  // ascending: the faces' corners, each once
+
+  bool operator==(const ViewWarp&) const = default;
+};
+
+// What cameras are to be told of the plan. `rig`: that of the plan.
+ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
+
+// Throws Error naming the field where a ViewPlan can't be made of it: sizes, numbers that are not finite, rectangles
+// that are empty or not inside the view, cameras that are not just the faces' corners.
+void validate(const ViewWarp& warp);
 
 }  // namespace lf

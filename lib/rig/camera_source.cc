@@ -7,11 +7,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <string>
 #include <string_view>
 #include <vector>
 
-#include "image/picture_bytes.h"
-#include "rig/bin_description.h"
+#include "base/text.h"
+#include "image/image_file.h"
+#include "rig/source_security.h"
 
 namespace lf {
 namespace {
@@ -221,6 +223,8 @@ CameraSource find_sequence(const Rig& rig, const std::string& text) {
 
 }  // namespace
 
+// --- Sources ---------------------------------------------------------------------------------------------------------
+
 std::string sequence_file(const CameraSource& sequence, int index) {
   return numbered(sequence.location, sequence.first + index);
 }
@@ -242,6 +246,32 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   if (!camera.source.empty()) return find_source(rig, camera.source, false);
   if (!camera.image.empty()) return find_source(rig, camera.image, true);
   return {};
+}
+
+// --- Colours ---------------------------------------------------------------------------------------------------------
+
+CameraColours::CameraColours(const Rig& rig) {
+  if (!rig.has_colour()) return;
+  for (const Camera& camera : rig.cameras) {
+    cameras_.push_back(nullptr);
+    if (!camera.colour || *camera.colour == ColourModel()) continue;
+    cameras_.back() = std::make_unique<OfCamera>();
+    cameras_.back()->model = *camera.colour;
+    cameras_.back()->width = camera.width;
+    cameras_.back()->height = camera.height;
+    cameras_.back()->centre = camera.principal_point();
+  }
+}
+
+const ColourCorrection* CameraColours::of(CameraIndex camera, PixelFamily family) const {
+  if (camera >= cameras_.size() || !cameras_[camera]) return nullptr;
+  OfCamera& found = *cameras_[camera];
+  const size_t i = family == PixelFamily::kRgb ? 0 : 1;
+  std::call_once(found.made[i], [&] {
+    found.correction[i] =
+        std::make_unique<const ColourCorrection>(found.model, family, found.width, found.height, found.centre);
+  });
+  return found.correction[i].get();
 }
 
 }  // namespace lf

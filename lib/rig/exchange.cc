@@ -2,14 +2,120 @@
 #include "rig/exchange.h"
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <limits>
+#include <map>
+#include <sstream>
+#include <vector>
 
-#include "base/error.h"
+#include <yaml-cpp/eventhandler.h>
+#include <yaml-cpp/yaml.h>
+#include <nlohmann/json.hpp>
+
 #include "base/json_value.h"
-#include "rig/mesh_fit.h"
+#include "base/text.h"
+#include "rig/mesh.h"
 
 namespace lf {
+namespace {
+
+using nlohmann::json;
+
+constexpr size_t kMaxYamlDepth = 64;  // as in JSON files
+
+json scalar(const std::string& text) {
+  const char* begin = text.data();
+  const char* const end = begin + text.size();
+  if (text.size() > 1 && *begin == '+') begin++;
+  int64_t integer = 0;
+  if (const auto [rest, error] = std::from_chars(begin, end, integer); error == std::errc() && rest == end)
+    return integer;
+  double number = 0;
+  const bool has_digit = text.find_first_of("0123456789") != std::string::npos;  // not "inf" and "nan"
+  if (const auto [rest, error] = std::from_chars(begin, end, number); has_digit && error == std::errc() && rest == end)
+    return number;
+  if (text == "true" || text == "false") return text == "true";
+  if (text.empty() || text == "~" || text == "null") return nullptr;
+  return text;
+}
+
+// Builds the value as the parser walks the text.
+class Builder : public YAML::EventHandler {
+ public:
+  json root;
+
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { put(mark, nullptr); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { fail(mark, "aliases are not read"); }
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& value) override {
+    if (!is_utf8(value)) fail(mark, "no text in UTF-8");
+    if (is_key()) {
+      levels_.back().key = value;
+      levels_.back().has_key = true;
+      if (levels_.back().value->contains(value)) fail(mark, "\"" + value + "\" is there twice");
+    } else {
+      put(mark, tag == "!" ? json(value) : scalar(value));  // "!": in quotes
+    }
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+    open(mark, json::array());
+  }
+  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+    open(mark, json::object());
+  }
+  void OnSequenceEnd() override { levels_.pop_back(); }
+  void OnMapEnd() override { levels_.pop_back(); }
+
+ private:
+  struct Level {
+    json* value;
+    std::string key = {};
+    bool has_key = false;
+  };
+
+  [[noreturn]] static void fail(const YAML::Mark& mark, const std::string& what) {
+    throw YAML::ParserException(mark, what);
+  }
+  bool is_key() const { return !levels_.empty() && levels_.back().value->is_object() && !levels_.back().has_key; }
+  json* put(const YAML::Mark& mark, json value) {
+    if (levels_.empty()) return &(root = std::move(value));
+    if (is_key()) fail(mark, "a key must be a word");
+    Level& level = levels_.back();
+    level.has_key = false;
+    if (level.value->is_array()) return &level.value->emplace_back(std::move(value));
+    return &((*level.value)[level.key] = std::move(value));
+  }
+  void open(const YAML::Mark& mark, json value) {
+    if (levels_.size() >= kMaxYamlDepth) fail(mark, "nested too deeply");
+    levels_.push_back({put(mark, std::move(value))});
+  }
+
+  std::vector<Level> levels_;
+};
+
+}  // namespace
+
+json parse_yaml(const std::string& text, const std::string& name) {
+  Builder builder;
+  try {
+    std::istringstream stream(text);
+    YAML::Parser parser(stream);
+    parser.HandleNextDocument(builder);
+  } catch (const YAML::Exception& e) {
+    const std::string line = e.mark.is_null() ? "" : "line " + std::to_string(e.mark.line + 1) + ": ";
+    throw Error(name + ": " + line + "not valid YAML: " + e.msg);
+  }
+  return std::move(builder.root);
+}
+
+std::string yaml_number(double value) {
+  std::string text = number_text(value);
+  if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
+  return text;
+}
+
 RigImport with_topology(RigImport import) {
   for (const std::string& note : fit_topology(import.rig)) import.notes.push_back(note);
   return import;
@@ -86,6 +192,255 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
   const RigExport result = describe_export(rig, parse(text, path).rig, {.ids = false});
   write_text_file(text, path);
   return result;
+}
+
+// --- Lenses and poses in OpenCV's terms ------------------------------------------------------------------------------
+
+namespace {
+
+constexpr double kRotationTolerance = 1e-3;  // an element of R^T R; angles are then good to half of that
+
+}  // namespace
+
+Lens lens_of_opencv_terms(const FocalAndCentre& pinhole, const std::vector<double>& distortion) {
+  const auto [fx, fy, cx, cy] = pinhole;
+  const auto term = [&](size_t i) { return i < distortion.size() ? distortion[i] : 0.0; };
+  const double k1 = term(0), k2 = term(1), p1 = term(2), p2 = term(3);
+  const bool radial = k1 != 0 || k2 != 0;
+  if (p1 != 0 || p2 != 0 || (radial && fx != fy)) return Lens(LensModel::kOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2});
+  if (fx != fy) return Lens(LensModel::kPinhole, {fx, fy, cx, cy});
+  if (!radial) return Lens::pinhole(fx, cx, cy);
+  if (k2 == 0) return Lens(LensModel::kSimpleRadial, {fx, cx, cy, k1});
+  return Lens(LensModel::kRadial, {fx, cx, cy, k1, k2});
+}
+
+RigidMotion RigidMotion::operator*(const RigidMotion& first) const {
+  return {rotation * first.rotation, (*this)(first.translation)};
+}
+
+RigidMotion RigidMotion::inverse() const {
+  const Mat3 back = glm::transpose(rotation);
+  return {back, -(back * translation)};
+}
+
+RigidMotion camera_from_world(const Pose& pose) { return RigidMotion{pose.rotation(), pose.position}.inverse(); }
+
+Pose pose_of_camera_from_world(const RigidMotion& motion) { return pose_of_world_from_camera(motion.inverse()); }
+
+Pose pose_of_world_from_camera(const RigidMotion& motion) {
+  return {motion.translation, glm::normalize(glm::quat_cast(motion.rotation))};
+}
+
+Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value) {
+  const Mat3 square = glm::transpose(matrix) * matrix;
+  double error = 0;
+  for (int c = 0; c < 3; c++)
+    for (int r = 0; r < 3; r++) error = std::max(error, std::abs(square[c][r] - (c == r)));
+  if (!(error <= kRotationTolerance) || glm::determinant(matrix) < 0)
+    value.fail("must be a rotation (orthonormal, right-handed)");
+  // One Newton step of the polar decomposition squares the error; more only where a file is rounded.
+  Mat3 rotation = matrix;
+  for (int i = 0; i < 4 && error > 1e-15; i++, error *= error)
+    rotation = (rotation + glm::transpose(glm::inverse(rotation))) * 0.5;
+  return rotation;
+}
+
+RigidMotion parse_rigid_motion(const JsonValue& rows) {
+  const std::vector<JsonValue> lines = rows.elements();
+  if (lines.size() != 3 && lines.size() != 4) rows.fail("must have 3 or 4 rows");
+  Mat3 matrix;
+  RigidMotion motion;
+  for (int r = 0; r < static_cast<int>(lines.size()); r++) {
+    const std::vector<JsonValue> row = lines[r].elements(4);
+    for (int c = 0; c < 4; c++) {
+      const double x = row[c].number();
+      if (r == 3 && x != (c == 3)) lines[r].fail("must be [0, 0, 0, 1]");
+      if (r < 3 && c < 3) matrix[c][r] = x;
+      if (r < 3 && c == 3) motion.translation[r] = x;
+    }
+  }
+  motion.rotation = nearest_rotation(matrix, rows);
+  return motion;
+}
+
+std::string rigid_motion_text(const RigidMotion& motion) {
+  std::string text = "[";
+  for (int r = 0; r < 3; r++) {
+    text += "[";
+    for (int c = 0; c < 3; c++) text += yaml_number(motion.rotation[c][r]) + ", ";
+    text += yaml_number(motion.translation[r]) + "], ";
+  }
+  return text + "[0.0, 0.0, 0.0, 1.0]]";
+}
+
+// --- Keys of other programs ------------------------------------------------------------------------------------------
+
+const char kUndistortRemedy[] =
+    "undistort the pictures to a pinhole first (colmap image_undistorter, cv2.undistort, cv2.fisheye.undistortImage, "
+    "image_proc) and import that camera";
+
+namespace {
+
+using nlohmann::json;
+
+struct Danger {
+  const char* text;
+  bool anywhere;  // matches any key with `text` in it, else the whole key
+  const char* meaning;
+  const char* remedy;
+};
+
+constexpr char kReshoot[] = "use a global shutter, or remove the key if the cameras stood still";
+constexpr char kRewrite[] = "convert the poses to OpenGL's axes (x right, y up, z back) and remove the key";
+
+constexpr Danger kDangers[] = {
+    {"fisheye", true, "a fisheye lens", kUndistortRemedy},
+    {"ftheta", true, "an f-theta lens", kUndistortRemedy},
+    {"equirect", true, "a panoramic picture", kUndistortRemedy},
+    {"latlong", true, "a panoramic picture", kUndistortRemedy},
+    {"panoram", true, "a panoramic picture", kUndistortRemedy},
+    {"spherical", true, "a panoramic picture", kUndistortRemedy},
+    {"omnidir", true, "an omnidirectional lens", kUndistortRemedy},
+    {"xi", false, "the mirror parameter of an omnidirectional lens", kUndistortRemedy},
+    {"orthographic", true, "a projection without perspective", "use cameras with perspective"},
+    {"sk_x", false, "skew", kUndistortRemedy},
+    {"sk_y", false, "skew", kUndistortRemedy},
+    {"skew", true, "skew", kUndistortRemedy},
+    {"alpha_c", false, "skew", kUndistortRemedy},
+    {"k3", false, "a distortion term", kUndistortRemedy},
+    {"k4", false, "a distortion term", kUndistortRemedy},
+    {"k5", false, "a distortion term", kUndistortRemedy},
+    {"k6", false, "a distortion term", kUndistortRemedy},
+    {"rolling_shutter", true, "a rolling shutter", kReshoot},
+    {"line_delay", true, "a rolling shutter", kReshoot},
+    {"readout_time", true, "a rolling shutter", kReshoot},
+    {"transform_matrix_start", false, "a camera that moves during the exposure", kReshoot},
+    {"transform_matrix_end", false, "a camera that moves during the exposure", kReshoot},
+    {"from_mitsuba", false, "other axes", kRewrite},
+    {"from_na", false, "other axes", kRewrite},
+};
+
+constexpr std::string_view kModelKeys[] = {"camera_model", "distortion_model", "lens_model",     "camera_type",
+                                           "lens_type",    "model_type",       "model",          "projection",
+                                           "Camera.type",  "projection_model", "distortion_type"};
+constexpr std::string_view kPinholes[] = {"pinhole", "simple_pinhole", "perspective", "opencv", "radial",
+                                          "simple_radial", "radtan", "plumb_bob", "radial-tangential", "brown",
+                                          "brown_conrady",
+                                          // Their further terms are checked where they are read.
+                                          "rational_polynomial", "full_opencv"};
+
+std::string lower_case(std::string text) {
+  for (char& c : text) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  return text;
+}
+
+bool is_neutral(const json& value) {
+  switch (value.type()) {
+    case json::value_t::null: return true;
+    case json::value_t::boolean: return !value.get<bool>();
+    case json::value_t::string: {
+      const std::string text = lower_case(value.get<std::string>());
+      return text.empty() || text == "none" || text == "off" || text == "false" || text == "no" || text == "global";
+    }
+    case json::value_t::array:
+    case json::value_t::object: return std::all_of(value.begin(), value.end(), is_neutral);
+    default: return value.get<double>() == 0;
+  }
+}
+
+std::string short_dump(const json& value) {
+  constexpr size_t kMost = 60;
+  if (value.is_structured()) return value.is_array() ? "a list" : "a map";
+  const std::string text = value.dump(-1, ' ', true, json::error_handler_t::replace);
+  return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
+}
+
+class KeyChecker {
+ public:
+  KeyChecker(const std::string& path, const std::set<std::string_view>& known) : path_(path), known_(known) {}
+
+  // `is_known`: keys inside of an unknown value are not listed again.
+  void check(const json& value, bool is_known = true) {
+    if (value.is_array()) {
+      for (size_t i = 0; i < value.size(); i++) {
+        if (!value[i].is_structured()) continue;
+        place_.push_back({{}, i});
+        check(value[i], is_known);
+        place_.pop_back();
+      }
+    } else if (value.is_object()) {
+      for (const auto& [key, member] : value.items()) {
+        place_.push_back({key, 0});
+        check_member(key, member);
+        const bool member_is_known = known_.contains(key);
+        if (is_known && !member_is_known) unknown_[key]++;
+        check(member, is_known && member_is_known);
+        place_.pop_back();
+      }
+    }
+  }
+
+  std::vector<std::string> notes() const {
+    constexpr size_t kMostNames = 12;
+    if (unknown_.empty()) return {};
+    std::string text = "keys that were not read: ";
+    size_t listed = 0;
+    for (const auto& [key, count] : unknown_) {
+      if (listed == kMostNames) {
+        text += ", and " + std::to_string(unknown_.size() - listed) + " more";
+        break;
+      }
+      text += (listed++ > 0 ? ", " : "") + key + (count > 1 ? " (" + std::to_string(count) + " times)" : "");
+    }
+    return {text};
+  }
+
+ private:
+  struct Step {
+    std::string key;  // "": an element of an array
+    size_t index;
+  };
+
+  [[noreturn]] void fail(const std::string& what) const {
+    std::string place;
+    for (const Step& step : place_) {
+      if (step.key.empty())
+        place += "[" + std::to_string(step.index) + "]";
+      else
+        place += (place.empty() ? "" : ".") + step.key;
+    }
+    throw Error(path_ + ": " + place + ": " + what);
+  }
+
+  void check_member(const std::string& key, const json& value) const {
+    if (std::find(std::begin(kModelKeys), std::end(kModelKeys), key) != std::end(kModelKeys)) {
+      if (value.is_string() && !is_neutral(value) &&
+          std::find(std::begin(kPinholes), std::end(kPinholes), lower_case(value.get<std::string>())) ==
+              std::end(kPinholes))
+        fail("a rig cannot hold the lens model " + short_dump(value) + ", only pinholes with k1, k2, p1, p2; " +
+             kUndistortRemedy);
+      return;
+    }
+    const std::string name = lower_case(key);
+    for (const Danger& danger : kDangers)
+      if ((danger.anywhere ? name.find(danger.text) != std::string::npos : name == danger.text) && !is_neutral(value))
+        fail("is " + short_dump(value) + ", which means " + danger.meaning + " that a rig cannot hold; " +
+             danger.remedy);
+  }
+
+  const std::string& path_;
+  const std::set<std::string_view>& known_;
+  std::vector<Step> place_;
+  std::map<std::string, size_t> unknown_;
+};
+
+}  // namespace
+
+std::vector<std::string> check_foreign_keys(const json& root, const std::string& path,
+                                            const std::set<std::string_view>& known) {
+  KeyChecker checker(path, known);
+  checker.check(root);
+  return checker.notes();
 }
 
 }  // namespace lf

@@ -2,18 +2,32 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <map>
+#include <set>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
+
+#include <nlohmann/json_fwd.hpp>
 
 #include "base/json_value.h"
 #include "geometry/lens.h"
 #include "geometry/pose.h"
 #include "rig/rig.h"
 
+// Rigs from and to the files of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
 namespace lf {
 
-// Rigs from and to the files of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
+// The first document of a YAML text as the JSON value that says the same, so that a JsonValue can read it and name the
+// place of what is wrong. Plain scalars that are numbers become numbers; tags are dropped. Aliases, keys that are not
+// scalars and keys that are there twice are refused. `name` stands for the file in messages; throws Error with the
+// line.
+nlohmann::json parse_yaml(const std::string& text, const std::string& name);
+
+// A number that every reader of YAML takes for one: "400.0", "1.0e-09" (to PyYAML "1e-09" is a text).
+std::string yaml_number(double value);
 
 // The result of reading a file. Keys that change the meaning of others (fisheye lenses, skew, rolling shutters) are
 // read or refused with an Error, see check_foreign_keys().
@@ -124,6 +138,33 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
 // is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
 
+// The text files of a COLMAP model (https://colmap.github.io/format.html), with the numbers as they stand there:
+// COLMAP's conventions, not ours. See import_colmap() for a rig.
+
+struct ColmapCamera {
+  std::string model;           // any of COLMAP's
+  int width = 0, height = 0;   // pixels, 1..kMaxImageSize
+  std::vector<double> params;  // as many numbers as the model takes: `num_focal` focal lengths, cx, cy, distortion
+  size_t num_focal = 1;
+};
+
+struct ColmapImage {
+  uint32_t id = 0, camera_id = 0;
+  Quat q{1, 0, 0, 0};  // camera_from_world, of unit norm
+  Vec3 t{0, 0, 0};     // camera_from_world
+  std::string name;    // name of the image file; may have spaces and folders
+};
+
+// Reads cameras.txt; cameras by CAMERA_ID. Throws Error naming file and line.
+std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path);
+// Reads images.txt, in the order of the file; 2D points are checked for form and dropped. Throws Error naming file and
+// line.
+std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras);
+
+// Numbers are written so that they read back as the same numbers.
+std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
+std::string colmap_images_text(const std::vector<ColmapImage>& images);
+
 // The image files below a folder, to be found by the names that some other program knew them by.
 class ImageSearch {
  public:
@@ -194,5 +235,20 @@ Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);
 RigidMotion parse_rigid_motion(const JsonValue& rows);
 // The motion as text that is JSON and YAML at once, with a fourth row.
 std::string rigid_motion_text(const RigidMotion& motion);
+
+// Checks the keys of another program's file, in every object of it.
+//
+// Some keys change the meaning of others: they select a fisheye or a panoramic lens, skew, a rolling shutter or other
+// axes. No importer reads these keys, so any value but a neutral one (false, 0, null, "", "none") throws Error with
+// file, place, key and a remedy. The same holds for keys that name a lens model other than a pinhole with radial and
+// tangential distortion.
+//
+// Returns a note that lists the keys that are neither in `known` nor dangerous, or nothing. `known` holds what the
+// importer reads and what does not matter to a rig. `path` stands for the file in messages.
+std::vector<std::string> check_foreign_keys(const nlohmann::json& root, const std::string& path,
+                                            const std::set<std::string_view>& known);
+
+// What to do about a lens that no rig can hold; ends messages.
+extern const char kUndistortRemedy[];
 
 }  // namespace lf

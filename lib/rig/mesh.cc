@@ -4,16 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <string>
 #include <utility>
 
-#include "base/error.h"
-#include "rig/delaunay.h"
-#include "rig/hole_filling.h"
-#include "rig/plane_coordinates.h"
+#include <glm/matrix.hpp>
+
+#include "base/text.h"
 
 namespace lf {
-
 namespace {
 
 std::vector<Triangle> grid_triangles(const Rig& rig) {
@@ -197,6 +196,275 @@ std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> i
     faces.push_back({{places[k].second, places[k + 1].second, MeshFace::kNone}, extent});
   }
   return faces;
+}
+
+namespace {
+
+constexpr double kLeastCosine = 0.25;   // of the angle between an optical axis and the normal of a face: 75 degrees
+constexpr double kThinTriangle = 0.02;  // height over the longest side; as the slivers of check_rig()
+constexpr double kFlatRow = 0.1;        // height of a row over the distance of neighbours
+constexpr double kSuits = 0.9;          // share of triangles and cameras of a mesh that is kept
+constexpr double kMostFolded = 0.002;   // height over the longest side of a grid's triangle that counts as flat
+
+// The cross product of two sides over the square of the longest: its length is the height over the longest side.
+Vec3 relative_normal(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const double longest = std::max({glm::length(b - a), glm::length(c - b), glm::length(a - c)});
+  return longest > 0 ? glm::cross((b - a) / longest, (c - a) / longest) : Vec3(0);
+}
+
+// Positions within +-1 and unit axes.
+struct CameraAxes {
+  std::vector<Vec3> at, forward;
+  CameraCentres centres;
+};
+
+std::optional<CameraAxes> looks_of(const Rig& rig) {
+  std::vector<Vec3> positions;
+  CameraAxes looks;
+  for (const Camera& camera : rig.cameras) {
+    positions.push_back(camera.pose.position);
+    looks.forward.push_back(camera.pose.forward());
+  }
+  looks.centres = normalised_centres(positions);
+  looks.at = looks.centres.at;
+  const auto finite = [](const Vec3& v) { return is_finite(v); };
+  if (!std::ranges::all_of(looks.at, finite) || !std::ranges::all_of(looks.forward, finite)) return std::nullopt;
+  return looks;
+}
+
+// Whether all corners look through the triangle to one side. `outwards`: the side that its normal must be on, 0: any.
+bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Vec3& outwards) {
+  Vec3 normal = relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]]);
+  const double height = glm::length(normal);
+  if (!(height >= kThinTriangle)) return false;
+  normal /= height;
+  if (side != 0 && glm::dot(normal, outwards) < 0) normal = -normal;
+  double least = 1, most = -1;
+  for (const CameraIndex i : t) {
+    const double cosine = glm::dot(normal, looks.forward[i]);
+    least = std::min(least, cosine);
+    most = std::max(most, cosine);
+  }
+  return (side >= 0 && least >= kLeastCosine) || (side <= 0 && most <= -kLeastCosine);
+}
+
+// How well triangles suit the cameras, 0..1.
+struct Fit {
+  double triangles = 1;  // share of them that cameras look through; slivers do not count
+  double cameras = 0;    // share that are corners of such triangles
+  double both() const { return triangles * cameras; }
+};
+
+Fit fit_of(const CameraAxes& looks, const std::vector<Triangle>& triangles) {
+  std::vector<bool> looks_through(looks.at.size());
+  size_t good = 0, whole = 0;
+  for (const Triangle& t : triangles) {
+    whole += glm::length(relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]])) >= kThinTriangle;
+    if (!look_through(looks, t, 0, {})) continue;
+    good++;
+    for (const CameraIndex i : t) looks_through[i] = true;
+  }
+  Fit fit;
+  if (whole > 0) fit.triangles = static_cast<double>(good) / static_cast<double>(whole);
+  fit.cameras =
+      static_cast<double>(std::ranges::count(looks_through, true)) / static_cast<double>(looks_through.size());
+  return fit;
+}
+
+std::vector<Triangle> triangles_of(const Mesh& mesh) {
+  std::vector<Triangle> triangles;
+  for (const MeshFace& face : mesh.faces)
+    if (face.corners() == 3) triangles.push_back(face.camera);
+  return triangles;
+}
+
+// A row or an arc of less than half a circle, whose cameras look across it.
+bool is_row(const CameraAxes& looks) {
+  const Vec3 line = principal_axes(looks.at).x;
+  Vec3 forward(0);
+  for (const Vec3& f : looks.forward) forward += f;
+  Vec3 up = glm::cross(line, forward);
+  if (!(glm::length(up) > 1e-6 * static_cast<double>(looks.at.size()))) return false;
+  up = glm::normalize(up);
+  const Vec3 ahead = glm::normalize(glm::cross(up, line));
+  double left = INFINITY, right = -INFINITY, low = INFINITY, high = -INFINITY;
+  for (size_t i = 0; i < looks.at.size(); i++) {
+    if (!(glm::dot(looks.forward[i], ahead) > 0)) return false;
+    const double along = glm::dot(looks.at[i], line), height = glm::dot(looks.at[i], up);
+    left = std::min(left, along), right = std::max(right, along);
+    low = std::min(low, height), high = std::max(high, height);
+  }
+  return high - low < kFlatRow * (right - left) / static_cast<double>(looks.at.size() - 1);
+}
+
+// The point nearest to all optical axes in the sense of least squares. Nothing where the axes are nearly parallel.
+std::optional<Vec3> centre_of_axes(const CameraAxes& looks) {
+  Mat3 sum(0.0);
+  Vec3 right_side(0);
+  for (size_t i = 0; i < looks.at.size(); i++) {
+    const Mat3 across = Mat3(1) - glm::outerProduct(looks.forward[i], looks.forward[i]);
+    sum += across;
+    right_side += across * looks.at[i];
+  }
+  sum /= static_cast<double>(looks.at.size());
+  right_side /= static_cast<double>(looks.at.size());
+  if (!(glm::determinant(sum) > 1e-6)) return std::nullopt;
+  return glm::inverse(sum) * right_side;
+}
+
+// Where the sphere has its largest gap, of a few directions: the pole of the stereographic projection.
+Vec3 emptiest_direction(const std::vector<Vec3>& directions) {
+  const PlaneAxes axes = principal_axes(directions);
+  Vec3 mean(0);
+  for (const Vec3& u : directions) mean += u;
+  std::vector<Vec3> poles = {axes.normal, -axes.normal, axes.y, -axes.y, axes.x, -axes.x};
+  if (glm::length(mean) > 1e-6 * static_cast<double>(directions.size()))
+    poles.insert(poles.begin(), -glm::normalize(mean));
+  Vec3 best = poles[0];
+  double least = INFINITY;
+  for (const Vec3& pole : poles) {
+    double nearest = -1;
+    for (const Vec3& u : directions) nearest = std::max(nearest, glm::dot(u, pole));
+    if (nearest < least - 1e-9) {
+      least = nearest;
+      best = pole;
+    }
+  }
+  return best;
+}
+
+// The triangles that close the hull of a triangulation: on a sphere there is no outside.
+void close_hull(std::vector<Triangle>& triangles) {
+  std::map<std::pair<CameraIndex, CameraIndex>, bool> edges;  // whether the triangle on the other side is there
+  for (const Triangle& t : triangles)
+    for (int k = 0; k < 3; k++) edges[{t[k], t[(k + 1) % 3]}] = true;
+  std::map<CameraIndex, CameraIndex> next;
+  for (const auto& [edge, unused] : edges)
+    if (!edges.contains({edge.second, edge.first})) next[edge.second] = edge.first;
+  if (next.size() < 3) return;
+  const CameraIndex first = next.begin()->first;
+  CameraIndex at = next[first];
+  for (size_t n = 0; n < next.size(); n++) {
+    const auto after = next.find(at);
+    if (after == next.end() || after->second == first) return;
+    triangles.push_back(lowest_first({first, at, after->second}));
+    at = after->second;
+  }
+}
+
+// Of cameras around a centre. Empty where they are not.
+std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
+  const std::optional<Vec3> centre = centre_of_axes(looks);
+  if (!centre) return {};
+  std::vector<Vec3> directions;
+  std::vector<CameraIndex> cameras;
+  double sum = 0;
+  for (size_t i = 0; i < looks.at.size(); i++) {
+    const Vec3 from_centre = looks.at[i] - *centre;
+    const double distance = glm::length(from_centre);
+    if (!(distance > 1e-6)) continue;
+    directions.push_back(from_centre / distance);
+    cameras.push_back(static_cast<CameraIndex>(i));
+    sum += glm::dot(directions.back(), looks.forward[i]);
+  }
+  if (cameras.size() < 3) return {};
+  inwards = sum < 0;
+  const Vec3 pole = emptiest_direction(directions);
+  const PlaneAxes plane = plane_with_normal(pole, {});
+  std::vector<Vec3> flat;
+  for (const Vec3& u : directions) {
+    const double depth = std::max(1 - glm::dot(u, pole), 1e-6);
+    flat.push_back({glm::dot(u, plane.x) / depth, glm::dot(u, plane.y) / depth, 0});
+  }
+  const CameraCentres centres = normalised_centres(flat);
+  std::vector<IntPoint> points;
+  for (const Vec3& at : centres.at) points.push_back(quantise(at, {}, centres.quantum));
+  std::vector<Triangle> triangles = delaunay(points);
+  close_hull(triangles);
+  std::vector<Triangle> kept;
+  for (const Triangle& t : triangles) {
+    const Triangle named = lowest_first({cameras[t[0]], cameras[t[1]], cameras[t[2]]});
+    const Vec3 outwards = directions[t[0]] + directions[t[1]] + directions[t[2]];
+    if (look_through(looks, named, inwards ? -1 : 1, outwards)) kept.push_back(named);
+  }
+  std::ranges::sort(kept);
+  kept.erase(std::unique(kept.begin(), kept.end()), kept.end());
+  return kept;
+}
+
+}  // namespace
+
+double share_looked_through(const Rig& rig, const Mesh& mesh) {
+  const std::vector<Triangle> triangles = triangles_of(mesh);
+  const std::optional<CameraAxes> looks = looks_of(rig);
+  return triangles.empty() || !looks ? 1 : fit_of(*looks, triangles).triangles;
+}
+
+std::vector<std::string> fit_topology(Rig& rig) {
+  if (rig.topology.type != Topology::Type::kDelaunay || rig.cameras.size() < 3) return {};
+  const std::optional<CameraAxes> looks = looks_of(rig);
+  if (!looks) return {};
+  const std::vector<Triangle> flat = triangles_of(build_mesh(rig));
+  if (flat.empty()) return {};
+  if (is_row(*looks)) {
+    rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
+    return {"the cameras stand in a row: views blend along it (topology: no triangles)"};
+  }
+  const double share = fit_of(*looks, flat).both();
+  if (share >= kSuits) return {};
+  bool inwards = false;
+  std::vector<Triangle> around = triangles_around(*looks, inwards);
+  if (const double share_around = fit_of(*looks, around).both(); share_around > share) {
+    rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
+    rig.topology.triangles = std::move(around);
+    return {std::string("the cameras stand around a place and look ") + (inwards ? "at it" : "away from it") +
+            ": the mesh goes around it (" + std::to_string(rig.topology.triangles.size()) + " triangles)"};
+  }
+  if (share >= 0.5) return {};
+  return {
+      "no mesh suits the directions of the cameras, most look along it: views between them will stay black. A "
+      "ring that looks inwards needs two rows; of a ring with one row, lf-rig subset makes an arc of less than "
+      "half a circle"};
+}
+
+std::optional<GridFault> find_grid_fault(const Rig& rig) {
+  const Topology& grid = rig.topology;
+  if (grid.type != Topology::Type::kGrid || grid.rows < 2 || grid.columns < 2) return std::nullopt;
+  const std::optional<CameraAxes> looks = looks_of(rig);
+  if (!looks) return std::nullopt;
+  const std::vector<Triangle> triangles = triangles_of(build_mesh(rig));
+  // On which side of its triangle the cameras look: 1, -1, or 0 for a flat triangle.
+  std::vector<int> sides;
+  int balance = 0;
+  for (const Triangle& t : triangles) {
+    const Vec3 normal = relative_normal(looks->at[t[0]], looks->at[t[1]], looks->at[t[2]]);
+    const double cosine = glm::dot(normal, looks->forward[t[0]] + looks->forward[t[1]] + looks->forward[t[2]]);
+    sides.push_back(glm::length(normal) < kMostFolded ? 0 : cosine > 0 ? 1 : -1);
+    balance += sides.back();
+  }
+  const int usual = balance < 0 ? -1 : 1;
+  GridFault fault;
+  fault.triangles = triangles.size();
+  for (size_t i = 0; i < triangles.size(); i++) {
+    if (sides[i] == usual) continue;
+    if (fault.folded++ > 0) continue;
+    const auto name = [&](CameraIndex camera) {
+      const std::string& text = rig.cameras[camera].name;
+      return text.empty() ? "camera " + std::to_string(rig.cameras[camera].id) : text;
+    };
+    const Triangle& t = triangles[i];
+    fault.text = name(t[0]) + ", " + name(t[1]) + ", " + name(t[2]) +
+                 (sides[i] == 0 ? " stand in one line" : " are turned over");
+  }
+  if (fault.folded == 0 && triangles.size() > 0) return std::nullopt;
+  if (triangles.empty()) {
+    fault.folded = fault.triangles = 2 * static_cast<size_t>(grid.rows - 1) * static_cast<size_t>(grid.columns - 1);
+    fault.text = "all cameras stand in one line";
+  }
+  fault.text = "the cameras are no grid of " + std::to_string(grid.rows) + "x" + std::to_string(grid.columns) +
+               " in this order: " + fault.text + " (" + std::to_string(fault.folded) + " of " +
+               std::to_string(fault.triangles) + " triangles)";
+  return fault;
 }
 
 }  // namespace lf

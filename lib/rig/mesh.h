@@ -5,15 +5,13 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
-#include "rig/plane_coordinates.h"
 #include "rig/rig.h"
+#include "rig/triangulation.h"
 
 namespace lf {
-
-// A set of cameras out of service: ascending indices, no repeats.
-using CameraSet = std::vector<CameraIndex>;
 
 // A face of the camera mesh. A triangle has three cameras. A rig whose cameras make no triangle still has faces: a
 // *strip* of two cameras (collinear rigs: neighbours along the line; the face extends without end along `extent`, so
@@ -80,5 +78,27 @@ class MeshCache {
 // two are parallel, as near as can be to the cameras' mean down axis.
 std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> in_service,
                                   const CameraCentres& centres);
+
+// Whether a mesh suits the directions that its cameras look in. A line of sight is blended between the cameras of the
+// face that it passes through. So cameras must look through their faces: a face that they look along stays black.
+
+// The share of triangles, 0..1, that their cameras look through. Slivers do not count. 1 where the mesh has no
+// triangles: strips and points suit every direction.
+double share_looked_through(const Rig& rig, const Mesh& mesh);
+
+// Replaces a Delaunay topology that does not suit the cameras, and returns notes that say so:
+// - a row or an arc, flatter than a tenth of the distance of neighbours: no triangles, so the mesh is strips;
+// - cameras around a centre, which look at it or away from it: the Delaunay triangulation on the sphere around that
+//   centre, without the faces that cameras do not look through (the open ends of a cylinder, the bottom of a dome).
+// Any other rig stays as it is, with a note where half of its cameras or more do not look through its faces.
+std::vector<std::string> fit_topology(Rig& rig);
+
+// What is wrong with a grid whose cells do not lie side by side in space, as when its cameras are in the wrong order.
+struct GridFault {
+  size_t folded = 0, triangles = 0;  // triangles that are flat or turned over, of all
+  std::string text;                  // a sentence that names the first
+};
+// Nothing for a good grid, for one of a single row or column, and for other topologies.
+std::optional<GridFault> find_grid_fault(const Rig& rig);
 
 }  // namespace lf

@@ -8,11 +8,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "base/number_text.h"
+#include "base/text.h"
 #include "image/image_file.h"
-#include "rig/foreign_keys.h"
 
 namespace lf {
 namespace {

@@ -4,16 +4,20 @@
 #include <algorithm>
 #include <bit>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
+#include <numbers>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
+#include <vector>
 
-#include "base/error.h"
-#include "rig/bin_description.h"
+#include "base/text.h"
+#include "rig/source_security.h"
 
 namespace lf {
-
 namespace {
 
 // FNV-1a, 64 bits (Fowler, Noll, Vo; draft-eastlake-fnv).
@@ -48,7 +52,27 @@ bool find_sub_grid(const Topology& grid, const std::vector<CameraIndex>& indices
   return true;
 }
 
+void require_length(const char* what, double value) {
+  if (!(value > 0 && is_finite(value))) throw Error(std::string(what) + ": must be positive");
+}
+
+// A row of cameras in one place each, with lens, size, id and name; `place` says where the i-th stands and looks.
+template <typename Place>
+Rig row_of(int cameras, double fov_y_deg, int width, int height, Place place) {
+  Rig rig = make_grid_rig({1, cameras, 1, fov_y_deg, width, height});
+  for (int i = 0; i < cameras; i++) {
+    Camera& camera = rig.cameras[static_cast<size_t>(i)];
+    char name[20];
+    std::snprintf(name, sizeof(name), "cam_%02d", i);
+    camera.name = name;
+    camera.pose = place(i);
+  }
+  return rig;
+}
+
 }  // namespace
+
+std::string Camera::label() const { return "camera " + std::to_string(id) + (name.empty() ? "" : " (" + name + ")"); }
 
 uint64_t Rig::hash() const {
   Fnv1a fnv;
@@ -201,6 +225,150 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
   return indices;
 }
 
+CameraRanges::CameraRanges(std::span<const CameraIndex> cameras) {
+  for (const CameraIndex camera : cameras) {
+    if (!ranges_.empty() && ranges_.back().last + 1 == camera)
+      ranges_.back().last = camera;
+    else
+      ranges_.push_back({camera, camera});
+  }
+}
+
+bool CameraRanges::append(const CameraRange& range) {
+  if (range.first > range.last) return false;
+  if (!ranges_.empty() && range.first <= ranges_.back().last + 1) return false;
+  ranges_.push_back(range);
+  return true;
+}
+
+void CameraRanges::add(const CameraRanges& other) {
+  std::vector<CameraRange> all;
+  std::ranges::merge(ranges_, other.ranges_, std::back_inserter(all), {}, &CameraRange::first, &CameraRange::first);
+  ranges_.clear();
+  for (const CameraRange& range : all) {
+    if (!ranges_.empty() && range.first <= ranges_.back().last + 1)
+      ranges_.back().last = std::max(ranges_.back().last, range.last);
+    else
+      ranges_.push_back(range);
+  }
+}
+
+void CameraRanges::remove(const CameraRanges& other) {
+  std::vector<CameraRange> left;
+  auto hole = other.ranges_.begin();
+  for (CameraRange range : ranges_) {
+    while (hole != other.ranges_.end() && hole->last < range.first) ++hole;
+    bool any_left = true;
+    for (auto h = hole; h != other.ranges_.end() && h->first <= range.last; ++h) {
+      if (h->first > range.first) left.push_back({range.first, h->first - 1});
+      any_left = h->last < range.last;
+      if (!any_left) break;
+      range.first = h->last + 1;
+    }
+    if (any_left) left.push_back(range);
+  }
+  ranges_ = std::move(left);
+}
+
+bool CameraRanges::contains(CameraIndex camera) const {
+  const auto after = std::ranges::upper_bound(ranges_, camera, {}, &CameraRange::first);
+  return after != ranges_.begin() && camera <= std::prev(after)->last;
+}
+
+bool CameraRanges::contains(const CameraRanges& other) const {
+  return std::ranges::all_of(other.ranges_, [this](const CameraRange& range) {
+    const auto after = std::ranges::upper_bound(ranges_, range.first, {}, &CameraRange::first);
+    return after != ranges_.begin() && range.last <= std::prev(after)->last;
+  });
+}
+
+bool CameraRanges::intersects(const CameraRanges& other) const {
+  for (auto a = ranges_.begin(), b = other.ranges_.begin(); a != ranges_.end() && b != other.ranges_.end();) {
+    if (a->last < b->first)
+      ++a;
+    else if (b->last < a->first)
+      ++b;
+    else
+      return true;
+  }
+  return false;
+}
+
+size_t CameraRanges::size() const {
+  size_t count = 0;
+  for (const CameraRange& range : ranges_) count += range.last - range.first + 1;
+  return count;
+}
+
+CameraSet CameraRanges::cameras() const {
+  CameraSet all;
+  all.reserve(size());
+  for (const CameraRange& range : ranges_)
+    for (CameraIndex camera = range.first; camera <= range.last; camera++) all.push_back(camera);
+  return all;
+}
+
+std::pair<Vec3, Vec3> bounding_box(const Rig& rig) {
+  Vec3 least(std::numeric_limits<double>::infinity()), most(-std::numeric_limits<double>::infinity());
+  for (const Camera& camera : rig.cameras) {
+    least = glm::min(least, camera.pose.position);
+    most = glm::max(most, camera.pose.position);
+  }
+  return {least, most};
+}
+
+int widest_axis(const Rig& rig) {
+  const auto [least, most] = bounding_box(rig);
+  const Vec3 size = most - least;
+  return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+}
+
+// Two cameras are no farther apart than their distances from the centre together: pairs are tried from the outside in,
+// until these sums are no larger than what was found.
+double largest_distance(const Rig& rig) {
+  if (rig.cameras.size() < 2) return 0;
+  const auto [least, most] = bounding_box(rig);
+  const Vec3 centre = 0.5 * (least + most);
+  std::vector<std::pair<double, Vec3>> places;
+  for (const Camera& camera : rig.cameras)
+    places.emplace_back(glm::distance(camera.pose.position, centre), camera.pose.position);
+  std::ranges::sort(places, [](const auto& a, const auto& b) { return a.first > b.first; });
+  // A good beginning: from the outermost camera to the farthest from it, and so on.
+  double largest = 0;
+  Vec3 from = places[0].second;
+  for (int i = 0; i < 3; i++) {
+    Vec3 farthest = from;
+    for (const auto& [radius, place] : places)
+      if (glm::distance(from, place) > glm::distance(from, farthest)) farthest = place;
+    largest = std::max(largest, glm::distance(from, farthest));
+    from = farthest;
+  }
+  constexpr double kExact = 1 + 1e-9;
+  for (size_t i = 0; i < places.size() && 2 * places[i].first > largest * kExact; i++)
+    for (size_t j = i + 1; j < places.size() && places[i].first + places[j].first > largest * kExact; j++)
+      largest = std::max(largest, glm::distance(places[i].second, places[j].second));
+  return largest;
+}
+
+// From each camera both ways along the widest axis, as long as that distance alone is shorter than the nearest found.
+double mean_nearest_distance(const Rig& rig) {
+  if (rig.cameras.size() < 2) return 0;
+  const int axis = widest_axis(rig);
+  std::vector<Vec3> places;
+  for (const Camera& camera : rig.cameras) places.push_back(camera.pose.position);
+  std::ranges::sort(places, [axis](const Vec3& a, const Vec3& b) { return a[axis] < b[axis]; });
+  double sum = 0;
+  for (size_t i = 0; i < places.size(); i++) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (size_t j = i + 1; j < places.size() && places[j][axis] - places[i][axis] < nearest; j++)
+      nearest = std::min(nearest, glm::distance(places[i], places[j]));
+    for (size_t j = i; j-- > 0 && places[i][axis] - places[j][axis] < nearest;)
+      nearest = std::min(nearest, glm::distance(places[i], places[j]));
+    sum += nearest;
+  }
+  return sum / static_cast<double>(places.size());
+}
+
 Rig make_grid_rig(const GridRigOptions& options) {
   const auto require_range = [](const char* what, int value, int most) {
     if (value < 1 || value > most)
@@ -212,7 +380,7 @@ Rig make_grid_rig(const GridRigOptions& options) {
     throw Error("rows x columns: at most " + std::to_string(kMaxCameras) + " cameras");
   require_range("width", options.width, kMaxImageSize);
   require_range("height", options.height, kMaxImageSize);
-  if (!(options.pitch > 0 && is_finite(options.pitch))) throw Error("pitch: must be positive");
+  require_length("pitch", options.pitch);
   const Lens pinhole = Lens::from_fov_y(options.fov_y_deg, options.width, options.height);
   const Lens lens(LensModel::kRadial, {pinhole.fx(), pinhole.cx(), pinhole.cy(), 0, 0});
 
@@ -231,6 +399,61 @@ Rig make_grid_rig(const GridRigOptions& options) {
       camera.pose.position =
           Vec3(column - (options.columns - 1) / 2.0, row - (options.rows - 1) / 2.0, 0) * options.pitch;
       rig.cameras.push_back(camera);
+    }
+  return rig;
+}
+
+Rig make_arc_rig(const ArcRigOptions& options) {
+  require_length("pitch", options.pitch);
+  require_length("radius", options.radius);
+  const double step = 2 * std::asin(std::min(1.0, options.pitch / (2 * options.radius)));
+  if (step * (options.cameras - 1) >= std::numbers::pi || options.pitch > 2 * options.radius)
+    throw Error("radius: " + std::to_string(options.cameras) +
+                " cameras at this pitch go around half the circle or more; make several rigs of them");
+  return row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
+    const double angle = step * (i - (options.cameras - 1) / 2.0);  // to the right
+    Pose pose;
+    pose.position = options.radius * Vec3(std::sin(angle), 0, 1 - std::cos(angle));
+    pose.orientation = Quat(std::cos(angle / 2), 0, -std::sin(angle / 2), 0);
+    return pose;
+  });
+}
+
+Rig make_ring_rig(const RingRigOptions& options) {
+  require_length("radius", options.radius);
+  if (options.cameras < 3) throw Error("ring: at least 3 cameras, has " + std::to_string(options.cameras));
+  Rig rig = row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
+    const double angle = 2 * std::numbers::pi * i / options.cameras;
+    Pose pose;
+    pose.position = options.radius * Vec3(std::sin(angle), -std::cos(angle), 0);
+    return pose;
+  });
+  rig.topology = {};
+  return rig;
+}
+
+Rig make_cylinder_rig(const CylinderRigOptions& options) {
+  require_length("pitch", options.pitch);
+  require_length("radius", options.radius);
+  if (options.rows < 2) throw Error("rows: around a cylinder at least 2, has " + std::to_string(options.rows));
+  if (options.columns < 3) throw Error("columns: around a cylinder at least 3, has " + std::to_string(options.columns));
+  Rig rig =
+      make_grid_rig({options.rows, options.columns, options.pitch, options.fov_y_deg, options.width, options.height});
+  const double side = options.inward ? -1 : 1;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(i % options.columns) / options.columns;
+    Pose& pose = rig.cameras[i].pose;
+    pose.position.x = options.radius * std::sin(angle);
+    pose.position.z = options.radius * (side * std::cos(angle) + (options.inward ? 1 : 0));
+    pose.orientation = Quat(std::cos(angle / 2), 0, side * std::sin(angle / 2), 0);
+  }
+  rig.topology = {.type = Topology::Type::kTriangles};
+  const CameraIndex columns = static_cast<CameraIndex>(options.columns);
+  for (CameraIndex row = 0; row + 1 < static_cast<CameraIndex>(options.rows); row++)
+    for (CameraIndex column = 0; column < columns; column++) {
+      const CameraIndex a = row * columns + column, b = row * columns + (column + 1) % columns;
+      rig.topology.triangles.push_back({a, b, a + columns});
+      rig.topology.triangles.push_back({b, b + columns, a + columns});
     }
   return rig;
 }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
 
 #include <nlohmann/json_fwd.hpp>
@@ -24,5 +27,23 @@ void save_rig(const Rig& rig, const std::string& path, const nlohmann::json* ori
 // The same, where the original is what is in a rig file now.
 void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path);
 std::string rig_to_json(const Rig& rig, const nlohmann::json* original = nullptr);
+
+// What a camera is set to where its source takes it, by name: a number, or nothing ("auto" in the file) where the
+// camera decides by itself. Known names and units: exposure (seconds), gain and focus (the source's own), white_balance
+// (kelvin), mains_frequency (hertz; 0: no lamps). Any other is the source's own name, with its units.
+using Controls = std::map<std::string, std::optional<double>>;
+
+// "controls" of the cameras of a rig file, which Rig does not hold, by the cameras' ids; cameras without are not there.
+// Throws Error naming the place ("FILE: cameras[3].controls.gain: ...").
+std::map<uint32_t, Controls> parse_controls(const nlohmann::json& rig, const std::string& name);
+std::map<uint32_t, Controls> load_controls(const std::string& path);
+
+// Puts them into a parsed rig file, for save_rig() to keep: those of cameras that are not in `controls` stay.
+void put_controls(const std::map<uint32_t, Controls>& controls, nlohmann::json& rig);
+
+// Two cameras of a parsed rig file were taken for each other: what belongs to the device (its source, lens, size,
+// controls and whatever else the file has of it) goes to the other place, and id, name, position and orientation stay.
+// Throws Error for an id that no camera has.
+void swap_devices(nlohmann::json& rig, uint32_t a, uint32_t b);
 
 }  // namespace lf

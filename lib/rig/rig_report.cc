@@ -9,15 +9,11 @@
 #include <map>
 #include <string_view>
 
-#include "base/error.h"
-#include "base/number_text.h"
+#include "base/text.h"
 #include "image/image_file.h"
-#include "image/picture_bytes.h"
-#include "rig/bin_description.h"
-#include "rig/camera_distances.h"
 #include "rig/camera_source.h"
 #include "rig/mesh.h"
-#include "rig/mesh_fit.h"
+#include "rig/source_security.h"
 
 namespace lf {
 namespace {
@@ -229,13 +225,11 @@ class FileChecker {
 
 RigSummary summarize(const Rig& rig) {
   RigSummary summary;
-  Vec3 least(std::numeric_limits<double>::infinity()), most(-std::numeric_limits<double>::infinity());
   for (const Camera& camera : rig.cameras) {
-    least = glm::min(least, camera.pose.position);
-    most = glm::max(most, camera.pose.position);
     summary.images += !camera.image.empty();
     summary.sources += !camera.source.empty();
   }
+  const auto [least, most] = bounding_box(rig);
   summary.extent = most - least;
   summary.baseline = largest_distance(rig);
   summary.mean_neighbour = mean_nearest_distance(rig);

@@ -7,9 +7,8 @@
 #include <map>
 #include <regex>
 
-#include "base/error.h"
 #include "base/file.h"
-#include "base/number_text.h"
+#include "base/text.h"
 #include "image/image_file.h"
 
 namespace lf {

@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <string>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "image/colour_correction.h"
 #include "image/image_file.h"
 
 namespace lf {
+
 bool has_images(const Rig& rig) {
   return std::none_of(rig.cameras.begin(), rig.cameras.end(), [](const Camera& c) { return c.image.empty(); });
 }
@@ -19,9 +20,9 @@ const Image& StillImages::get(CameraIndex camera) {
     return kept_.front().image;
   }
   const Camera& rig_camera = rig_.cameras[camera];
-  const std::string name =
-      "camera " + std::to_string(rig_camera.id) + (rig_camera.name.empty() ? "" : " (" + rig_camera.name + ")") + ": ";
-  if (rig_camera.image.empty()) throw Error(name + "the rig names no image for it (lf-rig snapshot takes one of each camera)");
+  const std::string name = rig_camera.label() + ": ";
+  if (rig_camera.image.empty())
+    throw Error(name + "the rig names no image for it (lf-rig snapshot takes one of each camera)");
   const std::string path = rig_.resolve(rig_camera.image);
   Image image;
   try {

@@ -1,22 +1,110 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
-#include "base/byte_buffer.h"
-#include "rtp/payload_format.h"
-#include "rtp/reassembly.h"
-#include "rtp/recent.h"
-#include "rtp/sequence_window.h"
+#include "base/memory.h"
+#include "rtp/packetizer.h"
 #include "view/view_request.h"
 #include "wire/unit.h"
 
 namespace lf::rtp {
+
+// Notes which of one source's latest packets have come, by their sequence numbers (RFC 3550, appendix A.1): tells
+// duplicates from packets that were overtaken, and counts those that are missing. Nothing but duplicates is to be
+// dropped. Not thread-safe.
+class SequenceWindow {
+ public:
+  enum class Verdict {
+    kNew,
+    kDuplicate,
+    kRestarted,  // the packet is new, and its sender has begun anew
+  };
+  Verdict add(uint16_t sequence, uint32_t timestamp);
+
+  // Packets passed over by later ones and not come since.
+  uint64_t lost() const { return lost_; }
+
+  // How far back duplicates are known: 5 ms at 200,000 packets a second.
+  static constexpr int kSize = 1024;
+  // More than this ahead, or further back than kSize, is no loss, but a sender that has begun anew, if the packet after
+  // it comes as well.
+  static constexpr int kMaxJump = 3000;
+
+ private:
+  enum class State : uint8_t { kUnknown, kMissing, kSeen };
+  struct Slot {
+    State state = State::kUnknown;
+    uint32_t timestamp = 0;  // time of the packet: two packets with one number and two times are no duplicates
+  };
+  void restart(uint16_t sequence, uint32_t timestamp);
+  Slot& slot(uint16_t sequence) { return slots_[sequence % kSize]; }
+
+  bool started_ = false;
+  uint16_t newest_ = 0;
+  std::optional<uint16_t> restart_at_;
+  uint64_t lost_ = 0;
+  std::array<Slot, kSize> slots_;
+};
+
+// Units in the making: puts chunks together again, in whatever order they come. Memory grows with the bytes that have
+// come, never with what a header promises, and is bounded: the oldest units go first. Not thread-safe.
+class Reassembly {
+ public:
+  struct Limits {
+    size_t bytes = size_t{64} << 20;  // most bytes of all units in the making together, and of one
+    size_t units = 64;
+  };
+  explicit Reassembly(const Limits& limits) : limits_(limits) {}
+
+  enum class Result {
+    kKept,
+    kComplete,   // `unit` is there
+    kDuplicate,  // exactly this chunk has come before
+    kBad,        // the chunk contradicts what has come: another size of the unit, or an overlap
+    kTooLarge,   // the unit is beyond the limit
+  };
+  Result add(uint32_t source, const Chunk& chunk, ByteBuffer& unit);
+
+  void set_limits(const Limits& limits) { limits_ = limits; }
+  // Throws all units in the making away; they count as dropped.
+  void clear();
+  // Units that had to make room for others.
+  uint64_t dropped() const { return dropped_; }
+  size_t bytes() const { return bytes_; }
+  size_t units() const { return making_.size(); }
+
+  // What a chunk costs beyond its bytes.
+  static constexpr size_t kChunkCost = 96;
+
+ private:
+  struct Place {
+    size_t size, at;  // bytes of the chunk, and where they are in Making::bytes
+  };
+  struct Making {
+    uint32_t source;
+    uint16_t number;
+    uint32_t size;
+    bool in_order = true;                // bytes are the unit's beginning
+    ByteBuffer bytes;                    // bytes of the chunks, in the order in which they came
+    std::map<uint32_t, Place> chunks{};  // places by offset in the unit
+    size_t cost() const { return bytes.size() + chunks.size() * kChunkCost; }
+  };
+  void drop_oldest();
+  static ByteBuffer finish(Making& making);
+
+  Limits limits_;
+  std::vector<Making> making_;  // the oldest first
+  size_t bytes_ = 0;            // bytes that all units in the making take
+  uint64_t dropped_ = 0;
+};
 
 struct Packet {
   uint32_t source = 0;    // SSRC

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "scene/trace.h"
 
 namespace lf {
@@ -149,8 +149,7 @@ V3 SceneFilm::State::mean(const scene::Objects& now, const scene::Movement* move
   const std::span sights(&mean_sights[i * count], count);
   const bool is_kept = movement && means[i].picture == picture - 1 &&
                        std::ranges::all_of(sights, [&](const auto& s) { return is_unchanged(*movement, s); });
-  if (!is_kept)
-    means[i].colour = encode(rays.mean(now, x, y, samples, [&](int k, const auto& s) { sights[k] = s; }));
+  if (!is_kept) means[i].colour = encode(rays.mean(now, x, y, samples, [&](int k, const auto& s) { sights[k] = s; }));
   means[i].picture = picture;
   return means[i].colour;
 }

@@ -1,11 +1,27 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "scene/movement.h"
+#include <vector>
+
 #include "scene/objects.h"
-#include "scene/paint.h"
 
 namespace lf::scene {
+
+// The objects that differ between two instants of the scene.
+struct Movement {
+  // True at the index of each object that differs.
+  std::vector<bool> spheres, capsules, pillars, blocks;
+
+  // Bounds of such objects at both instants: each object is inside one ball or rod, and all are inside `around`.
+  struct Part {
+    Sphere around;
+    std::vector<Sphere> balls;
+    std::vector<Capsule> rods;
+  };
+  std::vector<Part> parts;
+};
+
+Movement movement_between(const Objects& before, const Objects& after);
 
 struct Ray {
   V3 origin, direction;         // unit length
@@ -68,7 +84,6 @@ class PixelShadows {
 
 // `shadows`: of this ray's pixel.
 Seen trace(const Objects& objects, const Ray& ray, PixelShadows& shadows);
-
 
 // Returns true if the ray from `origin` that hit `sight` before the movement sees the same light after the movement.
 // Conservative: may return false for an unchanged ray.

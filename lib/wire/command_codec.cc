@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/command_codec.h"
 
-#include "base/error.h"
-#include "wire/limits.h"
+#include "base/text.h"
 #include "wire/request_codec.h"
-#include "wire/request_layout.h"
+#include "wire/unit.h"
 
 namespace lf::wire {
 namespace {

@@ -1,18 +1,60 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
-#include "base/byte_buffer.h"
+#include "base/maths.h"
+#include "base/memory.h"
 #include "base/worker_pool.h"
-#include "jpeg/fragment_decoder.h"
-#include "jpeg/fragment_encoder.h"
+#include "jpeg/fragment_codec.h"
 #include "render/sum_planes.h"
-#include "wire/answer.h"
+#include "wire/answer_codec.h"
 
 namespace lf::wire {
+
+// A sum that is to be encoded is cut into fragments of about so many pixels: coding and decoding them takes several
+// threads, and a lost packet loses a strip and not the view.
+inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
+
+// Rows of strips of at most `pixels` pixels, but for kStripUnit rows being the least.
+inline int strip_rows(int width, int pixels = kStripPixels) {
+  return std::max(pixels / width / kStripUnit, 1) * kStripUnit;
+}
+
+// Rectangles of all of `rect`'s width and at most `rows` rows.
+inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {
+  std::vector<Rect> parts;
+  for (int y = rect.y0; y < rect.y1; y += rows) parts.push_back({rect.x0, y, rect.x1, std::min(y + rows, rect.y1)});
+  return parts;
+}
+
+// Raw fragments (kRaw, kRaw16) cut into smaller ones that together are the same: for links that lose packets, where a
+// fragment larger than a packet would be lost with any of its packets. Pure functions.
+
+// Tiles side by side and below one another, row by row; those at the right and at the bottom may be smaller. Chroma
+// samples are never cut.
+struct Tiling {
+  Rect whole;                 // the fragment's rectangle in the view
+  int width = 0, height = 0;  // pixels of a tile
+  int columns = 0, rows = 0;  // how many tiles there are
+
+  size_t count() const { return static_cast<size_t>(columns) * rows; }
+  Rect tile(size_t i) const;  // the rectangle of tile i in the view
+};
+
+// Few tiles whose payloads have at most `max_bytes` each: as wide as possible, strips of rows at best, unless narrower
+// ones are fewer by a tenth. Nothing if not even the smallest one does, or for JPEG.
+std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes);
+
+// The header of a fragment that is the tile of another one.
+FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile);
+
+// The payload of one tile, raw_size(tile_header(...)) bytes, to `to`.
+void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to);
 
 // FragmentEncoder makes payloads of fragments, FragmentDecoder fragments of payloads. Both keep memory and libjpeg's
 // state from call to call: one object for each thread.

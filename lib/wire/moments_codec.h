@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "base/byte_buffer.h"
-#include "base/rect.h"
+#include "base/maths.h"
+#include "base/memory.h"
 #include "focus/camera_gains.h"
 #include "focus/moments.h"
 

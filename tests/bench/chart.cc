@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "base/error.h"
 #include "base/json_value.h"
+#include "base/text.h"
 
 namespace lf::bench {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "bench/copying.h"
+#include "bench/sum_picture.h"
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/surface_choice.h"

@@ -27,8 +27,7 @@ class BenchRender : public testing::Test {
     return run_program("../tests/bench/bench-render", arguments, folder_.path());
   }
   nlohmann::json rows(const std::string& arguments) const {
-    const Outcome outcome = run(kTiny + arguments + " --json rows.json");
-    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(run(kTiny + arguments + " --json rows.json"), 0);
     return nlohmann::json::parse(read_text_file(folder_ / "rows.json"))["rows"];
   }
 
@@ -103,11 +102,9 @@ TEST_F(BenchRender, QualitiesAreRowsOfTheirOwnAndCostBytes) {
 }
 
 TEST_F(BenchRender, SaysWhichSettingsAreParetoPointsAndWhatIsPromised) {
-  const Outcome outcome = run(std::string(kTiny) + "--acceptance");
-  EXPECT_EQ(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("natural, 4 cameras, 64x48, distorted lenses"));
-  EXPECT_THAT(outcome.output, HasSubstr("default"));
-  EXPECT_THAT(outcome.output, HasSubstr("64 cameras, raw: times faster than OpenCV"));
+  test::expect_outcome(run(std::string(kTiny) + "--acceptance"), 0,
+                       testing::AllOf(HasSubstr("natural, 4 cameras, 64x48, distorted lenses"), HasSubstr("default"),
+                                      HasSubstr("64 cameras, raw: times faster than OpenCV")));
 }
 
 TEST_F(BenchRender, NumericsAreWithinTheirBounds) {
@@ -159,9 +156,7 @@ TEST_F(BenchRender, PlotsOrWhatIsMissingForThem) {
 
 TEST_F(BenchRender, ErrorsNameTheOption) {
   for (const char* bad : {"--sizes 64", "--sizes 64x48x3", "--sizes 1x1", "--cameras 3", "--qualities 0"}) {
-    const Outcome outcome = run(bad);
-    EXPECT_EQ(outcome.status, 1);
-    EXPECT_THAT(outcome.output, HasSubstr(std::string(bad).substr(0, std::string(bad).find(' '))));
+    test::expect_outcome(run(bad), 1, HasSubstr(std::string(bad).substr(0, std::string(bad).find(' '))));
   }
   EXPECT_THAT(run(std::string(kTiny) + "--json /nowhere/x.json").output, HasSubstr("/nowhere/x.json"));
 }

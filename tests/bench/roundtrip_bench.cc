@@ -23,7 +23,7 @@
 #include <nlohmann/json.hpp>
 
 #include "network/array_network.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <thread>
 #include <vector>
 
+#include "base/worker_pool.h"
 #include "composite/accumulator.h"
+#include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 
 namespace lf::bench {
@@ -27,6 +30,14 @@ inline SumPicture picture_of_sums(const SumRenderer& renderer, int width, int he
   sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
                                                      any_lost ? lost.data() : nullptr));
   return {sum.resolve(), 2 * (samples.size() + (any_lost ? area : 0))};
+}
+
+// What goes to a card and comes from it is copied by all processors, as by a node; where those draw, too, by one.
+inline ParallelFor copying_for(const gl::SumDrawer* card) {
+  if (!card || card->is_software()) return serial_for;
+  return [pool = WorkerPool::shared()](size_t count, const std::function<void(size_t)>& task) {
+    pool->run(std::thread::hardware_concurrency(), count, task);
+  };
 }
 
 }  // namespace lf::bench

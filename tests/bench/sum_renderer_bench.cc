@@ -10,13 +10,13 @@
 #include <vector>
 
 #include "base/schedule.h"
-#include "bench/copying.h"
+#include "bench/sum_picture.h"
 #include "reference/generators.h"
 #include "render/gl/card_sum.h"
 #include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
-#include "wire/strips.h"
+#include "wire/fragment_codec.h"
 
 namespace lf {
 namespace {
@@ -108,7 +108,7 @@ std::shared_ptr<const FocalMap> room(const View& view) {
   return std::make_shared<FocalMap>(std::move(map));
 }
 
-// All of a sum, as many rows at a time as render_answer() has them.
+// All of a sum, as many rows at a time as encode_sum() has them.
 void render_all(const SumRenderer& renderer, const SumPlanes& out, const ParallelFor& parallel) {
   const std::vector<Rect> bands = wire::cut_rows(out.rect, 32);
   parallel(bands.size(),

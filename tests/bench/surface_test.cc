@@ -11,7 +11,7 @@
 #include "image/image.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {
@@ -24,9 +24,8 @@ constexpr const char* kProgram = "../tests/bench/bench-surface";  // from where 
 class BenchSurface : public testing::Test {
  protected:
   nlohmann::json row(const std::string& name) const {
-    const Outcome outcome =
-        run_program(kProgram, "--acceptance --most-views 1 --only '" + name + "' --json row.json", folder_.path());
-    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(
+        run_program(kProgram, "--acceptance --most-views 1 --only '" + name + "' --json row.json", folder_.path()), 0);
     return nlohmann::json::parse(read_text_file(folder_ / "row.json"))["rows"][0];
   }
   TempDir folder_;
@@ -164,9 +163,8 @@ TEST_F(NarrowArray, RigsOfWhichNothingCanBeMeasuredAreRefused) {
 }
 
 TEST_F(BenchSurface, UnknownScenesAreRefused) {
-  const Outcome outcome = run_program(kProgram, "--acceptance --only nowhere", folder_.path());
-  EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("none of the scenes is known"));
+  test::expect_outcome(run_program(kProgram, "--acceptance --only nowhere", folder_.path()), testing::Ne(0),
+                       HasSubstr("none of the scenes is known"));
 }
 
 }  // namespace

@@ -20,7 +20,7 @@
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {

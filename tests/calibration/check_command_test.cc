@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate check as people run it: later tracks and recordings, and what the running monitor says.
+#include <filesystem>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -14,8 +15,11 @@
 namespace lf {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
+
+// lf-calibrate check as people run it: later tracks and recordings, and what the running monitor says.
 
 class CheckCommand : public testing::Test {
  protected:
@@ -91,9 +95,7 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
   for (const auto& c : cases) {
     SCOPED_TRACE(c.fault);
     write_monitor(c.fault);
-    const Outcome outcome = check("--monitor monitor.json");
-    EXPECT_EQ(outcome.status, c.status) << outcome.output;
-    EXPECT_THAT(outcome.output, HasSubstr(c.said));
+    test::expect_outcome(check("--monitor monitor.json"), c.status, HasSubstr(c.said));
   }
 }
 
@@ -123,12 +125,90 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.arguments);
-    const Outcome outcome = run_program("lf-calibrate", std::string("check ") + c.arguments, dir_.path());
-    EXPECT_EQ(outcome.status, 2) << outcome.output;
-    EXPECT_THAT(outcome.output, HasSubstr(c.said));
-    EXPECT_THAT(outcome.output, Not(HasSubstr("holds: ")));
+    test::expect_outcome(run_program("lf-calibrate", std::string("check ") + c.arguments, dir_.path()), 2,
+                         AllOf(HasSubstr(c.said), Not(HasSubstr("holds: "))));
   }
   EXPECT_EQ(check("").status, 2) << "nothing is asked";
+}
+
+// lf-calibrate report: a page of what the steps said.
+class ReportCommand : public testing::Test {
+ protected:
+  Outcome run(const std::string& arguments) { return run_program("lf-calibrate", arguments, dir_.path()); }
+  std::string page() const { return read_text_file(dir_ / "report.html"); }
+  // solve.json of a rig whose camera 4 saw nothing, or saw all.
+  void solve(bool blind) {
+    sim::ArrayOptions array;
+    array.rows = array.columns = 3;
+    sim::PathOptions path;
+    path.bar = 0.3;
+    Tracks tracks = sim::watch(sim::make_array(array, 1), path, 2).tracks;
+    if (blind) std::erase_if(tracks.observations, [](const Observation& o) { return o.camera == 4; });
+    dir_.write("tracks.json", tracks_to_json(tracks));
+    const Outcome solved = run("solve --tracks tracks.json --bar 0.3 --out rig.json --json solve.json");
+    ASSERT_EQ(solved.status, blind ? 1 : 0) << solved.output;
+  }
+
+  const TempDir dir_;
+};
+
+TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
+  solve(false);
+  test::expect_outcome(run("report solve.json --title \"A <rig> & more\""), 0, HasSubstr("report.html: "));
+  const std::string html = page();
+  EXPECT_THAT(html, AllOf(HasSubstr("A &lt;rig&gt; &amp; more"), HasSubstr("<svg "), HasSubstr("What to do next"),
+                          HasSubstr("prefers-color-scheme: dark")));
+  // Nothing is fetched.
+  EXPECT_THAT(html, Not(HasSubstr("http")));
+  EXPECT_THAT(html, Not(HasSubstr("src=")));
+  EXPECT_THAT(html, Not(HasSubstr("<script")));
+  EXPECT_THAT(html, Not(HasSubstr("nan")));
+  for (const char* part : {"Residuals", "Coverage", "ellipsoids", "where lights were", "How deep the scene is"})
+    EXPECT_THAT(html, HasSubstr(part));
+}
+
+TEST_F(ReportCommand, ACameraThatIsMissingIsTheFirstThingSaid) {
+  solve(true);
+  test::expect_outcome(run("report solve.json"), 0,
+                       AllOf(HasSubstr("1 camera of 9 needs you"), HasSubstr("- camera 4: never saw the light")));
+  EXPECT_THAT(page(), AllOf(HasSubstr("1 camera of 9 needs you"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
+}
+
+TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
+  solve(false);
+  dir_.write("colour.json", R"({"format": "lightfield-colour-report", "version": 1, "from": "12 charts",
+      "terms": "brightness", "before": {"median": 5.9, "p95": 18.7}, "after": {"median": 0.67, "p95": 2.6},
+      "trials": [{"terms": "brightness", "held_out": {"median": 0.7, "p95": 2.7}}],
+      "findings": [{"severity": "warning", "code": "stuck-exposure", "text": "camera 2 (cam_2): its exposure is stuck"}],
+      "cameras": [{"id": 2, "corrected": true, "gain": 1.6, "rms": 1, "clipped": 0.3, "stuck": true},
+                  {"id": 3, "corrected": true, "gain": 1.02, "rms": 0.6, "clipped": 0, "stuck": false}]})");
+  dir_.write("check.json", R"({"format": "lightfield-check", "version": 1, "from": "monitor", "holds": false,
+      "findings": [{"severity": "error", "code": "moved", "text": "camera 7 (cam_7) looks elsewhere"}],
+      "cameras": [{"id": 7, "name": "cam_7", "state": "moved", "shift_px": 6}]})");
+  test::expect_outcome(run("report solve.json colour.json check.json"), 0,
+                       AllOf(HasSubstr("The rig no longer holds"), AllOf(HasSubstr("- camera 7 cam_7: looks elsewhere"),
+                                                                         HasSubstr(": its exposure is stuck"))));
+  EXPECT_THAT(page(), AllOf(HasSubstr("Since then"), HasSubstr("What the running monitor says"), HasSubstr("18.7")));
+}
+
+TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
+  dir_.write("tracks.json", R"({"format": "lightfield-tracks"})");
+  dir_.write("damaged.json", R"({"format": "lightfield-check", "findings": [], "cameras": [{"id": "x"}]})");
+  dir_.write("text.json", "what");
+  const struct {
+    const char *arguments, *said;
+  } cases[] = {
+      {"tracks.json", "tracks.json: is no report of lf-calibrate: give what --json of track, solve, colour and check"},
+      {"damaged.json", "damaged.json: is damaged, or of another version: run its step again"},
+      {"text.json", "text.json"},
+      {"nowhere.json", "nowhere.json"},
+      {"", "FILE"},
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.arguments);
+    test::expect_outcome(run(std::string("report ") + c.arguments), 1, HasSubstr(c.said));
+    EXPECT_FALSE(std::filesystem::exists(dir_ / "report.html"));
+  }
 }
 
 }  // namespace

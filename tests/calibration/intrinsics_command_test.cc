@@ -35,11 +35,10 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
                            "jpegenc quality=98 ! avimux ! filesink location='" +
                            location + "/board.avi'";
   ASSERT_EQ(std::system(make.c_str()), 0);
-  const Outcome outcome = run_program(
-      "lf-calibrate", "intrinsics 'file://" + location + "/board.avi' --board 8x6 --out lens.json", location);
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, HasSubstr("view 8 of 20"));
-  EXPECT_THAT(outcome.output, HasSubstr("board.avi frame 1: "));
+  test::expect_outcome(
+      run_program("lf-calibrate", "intrinsics 'file://" + location + "/board.avi' --board 8x6 --out lens.json",
+                  location),
+      0, testing::AllOf(HasSubstr("view 8 of 20"), HasSubstr("board.avi frame 1: ")));
   const Lens found = load_rig(dir / "lens.json").cameras.at(0).lens;
   EXPECT_NEAR(found.fx(), 420, 2);
   EXPECT_NEAR(found.cx(), 319.5, 2);
@@ -49,10 +48,10 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   Rig rig = make_grid_rig({1, 2, 0.1, 60, 640, 480});
   rig.cameras[1].source = "filesrc location=\"" + location + "/board.avi\" ! avidemux ! jpegdec";
   save_rig(rig, dir / "rig.json");
-  const Outcome by_rig = run_program(
-      "lf-calibrate", "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out rig.json", location);
-  ASSERT_EQ(by_rig.status, 0) << by_rig.output;
-  EXPECT_THAT(by_rig.output, HasSubstr("rig.json: camera 1 frame "));
+  test::expect_outcome(
+      run_program("lf-calibrate", "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out rig.json",
+                  location),
+      0, HasSubstr("rig.json: camera 1 frame "));
   EXPECT_NEAR(load_rig(dir / "rig.json").cameras[1].lens.fx(), 420, 4);
   EXPECT_EQ(load_rig(dir / "rig.json").cameras[0].lens, rig.cameras[0].lens);
 
@@ -61,17 +60,15 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   save_rig(rig, dir / "rig.json");
   const std::string again = "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out other.json";
   EXPECT_EQ(run_program("lf-calibrate", again, location).status, 1);
-  const Outcome trusted = run_program("lf-calibrate", again + " --trust-rig", location);
-  EXPECT_EQ(trusted.status, 0) << trusted.output;
+  test::expect_outcome(run_program("lf-calibrate", again + " --trust-rig", location), 0);
 }
 
 TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
   const TempDir dir;
   save_image(Image(PixelFamily::kRgb, 64, 48), dir / "grey.png");
   const auto expect_failure = [&](const std::string& options, const std::string& part) {
-    const Outcome outcome = run_program("lf-calibrate", "intrinsics --out lens.json " + options, dir.path());
-    EXPECT_EQ(outcome.status, 1) << outcome.output;
-    EXPECT_THAT(outcome.output, HasSubstr(part));
+    test::expect_outcome(run_program("lf-calibrate", "intrinsics --out lens.json " + options, dir.path()), 1,
+                         HasSubstr(part));
     EXPECT_FALSE(std::filesystem::exists(dir / "lens.json"));
   };
   expect_failure("grey.png --board 8x6", "no image shows the board of 8x6 inner corners");

@@ -4,19 +4,19 @@
 #include <filesystem>
 #include <set>
 
-#include <sys/wait.h>
-#include <unistd.h>
-
+#include <glog/logging.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
 #include "calibration/adjustment.h"
-#include "calibration/camera_covariance.h"
 #include "calibration/simulator.h"
 #include "calibration/tracks.h"
 #include "rig/rig_json.h"
+#include "solver_log.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -37,10 +37,9 @@ TEST(SolveCommand, ARigAndAReport) {
   sim::PathOptions path;
   path.bar = 0.3;
   dir.write("tracks.json", tracks_to_json(sim::watch(truth, path, 2).tracks));
-  const Outcome outcome =
-      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path());
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, HasSubstr("rig.json: 9 of 9 cameras"));
+  test::expect_outcome(
+      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path()),
+      0, HasSubstr("rig.json: 9 of 9 cameras"));
   const Rig rig = load_rig(dir / "rig.json");
   std::vector<Pose> found, expected;
   for (size_t i = 0; i < 9; i++) found.push_back(rig.cameras[i].pose), expected.push_back(truth.cameras[i].pose);
@@ -65,9 +64,8 @@ TEST(SolveCommand, ARigAndAReport) {
 TEST(SolveCommand, MistakesLeaveNoRig) {
   const TempDir dir;
   const auto expect_failure = [&](const std::string& options, const std::string& part) {
-    const Outcome outcome = run_program("lf-calibrate", "solve --out rig.json " + options, dir.path());
-    EXPECT_EQ(outcome.status, 1) << outcome.output;
-    EXPECT_THAT(outcome.output, HasSubstr(part));
+    test::expect_outcome(run_program("lf-calibrate", "solve --out rig.json " + options, dir.path()), 1,
+                         HasSubstr(part));
     EXPECT_FALSE(std::filesystem::exists(dir / "rig.json"));
   };
   dir.write("bad.json", R"({"format": "lightfield-tracks", "version": 1, "cameras": 3})");
@@ -122,6 +120,17 @@ TEST(SolveCommand, InterruptedItLeavesTheRigThatWasThere) {
     for (const auto& entry : std::filesystem::directory_iterator(dir.path())) files.insert(entry.path().filename());
     EXPECT_EQ(files, (std::set<std::string>{"rig.json", "tracks.json"})) << what;
   }
+}
+
+TEST(SolverLog, KeepsWhatTheSolverSaysFromStderr) {
+  catch_solver_messages();
+  testing::internal::CaptureStderr();
+  for (int i = 0; i < 3; i++) LOG(WARNING) << "Linear solver failure";
+  LOG(ERROR) << "Residual is not finite";
+  google::FlushLogFiles(google::GLOG_INFO);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_THAT(solver_messages(),
+              testing::UnorderedElementsAre("Linear solver failure (3 times)", "Residual is not finite"));
 }
 
 }  // namespace

@@ -10,8 +10,8 @@
 
 #include "base/json_value.h"
 #include "calibration/adjustment.h"
-#include "calibration/light_sights.h"
 #include "calibration/simulator.h"
+#include "calibration/tracks.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -36,19 +36,17 @@ Rig array() {
 // Records with lf-scene lights into the folder "rec" of `dir`.
 void record(const TempDir& dir, const Rig& rig, const std::string& options) {
   save_rig(rig, dir / "true.json");
-  const Outcome filmed = run_program("../tools/lf-scene", "lights --rig true.json --out rec " + options, dir.path());
-  ASSERT_EQ(filmed.status, 0) << filmed.output;
+  test::expect_outcome(run_program("../tools/lf-scene", "lights --rig true.json --out rec " + options, dir.path()), 0);
 }
 
 TEST(TrackCommand, FromRecordingsOfABarToARig) {
   const TempDir dir;
   const Rig truth = array();
   record(dir, truth, "--framerate 30,15 --seconds 7,6 --noise 3 --exposure 0.012 --reflection 0.3");
-  const Outcome tracked =
-      run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path());
-  ASSERT_EQ(tracked.status, 0) << tracked.output;
-  EXPECT_THAT(tracked.output, HasSubstr("tracks.json: 5 of 5 cameras"));
-  EXPECT_THAT(tracked.output, HasSubstr("camera 2 has 5.9 s of the 7.0 s that others have"));
+  test::expect_outcome(
+      run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path()), 0,
+      testing::AllOf(HasSubstr("tracks.json: 5 of 5 cameras"),
+                     HasSubstr("camera 2 has 5.9 s of the 7.0 s that others have")));
 
   // Against the truth that lf-scene wrote: a light where one is, as good as it says.
   const auto found = parse_light_sights(read_text_file(dir / "tracks.json"), "tracks.json");
@@ -69,11 +67,9 @@ TEST(TrackCommand, FromRecordingsOfABarToARig) {
   EXPECT_GT(count, 0.95 * lights);
   EXPECT_LE(std::sqrt(squared / count / 2), 0.1);  // pixels, x and y each
 
-  const Outcome solved =
-      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path());
-  ASSERT_EQ(solved.status, 0) << solved.output;
-  EXPECT_THAT(solved.output, HasSubstr("clocks      offsets"));
-  EXPECT_THAT(solved.output, HasSubstr("rig.json: 5 of 5 cameras"));
+  test::expect_outcome(
+      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path()),
+      0, testing::AllOf(HasSubstr("clocks      offsets"), HasSubstr("rig.json: 5 of 5 cameras")));
   const Rig rig = load_rig(dir / "rig.json");
   std::vector<Pose> a, b;
   double mean = 0, squares = 0;
@@ -122,24 +118,21 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   dir.write("rec/" + truth.cameras[2].name + ".mkv", "this is no video");
   std::filesystem::remove(name(3));
   std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // one too many
-  const Outcome none = run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path());
-  EXPECT_EQ(none.status, 1) << none.output;
-  EXPECT_THAT(none.output, HasSubstr("shows no light: "));
-  EXPECT_THAT(none.output, HasSubstr("has no recording " + truth.cameras[3].name + ".*"));
-  EXPECT_THAT(none.output, HasSubstr("are both films of camera " + truth.cameras[4].name));
-  EXPECT_THAT(none.output, HasSubstr("fewer than two cameras saw a moving light: nothing is written"));
+  test::expect_outcome(
+      run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path()), 1,
+      testing::AllOf(HasSubstr("shows no light: "), HasSubstr("has no recording " + truth.cameras[3].name + ".*"),
+                     HasSubstr("are both films of camera " + truth.cameras[4].name),
+                     HasSubstr("fewer than two cameras saw a moving light: nothing is written")));
   EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
 }
 
 TEST(TrackCommand, MistakesOnTheCommandLine) {
   const TempDir dir;
   save_rig(array(), dir / "rig.json");
-  const Outcome live = run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path());
-  EXPECT_EQ(live.status, 1);
-  EXPECT_THAT(live.output, HasSubstr("nowhere: is no folder"));
-  const Outcome none = run_program("lf-calibrate", "track rig.json --out t.json", dir.path());
-  EXPECT_EQ(none.status, 1);
-  EXPECT_THAT(none.output, HasSubstr("the rig names no source of it: give --recordings, a folder with cam_"));
+  test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path()), 1,
+                       HasSubstr("nowhere: is no folder"));
+  test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json", dir.path()), 1,
+                       HasSubstr("the rig names no source of it: give --recordings, a folder with cam_"));
 }
 
 }  // namespace

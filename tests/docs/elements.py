@@ -22,6 +22,24 @@ Made by `ninja -C build elements-md` from the plugin and from the comments in [g
 `gst-inspect-1.0 ELEMENT` says the same of the installed plugin.
 """
 
+LIMITS = """
+## limits
+
+{elements} refuse requests that ask for more than
+their property `limits` allows: a structure, such as `limits="limits,max-pixels=4000000,max-views=100"`. A limit that it does
+not give has its default, whatever it was before. A field of another name, or with a value that is no number or out of range, is
+ignored: a warning names it, at once while the element runs, else when it starts. The value that is read has all limits.
+
+[`lfcameranode`](#lfcameranode) and [`lfnodesink`](#lfnodesink) hand them to the [`lffragment`](#lffragment) inside,
+[`lfviewsrc`](#lfviewsrc) to its compositors and cameras, and both of those that use RTP to their
+[`rtplfdepay`](#rtplfdepay). What limits do, and what else bounds the cost of a message, is in
+[guide-network.md](guide-network.md#what-a-message-may-cost).
+
+| limit | type | unit | range | default | what it is |
+| --- | --- | --- | --- | --- | --- |
+{rows}
+"""
+
 # Properties that every element has from its base classes.
 INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement", "GstVideoFilter", "GstBaseTransform",
              "GstPad", "GstAggregatorPad", "GstGhostPad", "GstProxyPad"}
@@ -46,13 +64,16 @@ def comment_of(element, sources):
     return re.sub(r"\n{3,}", "\n\n", re.sub(r"```\n\n +", "```\n\n", text)).strip()
 
 
+TYPES = {"gchararray": "string", "gboolean": "boolean", "gint": "int", "guint": "uint", "gint64": "int64",
+         "guint64": "uint64", "gdouble": "double", "gfloat": "float"}
+
+
 def names_of_type(prop):
     gtype = prop.value_type
     if gtype.is_a(GObject.GEnum.__gtype__):
         values = type(prop.default_value).__enum_values__
         return ", ".join(values[key].value_nick for key in sorted(values))
-    return {"gchararray": "string", "gboolean": "boolean", "gint": "int", "guint": "uint", "gint64": "int64",
-            "guint64": "uint64", "gdouble": "double", "gfloat": "float"}.get(gtype.name, gtype.name)
+    return TYPES.get(gtype.name, gtype.name)
 
 
 def number(value):
@@ -82,7 +103,7 @@ def value_at_first(element, prop):
     if int(prop.flags) & both != both:
         return prop.default_value
     value = element.get_property(prop.name)
-    is_known = not isinstance(value, Gst.Fraction)  # PyGObject knows no defaults of these
+    is_known = not isinstance(value, (Gst.Fraction, Gst.Structure))  # PyGObject knows no defaults of these
     if prop.owner_type.name.startswith("Lf") and is_known and value != prop.default_value:
         sys.exit(f"elements.py: {element.get_factory().get_name()} {prop.name}: its class says {prop.default_value}, "
                  f"it has {value}")
@@ -110,9 +131,28 @@ def table_of(properties, element):
         if prop.owner_type.name in INHERITED:
             continue
         default = default_of(prop, value_at_first(element, prop) if element else prop.default_value)
+        what = prop.blurb
+        if prop.name == "limits":
+            what = what.split(": ")[0] + ". See [limits](#limits)"
         rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default} | {when_of(prop)} | "
-                    f"{prop.blurb} |")
+                    f"{what} |")
     return rows
+
+
+def limits_section(factories):
+    """The table of what the property `limits` may have, as its description says: NAME (UNIT, RANGE: MEANING)."""
+    elements = [element for element in (f.create() for f in factories) if element.find_property("limits")]
+    first = elements[0].get_property("limits")
+    rows, names = [], set()
+    for name, unit, numbers, what in re.findall(r"([\w-]+) \(([^,]+), ([^:]+): ([^)]+)\)",
+                                                elements[0].find_property("limits").blurb):
+        names.add(name)
+        rows.append(f"| `{name}` | {TYPES[first.get_field_type(name).name]} | {unit} | {numbers} | "
+                    f"{number(first.get_value(name))} | {what} |")
+    if names != {first.nth_field_name(i) for i in range(first.n_fields())}:
+        sys.exit("elements.py: limits: its description names other limits than its value has")
+    links = [f"[`{name}`](#{name})" for name in (element.get_factory().get_name() for element in elements)]
+    return LIMITS.format(elements=", ".join(links[:-1]) + " and " + links[-1], rows="\n".join(rows))
 
 
 def pad_properties(element):
@@ -188,7 +228,7 @@ def main():
     Gst.Registry.get().add_plugin(plugin)
     features = Gst.Registry.get().get_feature_list_by_plugin(plugin.get_name())
     factories = sorted((f.load() for f in features if isinstance(f, Gst.ElementFactory)), key=lambda f: f.get_name())
-    text = HEAD + "".join(section(f, args.sources) for f in factories)
+    text = HEAD + limits_section(factories) + "".join(section(f, args.sources) for f in factories)
     if not args.check:
         args.file.write_text(text)
     elif args.file.read_text() != text:

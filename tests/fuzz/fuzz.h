@@ -13,20 +13,16 @@
 // What the targets share. A target is what libFuzzer calls with its inputs (tests/fuzz.sh), and what corpus_test.cc
 // calls with those in corpus/ and damaged copies of them:
 //   LF_FUZZ_TARGET(name)(const uint8_t* data, size_t size) { ...; return 0; }
-#ifdef LF_FUZZER
-#define LF_FUZZ_TARGET(name) extern "C" int LLVMFuzzerTestOneInput
-#else
 #define LF_FUZZ_TARGET(name)                                         \
   static int name##_target(const uint8_t*, size_t);                  \
   [[maybe_unused]] static const bool name##_is_there = [] {          \
     return lf::fuzz::targets().emplace(#name, name##_target).second; \
   }();                                                               \
   static int name##_target
-#endif
 
 namespace lf::fuzz {
 
-// By name, where a program has several.
+// By name.
 using Target = int (*)(const uint8_t*, size_t);
 inline std::map<std::string, Target>& targets() {
   static std::map<std::string, Target> all;
@@ -64,3 +60,11 @@ class Input {
 };
 
 }  // namespace lf::fuzz
+
+// libFuzzer's programs have one file each, and LF_FUZZER is the name of their target.
+#ifdef LF_FUZZER
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  static const lf::fuzz::Target target = lf::fuzz::targets().at(LF_FUZZER);
+  return target(data, size);
+}
+#endif

@@ -2,21 +2,23 @@
 #pragma once
 
 #include <random>
+#include <string_view>
 
 #include "fuzz/fuzz.h"
-#include "wire/answer_layout.h"
-#include "wire/bytes.h"
+#include "wire/answer_codec.h"
 #include "wire/unit.h"
 
-// For a target whose inputs are answers with `front` other bytes before them.
+// For a file of which one target has answers for its inputs, with `front` other bytes before them.
 #ifdef LF_FUZZER
 extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
-#define LF_FUZZ_ANSWERS(front)                                                                            \
+#define LF_FUZZ_ANSWERS(name, front)                                                                      \
   extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) { \
-    return lf::fuzz::repair_sometimes(data, LLVMFuzzerMutate(data, size, max_size), seed, front);         \
+    const size_t mutated = LLVMFuzzerMutate(data, size, max_size);                                        \
+    if (std::string_view(LF_FUZZER) != #name) return mutated;                                             \
+    return lf::fuzz::repair_sometimes(data, mutated, seed, front);                                        \
   }
 #else
-#define LF_FUZZ_ANSWERS(front)
+#define LF_FUZZ_ANSWERS(name, front)
 #endif
 
 namespace lf::fuzz {

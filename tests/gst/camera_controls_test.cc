@@ -7,7 +7,6 @@
 
 #include <map>
 
-#include "../gst/camsrc/v4l2_controls.h"
 #include "gst/gst_test.h"
 
 namespace lf::test {

@@ -8,25 +8,15 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "gst/gst_test.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 
 namespace lf::test {
 
-void run_to_end(const std::string& launch_line) {
-  g_autoptr(GError) error = nullptr;
-  GstElement* pipeline = gst_parse_launch(launch_line.c_str(), &error);
-  if (error) throw std::runtime_error(launch_line + ": " + error->message);
-  gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  GstBus* bus = gst_element_get_bus(pipeline);
-  GstMessage* message = gst_bus_timed_pop_filtered(bus, 20 * GST_SECOND,
-                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
-  const bool done = message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
-  gst_clear_message(&message);
-  gst_object_unref(bus);
-  gst_element_set_state(pipeline, GST_STATE_NULL);
-  gst_object_unref(pipeline);
-  if (!done) throw std::runtime_error(launch_line + ": did not end");
+void run_to_end(const std::string& line) {
+  const std::string error = run(line);
+  if (!error.empty()) throw std::runtime_error(line + ": " + error);
 }
 
 namespace {

@@ -9,7 +9,7 @@
 namespace lf::test {
 
 // Runs a pipeline to its end. Throws std::runtime_error where it does not come to one.
-void run_to_end(const std::string& launch_line);
+void run_to_end(const std::string& line);
 
 // A temporary folder with one little recording of each kind that lfcamsrc reads: kFrames frames of 64x48 at 15
 // frames/s, frame k all grey of level grey_of(k). Throws std::runtime_error where GStreamer can't write one.

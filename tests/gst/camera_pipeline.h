@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
+#include <functional>
+#include <string>
+#include <vector>
+
 #include <gst/gst.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
-
-#include <algorithm>
-#include <string>
-#include <vector>
 
 #include "../gst/common/common.h"
 #include "gst/camera_files.h"
@@ -150,6 +151,22 @@ class CameraPipeline {
   GstElement* pipeline_;
   GstElement* camera_;
   GstPad* pad_;
+};
+
+// lfcamsrc beside files of all kinds that it may read.
+class CamSrcTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { files = new CameraFiles; }
+  static void TearDownTestSuite() {
+    delete files;
+    files = nullptr;
+  }
+  // A rig of one camera.
+  static std::string rig_with(const std::function<void(Camera&)>& edit) { return files->save("rig.json", 1, edit); }
+  static std::string rig_with_source(const std::string& source) {
+    return rig_with([&](Camera& camera) { camera.source = source; });
+  }
+  static inline CameraFiles* files = nullptr;
 };
 
 }  // namespace lf::test

@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "camsrc/camera_shedder.h"
-
 namespace lf::test {
 namespace {
 

@@ -12,7 +12,7 @@
 #include "common/day_clock.h"
 #include "gst/array_fixture.h"
 #include "gst/gst_test.h"
-#include "support/answer_codec.h"
+#include "support/answers.h"
 
 namespace lf::test {
 namespace {
@@ -147,14 +147,8 @@ TEST(DayClock, AStepIsToldOnce) {
   gst_element_set_clock(e.get(), clock);
   set_day(clock, -40 * static_cast<GstClockTimeDiff>(GST_SECOND));
   for (int i = 0; i < 5; i++) EXPECT_LT(day_offset(e.get()), 0);
-  std::vector<std::string> told;
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
-  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
-    g_autoptr(GError) warning = nullptr;
-    gst_message_parse_warning(message, &warning, nullptr);
-    told.push_back(warning->message);
-    gst_message_unref(message);
-  }
+  const std::vector<std::string> told = all_warnings_on(bus);
   ASSERT_EQ(told.size(), 1u);
   EXPECT_NE(told[0].find("set back by 40.0"), std::string::npos) << told[0];
 }

@@ -1,20 +1,35 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <gst/base/gstaggregator.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+
 #include "gst/array_fixture.h"
-#include "support/answer_codec.h"
-#include "support/node_answer.h"
+#include "gst/gst_test.h"
+#include "support/answers.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
+
+// A GstAggregator for the parts of lfcompositor that work in one. What its base class asks of it goes to the functions
+// that are set.
+struct Hooks {
+  std::function<void()> aggregate = [] {};  // every pad has a buffer, which is dropped then
+  std::function<void()> negotiate = [] {};
+  std::function<GstFlowReturn(GstCaps* downstream, GstCaps** caps)> update_caps;
+  std::function<bool(GstCaps* caps)> negotiated;
+  std::function<bool(GstQuery* query)> allocation;
+};
+
+// Owned by the caller, floating. `hooks` must outlive it.
+GstElement* new_hooked_aggregator(Hooks* hooks);
 
 // lfcompositor with its request and src pads in one harness and a harness for each node.
 class LfCompositorTest : public testing::Test {
@@ -57,6 +72,14 @@ class LfCompositorTest : public testing::Test {
   void push(int node, const wire::Answer& answer) {
     ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))),
               GST_FLOW_OK);
+  }
+
+  // Asks for a view, and answers it with these cameras for node 0.
+  ViewRequest ask_and_answer(uint32_t sequence, uint64_t time, const std::vector<CameraIndex>& cameras) {
+    const ViewRequest asked = array_.request(sequence, time);
+    request(asked);
+    push(0, answer_of(asked, cameras));
+    return asked;
   }
 
   std::vector<uint8_t> pull() {

@@ -12,7 +12,7 @@
 #include <new>
 
 #include "gst/array_fixture.h"
-#include "support/answer_codec.h"
+#include "support/answers.h"
 #include "wire/request_codec.h"
 
 namespace {

@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "gst/array_fixture.h"
-#include "support/add_answer.h"
-#include "support/answer_codec.h"
+#include "support/answers.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

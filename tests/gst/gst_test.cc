@@ -50,6 +50,11 @@ std::string run(GstElement* pipeline, double seconds) {
   return result;
 }
 
+std::string run(const std::string& line, double seconds) {
+  const ElementPtr pipeline = launch(line);
+  return pipeline ? run(pipeline.get(), seconds) : "no pipeline";
+}
+
 std::string caps_of(GstPad* pad) {
   const CapsPtr caps(gst_pad_get_current_caps(pad));
   if (!caps) return "";
@@ -68,14 +73,31 @@ uint64_t stat(GstElement* element, const char* field) {
   return value;
 }
 
-std::string warnings_on(GstBus* bus) {
-  std::string texts;
+std::vector<std::string> all_warnings_on(GstBus* bus) {
+  std::vector<std::string> texts;
   while (g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
     g_autoptr(GError) error = nullptr;
     gst_message_parse_warning(message, &error, nullptr);
-    texts += error->message;
+    texts.emplace_back(error->message);
   }
   return texts;
+}
+
+std::string warnings_on(GstBus* bus) {
+  std::string all;
+  for (const std::string& text : all_warnings_on(bus)) all += text;
+  return all;
+}
+
+bool comes_to_end(GstHarness* harness) {
+  bool ended = false;
+  while (!ended) {
+    GstEvent* event = gst_harness_pull_event(harness);  // gives up after a minute
+    if (!event) break;
+    ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+  }
+  return ended;
 }
 
 TempFile::TempFile(const std::vector<uint8_t>& bytes, const std::string& ending) {

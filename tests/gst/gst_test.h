@@ -35,6 +35,8 @@ ElementPtr launch(const std::string& line);
 // Plays until the end of the stream and sets it to NULL: "" or the error's message and debug text ("timeout" after
 // `seconds`).
 std::string run(GstElement* pipeline, double seconds = 20);
+// The same of a launch line.
+std::string run(const std::string& line, double seconds = 20);
 
 // The caps of a pad as text; "" if it has none.
 std::string caps_of(GstPad* pad);
@@ -42,8 +44,12 @@ std::string caps_of(GstPad* pad);
 // A uint64 field of an element's `stats` structure; fails the test where there is none.
 uint64_t stat(GstElement* element, const char* field);
 
-// The texts of the warnings that wait on a bus, one behind the other; they wait no more.
+// The texts of the warnings that wait on a bus; they wait no more. warnings_on() has them one behind the other.
+std::vector<std::string> all_warnings_on(GstBus* bus);
 std::string warnings_on(GstBus* bus);
+
+// Whether EOS is among the events that come out of an element.
+bool comes_to_end(GstHarness* harness);
 
 // A file that is gone with the object.
 class TempFile {

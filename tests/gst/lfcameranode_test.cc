@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+
+#include "bins/lfcameranode.h"
 #include "gst/array_fixture.h"
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
-#include "gst/other_rig.h"
-#include "support/answer_codec.h"
-#include "support/seeing.h"
+#include "gst/loss_fixture.h"
+#include "rig/rig_json.h"
+#include "support/answers.h"
+#include "support/recorded.h"
+#include "support/temp_dir.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -19,6 +24,38 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
+
+std::vector<std::string> cameras(int first, int last, const std::string& why) {
+  std::vector<std::string> reasons;
+  for (int id = first; id <= last; id++)
+    reasons.push_back("rig.json: camera " + std::to_string(id) + ": rtsp://host/" + std::to_string(id) + ": " + why);
+  return reasons;
+}
+
+TEST(GroupedReasons, NoneAreNothing) { EXPECT_EQ(grouped_reasons({}, "; "), ""); }
+
+TEST(GroupedReasons, AFewStandAsTheyAre) {
+  EXPECT_EQ(grouped_reasons(cameras(0, 1, "it is gone"), "; "),
+            "rig.json: camera 0: rtsp://host/0: it is gone; rig.json: camera 1: rtsp://host/1: it is gone");
+  EXPECT_EQ(grouped_reasons(std::vector<std::string>{"no place"}, "; "), "no place");
+}
+
+TEST(GroupedReasons, ManyOfOneKindAreToldOnce) {
+  EXPECT_EQ(grouped_reasons(cameras(0, 63, "it is gone"), "; "),
+            "64 cameras: it is gone (rig.json: camera 0: rtsp://host/0 and others)");
+  EXPECT_EQ(grouped_reasons(std::vector<std::string>(4, "no place"), "; "), "4 cameras: no place");
+}
+
+TEST(GroupedReasons, KindsStayApart) {
+  std::vector<std::string> reasons = cameras(0, 0, "it is busy");
+  for (const std::string& reason : cameras(1, 4, "it is gone")) reasons.push_back(reason);
+  reasons.push_back("rig.json: camera 5: no such file");
+  EXPECT_EQ(grouped_reasons(reasons, "\n"),
+            "rig.json: camera 0: rtsp://host/0: it is busy\n"
+            "4 cameras: it is gone (rig.json: camera 1: rtsp://host/1 and others)\n"
+            "rig.json: camera 5: no such file");
+}
 
 // lfcameranode in a harness: requests in, answers out. The cameras of the array have no files: they film the scene.
 class LfCameraNodeTest : public testing::Test {
@@ -166,14 +203,7 @@ TEST_F(LfCameraNodeTest, EndOfRequestsIsTheEndOfAnswers) {
   play();
   ask(0);
   EXPECT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_eos()));
-  bool ended = false;
-  for (int i = 0; i < 20 && !ended; ++i) {
-    GstEvent* event = gst_harness_try_pull_event(harness_.get());
-    if (!event) break;
-    ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    gst_event_unref(event);
-  }
-  EXPECT_TRUE(ended);
+  EXPECT_TRUE(comes_to_end(harness_.get()));
 }
 
 // The cameras wait in lffragment for requests that never come.
@@ -289,12 +319,7 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
   EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
   for (const OtherRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
-    GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_WARNING);
-    ASSERT_TRUE(message);
-    g_autoptr(GError) error = nullptr;
-    gst_message_parse_warning(message, &error, nullptr);
-    EXPECT_THAT(error->message, testing::AllOf(HasSubstr(other->path()), HasSubstr("started anew")));
-    gst_message_unref(message);
+    EXPECT_THAT(warnings_on(bus.get()), testing::AllOf(HasSubstr(other->path()), HasSubstr("started anew")));
     g_autofree gchar* kept = nullptr;
     g_object_get(node_.get(), "rig", &kept, nullptr);
     EXPECT_EQ(kept, calibrated.path());
@@ -306,6 +331,183 @@ TEST_F(LfCameraNodeTest, LiveCamerasMakeALiveNode) {
   GstElement* node = make([](GstElement* element) { g_object_set(element, "is-live", TRUE, nullptr); });
   EXPECT_EQ(gst_element_set_state(node, GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
   gst_element_set_state(node, GST_STATE_NULL);
+}
+
+// lfcameranode record=...: what is on disk, whatever happens to cameras and to the disk.
+class LfCameraNodeRecordingTest : public LossTest {
+ protected:
+  std::string folder() const { return dir_ / "recording"; }
+  std::string file(int camera) const { return folder() + "/camera" + std::to_string(camera) + ".mkv"; }
+  std::string line_of(const std::string& rig, const std::string& more = "") const {
+    return line(rig, 1, "is-live=true loop=true record=" + folder() + " " + more);
+  }
+  // Of one of the cameras in the node's stats.
+  static uint64_t count(GstElement* node, int id, const char* field) {
+    GstStructure* stats = nullptr;
+    g_object_get(node, "stats", &stats, nullptr);
+    const StructurePtr owner(stats);
+    const auto inner = [](const GstStructure* outer, const std::string& name) {
+      return gst_value_get_structure(gst_structure_get_value(outer, name.c_str()));
+    };
+    guint64 value = 0;
+    EXPECT_TRUE(
+        gst_structure_get_uint64(inner(inner(stats, "cameras"), "camera-" + std::to_string(id)), field, &value));
+    return value;
+  }
+  static uint64_t recorded(GstElement* node, int id) { return count(node, id, "recorded"); }
+
+  TempDir dir_;
+};
+
+TEST_F(LfCameraNodeRecordingTest, WhatCamerasGiveIsInTheirFiles) {
+  const WatchedPipeline pipeline(line_of(rig(3, [](guint) { return "mjpeg.mkv"; }), "cameras=0,2"));
+  const ElementPtr node = pipeline.child("n");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 2) > 20; }));
+  EXPECT_EQ(count(node.get(), 0, "unrecorded"), 0u);
+  pipeline.set_state(GST_STATE_NULL);
+  for (const int camera : {0, 2}) {
+    const RecordedFile film = read_recorded(file(camera));
+    EXPECT_GT(film.times.size(), 20u);
+    EXPECT_LT(film.times.front(), GST_SECOND);
+    EXPECT_TRUE(std::ranges::is_sorted(film.times));
+  }
+  EXPECT_FALSE(std::filesystem::exists(file(1))) << "another node's";
+  EXPECT_EQ(load_rig(folder() + "/rig.json").cameras[1].source, "camera1.mkv");
+  EXPECT_THAT(pipeline.errors(), IsEmpty());
+}
+
+// A film that is live, over and over: each round from its key frame on, as it is in the film.
+TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  const auto film = slices_of(read_recorded(files->path("h264.mkv")));
+  ASSERT_EQ(film.size(), size_t{CameraFiles::kFrames});
+  const WatchedPipeline pipeline(line_of(rig(2, [](guint id) { return id ? "h264.mp4" : "h264.mkv"; })));
+  const ElementPtr node = pipeline.child("n");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
+  pipeline.stop();
+  std::vector<double> ends;
+  for (const int camera : {0, 1}) {
+    const RecordedFile recording = read_recorded(file(camera));
+    EXPECT_EQ(recording.kind, "video/x-h264");
+    ends.push_back(static_cast<double>(recording.end));
+    EXPECT_GT(recording.end, recording.times.back());
+    const auto slices = slices_of(recording);
+    ASSERT_GT(slices.size(), 20u);
+    for (size_t i = 0; i < slices.size(); i++) EXPECT_EQ(slices[i], film[i % film.size()]) << camera << " " << i;
+    for (size_t i = 0; i + 1 < slices.size(); i++) EXPECT_EQ(recording.keys[i], i % film.size() == 0) << i;
+    for (size_t i = 1; i < slices.size(); i++)
+      EXPECT_NEAR(static_cast<double>(recording.times[i] - recording.times[i - 1]) / GST_SECOND, 1.0 / 15, 2e-3) << i;
+  }
+  EXPECT_NEAR(ends[0], ends[1], 4e4) << "all begin again together in a loop";
+}
+
+TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
+  const std::string line = line_of(devices(2));
+  for (const bool first : {true, false}) {
+    const WatchedPipeline pipeline(line, GST_STATE_NULL);
+    EXPECT_EQ(pipeline.set_state(GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE, !first);
+    const ElementPtr node = pipeline.child("n");
+    if (first)
+      EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5; }));
+    else
+      EXPECT_THAT(pipeline.errors(),
+                  testing::ElementsAre(HasSubstr(folder() + ": there is a recording in it already")));
+    pipeline.set_state(GST_STATE_NULL);
+    EXPECT_GT(read_recorded(file(0)).times.size(), 4u);
+  }
+}
+
+// What a kill would leave is what the file has without its end: in PAUSED, nothing more comes.
+TEST_F(LfCameraNodeRecordingTest, AllButTheNewestFrameIsOnDiskMeanwhile) {
+  const ElementPtr pipeline = launch(line_of(rig(2, [](guint) { return "mjpeg.mkv"; })));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "n");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+  g_usleep(200000);  // a frame may have been on its way
+  for (const int camera : {0, 1}) {
+    const uint64_t frames = recorded(node.get(), camera);
+    EXPECT_TRUE(eventually([&] {
+      std::filesystem::copy_file(file(camera), dir_ / "copy.mkv", std::filesystem::copy_options::overwrite_existing);
+      return read_recorded(dir_ / "copy.mkv").times.size() >= frames - 1;
+    })) << frames;
+  }
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+TEST_F(LfCameraNodeRecordingTest, ACameraThatComesBackGoesOnInItsFile) {
+  const WatchedPipeline pipeline(line_of(devices(2)));
+  const ElementPtr node = pipeline.child("n");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 1) > 10; }));
+  failing_device(1).broken = true;
+  EXPECT_TRUE(eventually([&] { return pipeline.lost(1) == 1; }));
+  g_usleep(1000000);
+  const uint64_t before = recorded(node.get(), 1), other = recorded(node.get(), 0);
+  failing_device(1).broken = false;
+  EXPECT_TRUE(eventually([&] { return pipeline.found(1) == 1 && recorded(node.get(), 1) > before + 10; }));
+  pipeline.stop();
+  const std::vector<GstClockTime> times = read_recorded(file(1)).times;
+  ASSERT_GT(times.size(), before);
+  EXPECT_GT(times[before] - times[before - 1], GST_SECOND) << "no frames while there was no camera";
+  const std::vector<GstClockTime> meanwhile = read_recorded(file(0)).times;
+  ASSERT_GT(meanwhile.size(), other);
+  EXPECT_LT(meanwhile[other - 1], times[before]) << "the cameras stay in step";
+}
+
+TEST_F(LfCameraNodeRecordingTest, AFullDiskEndsTheRecordingAndNothingElse) {
+  std::filesystem::create_directories(dir_ / "disk");
+  if (mount("none", (dir_ / "disk").c_str(), "tmpfs", 0, "size=64k") != 0)
+    GTEST_SKIP() << "a small disk can't be mounted here";
+  {
+    const WatchedPipeline pipeline(line(devices(2), 1, "is-live=true record=" + dir_ / "disk/r"), GST_STATE_NULL);
+    const ElementPtr bus_owner = pipeline.child("n"), sink = pipeline.child("s0");
+    Pictures pictures(sink.get());
+    pipeline.set_state(GST_STATE_PLAYING);
+    const auto has_stopped = [&] {
+      const std::vector<std::string> warnings = pipeline.warnings();
+      return std::ranges::count_if(warnings, [&](const std::string& text) {
+        return text.find(dir_ / "disk/r" + ": recording has stopped: ") != std::string::npos &&
+               text.find("No space left") != std::string::npos;
+      });
+    };
+    EXPECT_TRUE(eventually([&] { return has_stopped() == 1; }));
+    const int then = pictures.count();
+    EXPECT_TRUE(eventually([&] { return pictures.count() > then + 10; }));
+    EXPECT_EQ(has_stopped(), 1) << "told once";
+    pipeline.stop();
+    EXPECT_GT(read_recorded(dir_ / "disk/r/camera0.mkv").times.size(), 10u);
+  }
+  EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
+}
+
+// A film that is not live is recorded as fast as it is asked for, with the times that it has.
+TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
+  const std::string film = rig(2, [](guint) { return "mjpeg.mkv"; });
+  EXPECT_EQ(run("lfviewrequest rig=" + film +
+                " framerate=15/1 num-buffers=6 width=64 height=48 ! tee name=r  r. ! queue ! "
+                "n.request lfcameranode name=n rig=" +
+                film + " record=" + folder() + " ! c.sink_0  r. ! queue ! c.request lfcompositor name=c ! fakesink"),
+            "");
+  const std::vector<GstClockTime> times = read_recorded(file(0)).times;
+  ASSERT_GE(times.size(), 6u);
+  EXPECT_EQ(times[0], 0u);
+  EXPECT_NEAR(static_cast<double>(times[5]), 5.0 * GST_SECOND / 15, 1e6);
+}
+
+// The bins around a node have its property.
+TEST_F(LfCameraNodeRecordingTest, AViewSourceRecordsItsCameras) {
+  const std::string source =
+      "lfviewsrc name=v trusted=true rig=" + devices(2) + " width=64 height=48 record=" + folder();
+  const ElementPtr pipeline = launch(source + " ! fakesink sync=false");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "node");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5 && recorded(node.get(), 1) > 5; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_GT(read_recorded(file(1)).times.size(), 4u);
+
+  const WatchedPipeline elsewhere(source + "2 nodes=127.0.0.1:27433:27434 ! fakesink", GST_STATE_NULL);
+  EXPECT_EQ(elsewhere.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(elsewhere.errors(), testing::ElementsAre(HasSubstr("record: the cameras are on other hosts")));
 }
 
 }  // namespace

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
 #include <gmock/gmock.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <string>
-#include <vector>
-
 #include "../gst/common/common.h"
-#include "gst/camera_fixture.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
@@ -21,7 +23,7 @@
 namespace lf::test {
 namespace {
 
-using ::testing::HasSubstr;
+using testing::HasSubstr;
 
 // uridecodebin goes to PAUSED by and by, the camera at once: the pipeline must not wait for the one after the other.
 TEST_F(CamSrcTest, DecodersDoNotKeepALivePipelineWaiting) {
@@ -247,32 +249,33 @@ TEST_F(CamSrcTest, DownstreamMayChooseTheFormat) {
 TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
   for (const std::string source : {"mjpeg.mkv", "mjpeg.avi", "jpeg_%02d.jpg"})
     for (const std::string framerate : {"0/1", "30/1"}) {
-      const ElementPtr pipeline =
-          launch("lfcamsrc decode=false framerate=" + framerate + " rig=" + rig_with_source(source) +
-                 " ! image/jpeg ! jpegdec ! fakesink sync=false");
-      ASSERT_TRUE(pipeline);
-      EXPECT_EQ(run(pipeline.get()), "") << source << " " << framerate;
+      EXPECT_EQ(run("lfcamsrc decode=false framerate=" + framerate + " rig=" + rig_with_source(source) +
+                    " ! image/jpeg ! jpegdec ! fakesink sync=false"),
+                "")
+          << source << " " << framerate;
     }
-  const ElementPtr wrong = launch("lfcamsrc decode=false rig=" + files->save("wrong.json", 1, [](Camera& camera) {
-    camera.source = "jpeg_%02d.jpg";
-    camera.width = 65;
-  }) + " ! fakesink");
-  ASSERT_TRUE(wrong);
-  EXPECT_THAT(run(wrong.get()), HasSubstr("the picture is 64x48, the rig says 65x48"));
+  EXPECT_THAT(run("lfcamsrc decode=false rig=" +
+                  files->save("wrong.json", 1,
+                              [](Camera& camera) {
+                                camera.source = "jpeg_%02d.jpg";
+                                camera.width = 65;
+                              }) +
+                  " ! fakesink"),
+              HasSubstr("the picture is 64x48, the rig says 65x48"));
   // A damaged picture says nothing of the size.
   std::ofstream(files->path("begins_00.jpg")) << "\xff\xd8\xff\xe0 and no more of a picture";
   std::filesystem::copy(files->path("jpeg_00.jpg"), files->path("begins_01.jpg"));
-  const ElementPtr damaged = launch("lfcamsrc decode=false rig=" + files->save("damaged.json", 1, [](Camera& camera) {
-    camera.source = "begins_%02d.jpg";
-    camera.width = 65;
-  }) + " ! fakesink");
-  ASSERT_TRUE(damaged);
-  EXPECT_THAT(run(damaged.get()), HasSubstr("the picture is 64x48, the rig says 65x48"));
+  EXPECT_THAT(run("lfcamsrc decode=false rig=" +
+                  files->save("damaged.json", 1,
+                              [](Camera& camera) {
+                                camera.source = "begins_%02d.jpg";
+                                camera.width = 65;
+                              }) +
+                  " ! fakesink"),
+              HasSubstr("the picture is 64x48, the rig says 65x48"));
   for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // nothing to bypass
-    const ElementPtr pipeline =
-        launch("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false");
-    ASSERT_TRUE(pipeline);
-    EXPECT_EQ(run(pipeline.get()), "") << source;
+    EXPECT_EQ(run("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false"), "")
+        << source;
   }
 }
 
@@ -291,6 +294,281 @@ TEST_F(CamSrcTest, PropertiesSetInReadyCount) {
   g_object_set(camera.camera(), "num-frames", gint64{1}, nullptr);
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.frames.size(), 1u);
+}
+
+// --- Errors ----------------------------------------------------------------------------------------------------------
+
+// Each bad input and what the message says of the place.
+TEST_F(CamSrcTest, ErrorsNameThePlace) {
+  const auto write = [&](const std::string& name, const std::string& text) {
+    std::ofstream(files->path(name)) << text;
+  };
+  write("empty.mkv", "");
+  write("broken.png", "\x89PNG\r\n\x1a\nnothing more");
+  write("broken.mkv", "\x1a\x45\xdf\xa3 nothing more");
+  std::filesystem::create_directory(files->path("folder"));
+  write("b.json", "{\"format\": ");
+  write("c.json", R"({"format": "lightfield-rig", "version": 1})");
+  const std::string in_a = files->path("a.json") + ": camera 0 (cam_0): ";
+  struct Case {
+    const char* what;
+    std::string properties;
+    const char* source;    // of the camera of a.json, which then is the rig; null: no such rig
+    bool at_state_change;  // else with the data
+    std::vector<std::string> words;
+    int width = CameraFiles::kWidth;
+  };
+  const Case cases[] = {
+      {"no rig", "", nullptr, true, {"rig: not set"}},
+      {"rig missing", "rig=" + files->path("none.json"), nullptr, true, {"none.json", "no such file"}},
+      {"rig not JSON", "rig=" + files->path("b.json"), nullptr, true, {files->path("b.json")}},
+      {"rig without cameras", "rig=" + files->path("c.json"), nullptr, true, {files->path("c.json"), "cameras"}},
+      {"no such camera", "camera=7", "", true, {"a.json", "no camera 7"}},
+      {"file missing", "", "no.mkv", true, {in_a + files->path("no.mkv"), "no such file"}},
+      {"folder", "", "folder", true, {in_a + files->path("folder"), "not a file"}},
+      {"sequence missing", "", "no_%03d.png", true, {in_a + files->path("no_%03d.png"), "no such files"}},
+      {"pattern with two numbers", "", "%d_%d.png", true, {in_a, "\"%d_%d.png\""}},
+      {"pattern with a string", "", "a_%s.png", true, {in_a, "\"a_%s.png\""}},
+      {"sequence of videos", "", "empty%%_%d.mkv", true, {in_a, "no such files"}},
+      {"wrong size of a video", "", "mjpeg.mkv", false, {in_a + files->path("mjpeg.mkv"), "64x48", "100x48"}, 100},
+      {"wrong size of a sequence", "", "jpeg_%02d.jpg", false, {in_a, "jpeg_%02d.jpg", "64x48", "100x48"}, 100},
+      {"wrong size of a still", "", "png_1.png", false, {in_a + files->path("png_1.png"), "64x48", "100x48"}, 100},
+      {"wrong size of another file", "", "mjpeg.avi", false, {in_a, "mjpeg.avi", "64x48", "100x48"}, 100},
+      {"empty file", "", "empty.mkv", false, {in_a, "empty.mkv"}},
+      {"broken PNG", "", "broken.png", false, {in_a, "broken.png"}},
+      {"broken Matroska", "", "broken.mkv", false, {in_a, "broken.mkv"}},
+      {"no video", "", "sound.mkv", false, {in_a, "sound.mkv", "no video"}},
+      {"unknown URI", "trusted=true", "nothing://x", false, {in_a, "nothing://x"}},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.what);
+    const std::string rig = !c.source ? "" : " rig=" + files->save("a.json", 1, [&](Camera& camera) {
+      camera.source = c.source;
+      camera.width = c.width;
+    });
+    CameraPipeline camera(c.properties + rig);
+    const GstStateChangeReturn result = camera.set_state(GST_STATE_PLAYING);
+    if (c.at_state_change) {
+      EXPECT_EQ(result, GST_STATE_CHANGE_FAILURE);
+    }
+    const std::string text = camera.wait();
+    for (const std::string& word : c.words) EXPECT_THAT(text, HasSubstr(word));
+    EXPECT_EQ(camera.wait(GST_MSECOND), "timeout") << "one error is enough";
+    camera.set_state(GST_STATE_NULL);
+    EXPECT_TRUE(camera.frames.empty());
+    EXPECT_EQ(GST_BIN_NUMCHILDREN(camera.camera()), 0);
+  }
+}
+
+// All that a pipeline says: messages, and what our categories log at the highest level.
+class Listener {
+ public:
+  Listener() {
+    gst_debug_set_threshold_from_string("lf*:9", FALSE);
+    gst_debug_add_log_function(log, this, nullptr);
+  }
+  ~Listener() {
+    gst_debug_remove_log_function_by_data(this);
+    gst_debug_set_threshold_from_string("lf*:1", FALSE);
+  }
+  // Until an error, or for `patience` in all: a camera that is tried again always has something to say.
+  void read(GstElement* pipeline, GstClockTime patience) {
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
+    const gint64 end = g_get_monotonic_time() + static_cast<gint64>(patience / GST_USECOND);
+    for (bool going = true; going;) {
+      const gint64 left = std::max<gint64>(0, end - g_get_monotonic_time());
+      GstMessage* message = gst_bus_timed_pop(bus, static_cast<GstClockTime>(left) * GST_USECOND);
+      if (!message) break;
+      going = GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR;
+      if (const GstStructure* structure = gst_message_get_structure(message)) {
+        g_autofree gchar* text = gst_structure_to_string(structure);
+        add(text);
+      }
+      problems_ += GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR || GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
+      // Structures print errors as pointers.
+      g_autoptr(GError) error = nullptr;
+      g_autofree gchar* debug = nullptr;
+      if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) gst_message_parse_error(message, &error, &debug);
+      if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING) gst_message_parse_warning(message, &error, &debug);
+      if (error) add(error->message);
+      if (debug) add(debug);
+      gst_message_unref(message);
+    }
+  }
+  int problems() const { return problems_; }
+  std::string said() const {
+    const std::lock_guard lock(mutex_);
+    return said_;
+  }
+
+ private:
+  void add(const char* text) {
+    const std::lock_guard lock(mutex_);
+    said_ += std::string(text) + "\n";
+  }
+  static void log(GstDebugCategory* category, GstDebugLevel, const gchar*, const gchar*, gint, GObject*,
+                  GstDebugMessage* message, gpointer self) {
+    if (g_str_has_prefix(gst_debug_category_get_name(category), "lf"))
+      static_cast<Listener*>(self)->add(gst_debug_message_get(message));
+  }
+  mutable std::mutex mutex_;
+  std::string said_;
+  int problems_ = 0;
+};
+
+TEST_F(CamSrcTest, NeverTellsPasswords) {
+  const char* const sources[] = {
+      "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream",
+      "rtsp://Hunter2Secret@127.0.0.1:1/stream",
+      "http://admin:Hunter2Secret@127.0.0.1:1/a.jpg",
+      "http://127.0.0.1:1/video.cgi?user=admin&pwd=Hunter2Secret",
+      "nothing://admin:Hunter2Secret@host/x",
+      "rtspsrc location=rtsp://127.0.0.1:1/ user-id=me user-pw=Hunter2Secret ! decodebin",
+      "rtspsrc location=rtsp://me:Hunter2Secret@127.0.0.1:1/ ! decodebin",
+      "souphttpsrc location=http://127.0.0.1:1/ user-pw=\"Hunter2Secret and more\" ! jpegdec",
+      "rtspsrc nosuch=1 user-pw=Hunter2Secret ! decodebin",
+      "nosuchelement password=Hunter2Secret ! decodebin",
+  };
+  for (const char* source : sources)
+    for (const char* retry : {"false", "true"}) {
+      SCOPED_TRACE(std::string(source) + " retry=" + retry);
+      Listener listener;
+      CameraPipeline camera("rig=" + rig_with_source(source) + " trusted=true retry=" + retry);
+      camera.set_state(GST_STATE_PLAYING);
+      listener.read(camera.pipeline(), (*retry == 't' ? 1 : 3) * GST_SECOND);
+      g_autoptr(GstStructure) stats = nullptr;
+      g_object_get(camera.camera(), "stats", &stats, nullptr);
+      g_autofree gchar* text = gst_structure_to_string(stats);
+      camera.set_state(GST_STATE_NULL);
+      EXPECT_GT(listener.problems(), 0) << "there is something to tell";
+      EXPECT_THAT(listener.said() + text, ::testing::Not(HasSubstr("Hunter2Secret")));
+    }
+}
+
+TEST_F(CamSrcTest, IsUsableAgainAfterAnError) {
+  CameraPipeline camera("rig=" + rig_with_source("no.mkv") + " num-frames=1");
+  ASSERT_THAT(camera.play(), HasSubstr("no.mkv"));
+  rig_with_source("mjpeg.mkv");
+  g_object_set(camera.camera(), "rig", files->path("rig.json").c_str(), nullptr);
+  EXPECT_EQ(camera.play(), "EOS");
+}
+
+// --- Capture devices by URI ------------------------------------------------------------------------------------------
+//
+// One that speaks like a webcam stands for hardware: a live source that has its pictures in two sizes, the larger one
+// first, in YUY2 and, at a higher rate, in JPEG.
+
+struct FakeWebcam {
+  GstBin parent;
+};
+struct FakeWebcamClass {
+  GstBinClass parent_class;
+};
+
+GstURIType uri_type(GType) { return GST_URI_SRC; }
+const gchar* const* uri_protocols(GType) {
+  static const gchar* const protocols[] = {"webcam", nullptr};
+  return protocols;
+}
+gchar* get_uri(GstURIHandler*) { return g_strdup("webcam://"); }
+gboolean set_uri(GstURIHandler*, const gchar*, GError**) { return TRUE; }
+void uri_handler_init(gpointer iface, gpointer) {
+  auto* handler = static_cast<GstURIHandlerInterface*>(iface);
+  handler->get_type = uri_type;
+  handler->get_protocols = uri_protocols;
+  handler->get_uri = get_uri;
+  handler->set_uri = set_uri;
+}
+
+G_DEFINE_TYPE_WITH_CODE(FakeWebcam, fake_webcam, GST_TYPE_BIN,
+                        G_IMPLEMENT_INTERFACE(GST_TYPE_URI_HANDLER, uri_handler_init))
+
+GstStaticPadTemplate webcam_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS("video/x-raw, format=YUY2, width=640, height=480, framerate=10/1;"
+                                            "video/x-raw, format=YUY2, width=64, height=48, framerate={15/1, 10/1};"
+                                            "image/jpeg, width=64, height=48, framerate=30/1"));
+
+void fake_webcam_class_init(FakeWebcamClass* klass) {
+  gst_element_class_add_static_pad_template(GST_ELEMENT_CLASS(klass), &webcam_template);
+  gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(klass), "Webcam", "Source/Video", "Fake", "none");
+}
+
+// Which of its formats it is to give is seen only when somebody asks for caps.
+void choose_format(GstPad* ghost, GstPad*, gpointer data) {
+  auto* self = static_cast<GstElement*>(data);
+  GstCaps* asked = gst_pad_peer_query_caps(ghost, nullptr);
+  GstCaps* mine = gst_static_pad_template_get_caps(&webcam_template);
+  const bool can = gst_caps_can_intersect(mine, asked);  // else it gives what it has, which is refused
+  GstCaps* caps = gst_caps_fixate(can ? gst_caps_intersect(mine, asked) : gst_caps_ref(mine));
+  const bool jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
+  GstElement* test = gst_element_factory_make("videotestsrc", nullptr);
+  GstElement* filter = gst_element_factory_make("capsfilter", nullptr);
+  GstElement* coder = gst_element_factory_make(jpeg ? "jpegenc" : "identity", nullptr);
+  GstCaps* raw = gst_caps_copy(caps);
+  if (jpeg) gst_structure_set_name(gst_caps_get_structure(raw, 0), "video/x-raw");
+  g_object_set(test, "is-live", TRUE, nullptr);
+  g_object_set(filter, "caps", raw, nullptr);
+  gst_bin_add_many(GST_BIN(self), test, filter, coder, nullptr);
+  gst_element_link_many(test, filter, coder, nullptr);
+  GstPad* target = gst_element_get_static_pad(coder, "src");
+  gst_ghost_pad_set_target(GST_GHOST_PAD(ghost), target);
+  gst_object_unref(target);
+  for (GstCaps* c : {asked, mine, caps, raw}) gst_caps_unref(c);
+}
+
+void fake_webcam_init(FakeWebcam* self) {
+  GstPadTemplate* pad_template = gst_static_pad_template_get(&webcam_template);
+  GstPad* pad = gst_ghost_pad_new_no_target_from_template("src", pad_template);
+  gst_object_unref(pad_template);
+  g_signal_connect(pad, "linked", G_CALLBACK(choose_format), self);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+}
+
+class DeviceTest : public CamSrcTest {
+ protected:
+  static void SetUpTestSuite() {
+    gst_element_register(nullptr, "fakewebcam", GST_RANK_PRIMARY, fake_webcam_get_type());
+    CamSrcTest::SetUpTestSuite();
+  }
+};
+
+TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
+  for (int i = 0; i < 10; i++) {
+    CameraPipeline camera("num-frames=3 trusted=true rig=" + rig_with_source("webcam://0"));
+    ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "it is live, said or not";
+    ASSERT_EQ(camera.play(), "EOS");
+    EXPECT_EQ(camera.info.width, 64);
+    EXPECT_EQ(camera.info.fps_n, 15);
+    ASSERT_EQ(camera.frames.size(), 3u);
+    EXPECT_GT(camera.frames[0].capture_time, camera.frames[0].running_time) << "clock time";
+  }
+}
+
+TEST_F(DeviceTest, IsAskedForTheRateAndMayGiveJpeg) {
+  CameraPipeline camera("num-frames=3 framerate=30/1 is-live=true trusted=true rig=" + rig_with_source("webcam://0"));
+  ASSERT_EQ(camera.play(), "EOS");
+  EXPECT_EQ(camera.info.fps_n, 30);
+  EXPECT_EQ(camera.frames.size(), 3u);
+}
+
+TEST_F(DeviceTest, JpegStaysJpegWhereItIsNotDecoded) {
+  EXPECT_EQ(run("lfcamsrc decode=false num-frames=2 trusted=true rig=" + rig_with_source("webcam://0") +
+                " ! image/jpeg,framerate=30/1 ! fakesink"),
+            "");
+}
+
+TEST_F(DeviceTest, ErrorsNameThePlace) {
+  const std::string small = files->save("small.json", 1, [](Camera& camera) {
+    camera.source = "webcam://0";
+    camera.width = 62;
+  });
+  const std::string place = small + ": camera 0 (cam_0): webcam://0: ";
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + small).play(), HasSubstr(place + "it gives no pictures of 62x48"));
+  EXPECT_THAT(CameraPipeline("framerate=25/1 trusted=true rig=" + small).play(), HasSubstr("62x48 at 25/1 frames/s"));
+  if (!ElementPtr(gst_element_factory_make("v4l2src", nullptr))) GTEST_SKIP() << "v4l2src is not installed";
+  EXPECT_THAT(CameraPipeline("rig=" + rig_with_source("v4l2:///dev/video-none")).play(),
+              testing::AllOf(HasSubstr("camera 0 (cam_0): v4l2:///dev/video-none: "), HasSubstr("Cannot identify")));
 }
 
 }  // namespace

@@ -1,16 +1,90 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <atomic>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
 #include <gmock/gmock.h>
+#include <gst/check/gsttestclock.h>
 #include <gtest/gtest.h>
 
-#include "composite/camera_health.h"
-#include "gst/compositor_live_fixture.h"
-#include "support/halves.h"
-#include "wire/answer_parser.h"
-#include "wire/answer_writer.h"
-#include "wire/payload.h"
+#include "common/custom_events.h"
+#include "composite/answer_watch.h"
+#include "gst/array_fixture.h"
+#include "gst/compositor_fixture.h"
+#include "support/fragments.h"
+#include "wire/answer_codec.h"
 
 namespace lf::test {
 namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
+
+// Live, on a clock that stands still unless a test moves it: what comes out without that was not waited for.
+class LfCompositorLiveTest : public LfCompositorTest {
+ protected:
+  void start_live(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}) {
+    start(nodes, properties);
+    g_object_set(element_.get(), "latency", kLatency, nullptr);
+    gst_harness_set_live(harness_.get(), TRUE);
+    for (const HarnessPtr& node : nodes_) gst_harness_set_live(node.get(), TRUE);
+    gst_harness_use_testclock(harness_.get());
+    gst_harness_set_time(harness_.get(), kNow);
+    gst_harness_query_latency(harness_.get());
+  }
+
+  ViewRequest ask(const CameraSet& out_of_service = {}) {
+    ViewRequest asked = array_.request(sequence_, kNow + sequence_ * kFrame);
+    sequence_++;
+    asked.out_of_service = out_of_service;
+    gst_harness_set_time(harness_.get(), asked.target_time);
+    request(asked);
+    return asked;
+  }
+
+  // The deadline of the request asked for last passes.
+  void pass_deadline() { gst_harness_set_time(harness_.get(), kNow + (sequence_ - 1) * kFrame + kLatency); }
+
+  // What comes out while the clock stands still.
+  std::vector<uint8_t> pull() {
+    settle(5000);
+    return gst_harness_buffers_in_queue(harness_.get()) > 0 ? LfCompositorTest::pull() : std::vector<uint8_t>{};
+  }
+
+  // Lets the compositor do what it can for so many milliseconds, or until a picture is out. (A test clock lets nobody
+  // go on by itself, not even from the past.)
+  void settle(int milliseconds) {
+    GstTestClock* clock = gst_harness_get_testclock(harness_.get());
+    for (int i = 0; i < milliseconds && gst_harness_buffers_in_queue(harness_.get()) == 0; i++) {
+      GstClockID id = nullptr;
+      if (gst_test_clock_peek_next_pending_id(clock, &id)) {
+        if (gst_clock_id_get_time(id) <= gst_clock_get_time(GST_CLOCK(clock)))
+          gst_clock_id_unref(gst_test_clock_process_next_clock_id(clock));
+        gst_clock_id_unref(id);
+      }
+      g_usleep(1000);
+    }
+    gst_object_unref(clock);
+  }
+
+  // The sets that were announced since the last call.
+  std::vector<CameraSet> announced() {
+    std::vector<CameraSet> sets;
+    while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
+      const std::shared_ptr<const ViewFeedback> feedback = parse_view_feedback(event);
+      if (feedback && feedback->out_of_service && feedback->view_id == 0) sets.push_back(*feedback->out_of_service);
+      gst_event_unref(event);
+    }
+    return sets;
+  }
+
+  uint32_t sequence_ = 0;
+};
 
 // As capture-delay grows, where the application does not heed the message.
 TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
@@ -28,9 +102,6 @@ TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
   push(0, answer_of(asked, {0, 1, 2, 3}));
   EXPECT_GE(range(pull()).first, 199);
 }
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 TEST_F(LfCompositorLiveTest, APictureIsOutAtItsDeadlineWithoutTheSilentNode) {
   start_live(2, {{"rig", array_.rig_path()}});
@@ -188,6 +259,335 @@ TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 3u);
   EXPECT_NEAR(picture[(4 * 16 + 6) * 3], 200, 6);
   EXPECT_NEAR(picture[(8 * 16 + 6) * 3], 200, 1);
+}
+
+// Nodes that come and go, and rigs that are replaced, while lfcompositor runs.
+class LfCompositorChangeTest : public LfCompositorLiveTest {
+ protected:
+  void leave(size_t node) { nodes_[node].reset(); }
+  void join(size_t node, bool live) {
+    nodes_[node].reset(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(node)).c_str(), nullptr));
+    gst_harness_set_live(nodes_[node].get(), live);
+    gst_harness_set_src_caps_str(nodes_[node].get(), "application/x-lightfield-answer");
+  }
+  void set_rig(const std::string& path) { g_object_set(element_.get(), "rig", path.c_str(), nullptr); }
+};
+
+TEST_F(LfCompositorChangeTest, FilesAreNotWaitedForByANodeThatLeft) {
+  start(2, {{"rig", array_.rig_path()}});
+  ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2});
+  leave(1);
+  LfCompositorTest::pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
+  // Its first answer is to a later request.
+  join(1, false);
+  asked = array_.request(1, kFrame);
+  const ViewRequest next = array_.request(2, 2 * kFrame);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2}));
+  push(1, answer_of(next, {3}));
+  LfCompositorTest::pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
+  request(next);
+  push(0, answer_of(next, {0, 1, 2}));
+  EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
+}
+
+TEST_F(LfCompositorChangeTest, WhatCameOfANodeBeforeItLeftIsShown) {
+  start(2, {{"rig", array_.rig_path()}});
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(1, answer_of(asked, {2, 3}));
+  push(0, answer_of(asked, {0, 1}));
+  leave(1);
+  EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
+}
+
+TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilItIsBack) {
+  start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
+  ViewRequest asked = ask();
+  push(1, answer_of(asked, {2, 3}));
+  push(0, answer_of(asked, {0, 1}));
+  EXPECT_GE(range(pull()).first, 199);
+  leave(1);
+  for (int i = 0; i < 3; i++) {
+    EXPECT_THAT(announced(), IsEmpty()) << i;
+    asked = ask();
+    push(0, answer_of(asked, {0, 1}));
+    EXPECT_FALSE(pull().empty()) << "nobody is waited for";
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
+  const uint64_t missing = stat(element_.get(), "missing-fragments");
+  asked = ask({2, 3});
+  push(0, answer_of(asked, {0, 1}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
+  join(1, true);
+  for (unsigned i = 0; i < CameraHealth::kBackAfter; i++) {
+    EXPECT_THAT(announced(), IsEmpty()) << i;
+    asked = ask({2, 3});
+    wire::Answer nothing = answer_of(asked, {});
+    nothing.cameras = CameraRanges(CameraSet{2, 3});
+    push(1, nothing);
+    push(0, answer_of(asked, {0, 1}));
+    EXPECT_FALSE(pull().empty());
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{}));
+  asked = ask();
+  push(1, answer_of(asked, {2, 3}));
+  push(0, answer_of(asked, {0, 1}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
+}
+
+TEST_F(LfCompositorChangeTest, NodesComeAndGoWhilePicturesAreMade) {
+  start(1, {{"rig", array_.rig_path()}});
+  nodes_.resize(2);
+  std::atomic<bool> done = false;
+  std::thread other([&] {
+    while (!done) {
+      join(1, false);
+      gst_harness_push(nodes_[1].get(), to_buffer({1, 2, 3}));
+      leave(1);
+    }
+  });
+  for (uint32_t i = 0; i < 100; i++) {
+    ask_and_answer(i, i * kFrame, {0, 1, 2, 3});
+    EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
+  }
+  done = true;
+  other.join();
+}
+
+// ------------------------------------------------------------------------------------------------------------ rigs
+
+// Pictures of the one rig are dark, of the other one bright; wherever one is wholly lost the picture before shows.
+TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigsWhateverIsReplacedFirst) {
+  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15.5, 11.5); });
+  const std::vector<CameraIndex> own[] = {{0}, {1, 2, 3}};  // a triangle is the second one's alone
+  std::vector<size_t> order{0, 1, 2, 3};                    // the viewer, the nodes, the compositor
+  do {
+    SCOPED_TRACE(testing::PrintToString(order));
+    start_live(2, {{"rig", array_.rig_path()}});
+    bool is_new[4] = {};
+    const auto hash = [&](bool second) { return second ? other.hash() : array_.rig().hash(); };
+    for (size_t step = 0; step < 6; step++) {
+      if (step > 0 && step < 5) is_new[order[step - 1]] = true;
+      if (step > 0 && step < 5 && order[step - 1] == 3) set_rig(other.path());
+      ViewRequest asked = array_.request(sequence_, kNow + sequence_ * kFrame);
+      sequence_++;
+      asked.rig_hash = hash(is_new[0]);
+      asked.view.lens = Lens::pinhole(15, 7.5, 5.5);  // far into both triangles
+      gst_harness_set_time(harness_.get(), asked.target_time);
+      request(asked);
+      for (const size_t node : {0u, 1u}) {
+        const bool second = is_new[1 + node];
+        wire::Answer answer = answer_of(asked, own[node], second ? 220 : 50);
+        answer.rig_hash = hash(second);
+        if (second != is_new[0]) {  // the request is for another rig
+          answer.fragments.clear();
+          answer.cameras = {};
+        }
+        push(static_cast<int>(node), answer);
+      }
+      const std::vector<uint8_t> picture = pull();
+      ASSERT_FALSE(picture.empty());
+      bool dark = false, bright = false;
+      for (const uint8_t value : picture) {
+        dark = dark || (value > 10 && value < 60);
+        bright = bright || value > 200;
+        EXPECT_TRUE(value <= 10 || (value > 40 && value < 60) || value > 200) << int{value};
+      }
+      EXPECT_FALSE(dark && bright) << "step " << step;
+      EXPECT_TRUE(step > 0 || range(picture).second <= 51);
+      EXPECT_TRUE(step < 4 || range(picture).first >= 218);
+    }
+    EXPECT_EQ(stat(element_.get(), "complete"), 3u);
+    nodes_.clear();
+    harness_.reset();
+    sequence_ = 0;
+  } while (std::next_permutation(order.begin(), order.end()));
+}
+
+TEST_F(LfCompositorChangeTest, CamerasOutOfServiceAreForgottenWithTheirRig) {
+  const OtherRig smaller(array_.rig(), [](Rig& rig) {
+    rig.cameras.pop_back();
+    rig.topology = {};
+  });
+  start_live(1, {{"rig", array_.rig_path()}, {"max-missed", "1"}});
+  for (int i = 0; i < 2; i++) {
+    push(0, answer_of(ask(), {0, 1}));
+    pull();
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
+  set_rig(smaller.path());
+  ask({3});  // which now is nobody: dropped
+  settle(30);
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{}));
+  EXPECT_EQ(stat(element_.get(), "out-of-service"), 0u);
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 1u);
+  ViewRequest asked = ask();
+  wire::Answer answer = answer_of(asked, {0, 1, 2});
+  answer.rig_hash = smaller.hash();
+  push(0, answer);
+  EXPECT_FALSE(pull().empty());
+}
+
+TEST_F(LfCompositorChangeTest, ARigThatCannotBeReadChangesNothing) {
+  start(1, {{"rig", array_.rig_path()}});
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
+  gst_element_set_bus(element_.get(), bus.get());
+  set_rig("/nowhere/rig.json");
+  EXPECT_THAT(warnings_on(bus.get()), HasSubstr("/nowhere/rig.json"));
+  ask_and_answer(0, 0, {0, 1, 2});
+  LfCompositorTest::pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
+  g_autofree gchar* kept = nullptr;
+  g_object_get(element_.get(), "rig", &kept, nullptr);
+  EXPECT_EQ(kept, array_.rig_path());
+}
+
+// Answers that nobody has asked for, forged or of a viewer that has begun anew since, cost at most one picture.
+class CompositorLimitsTest : public LfCompositorLiveTest {
+ protected:
+  // A request, and what two nodes answer to it; complete?
+  bool is_complete() {
+    const uint64_t before = stat(element_.get(), "complete");
+    const ViewRequest asked = ask();
+    push(0, answer_of(asked, {0, 1}));
+    push(1, answer_of(asked, {2, 3}));
+    EXPECT_FALSE(pull().empty());
+    return stat(element_.get(), "complete") == before + 1;
+  }
+  void begin() { start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}}); }
+};
+
+TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
+  begin();
+  EXPECT_TRUE(is_complete());
+  // As far ahead as can be, within reach, and of the request that comes next, with a time that it does not have.
+  for (const uint32_t ahead : {uint32_t{1} << 30, 20u, 5u, 1u}) {
+    ViewRequest forged = array_.request(sequence_ + ahead - 1, 77);
+    push(0, answer_of(forged, {0, 1}, 30));
+    int broken = 0;
+    for (int i = 0; i < 8; i++) broken += !is_complete();
+    EXPECT_LE(broken, 1) << ahead;
+  }
+  EXPECT_GT(stat(element_.get(), "stray-answers"), 0u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+// Nobody has camera 900 (or 2 to 65534): who missed it would have it named in every request from then on, which every
+// node refuses.
+TEST_F(CompositorLimitsTest, AForgedAnswerOfCamerasThatNobodyHasCostsNothing) {
+  begin();
+  for (int i = 0; i < 2; i++) EXPECT_TRUE(is_complete());
+  for (const CameraIndex first : {900u, 2u}) {
+    for (const uint32_t behind : {0u, 1u}) {  // to the request that comes next, and to the one before
+      const uint32_t number = sequence_ - behind;
+      wire::Answer forged = answer_of(array_.request(number, kNow + number * kFrame), {0, 1});
+      forged.fragments.clear();
+      forged.cameras = {};
+      forged.cameras.append({first, first == 900u ? first : kMaxCameras - 1});
+      push(0, forged);
+      for (int i = 0; i < 8; i++) EXPECT_TRUE(is_complete()) << first << ", " << behind;
+    }
+  }
+  EXPECT_EQ(stat(element_.get(), "bad-answers"), 4u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
+  begin();
+  EXPECT_TRUE(is_complete());
+  for (const uint32_t ahead : {0u, 3u}) {
+    ViewRequest next = array_.request(sequence_ + ahead, kNow + (sequence_ + ahead) * kFrame);
+    wire::Answer forged = answer_of(next, {0, 1}, 30);
+    forged.rig_hash ^= 1;
+    push(0, forged);
+    int broken = 0;
+    for (int i = 0; i < 5; i++) broken += !is_complete();
+    EXPECT_LE(broken, 1) << ahead;
+  }
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 2u);
+}
+
+TEST_F(CompositorLimitsTest, AViewerThatBeginsAnewIsServedAtOnce) {
+  begin();
+  for (int i = 0; i < 12; i++) EXPECT_TRUE(is_complete());
+  // Late answers of the one before, whose requests nobody has any more.
+  for (uint32_t i = 0; i < 3; i++) push(0, answer_of(array_.request(sequence_ + i, 77), {0, 1}, 30));
+  const uint32_t time = sequence_;
+  for (uint32_t i = 0; i < 20; i++) {
+    ViewRequest asked = array_.request(i, kNow + (time + i) * kFrame);
+    gst_harness_set_time(harness_.get(), asked.target_time);
+    request(asked);
+    push(0, answer_of(asked, {0, 1}));
+    push(1, answer_of(asked, {2, 3}));
+    EXPECT_FALSE(pull().empty());
+  }
+  EXPECT_GE(stat(element_.get(), "complete"), 12u + 19u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+TEST_F(CompositorLimitsTest, ItsOwnRequestsHaveLimitsToo) {
+  begin();
+  ViewRequest large = array_.request(sequence_++, kNow);
+  large.view.width = large.view.height = kMaxImageSize;
+  request(large);
+  EXPECT_TRUE(is_complete());
+  EXPECT_EQ(stat(element_.get(), "refused-pixels"), 1u);
+}
+
+TEST_F(CompositorLimitsTest, EachLimitCanBeSetAndIsCounted) {
+  begin();
+  const auto expect_refused = [this](const ViewRequest& asked, const char* counter) {
+    const uint64_t before = stat(element_.get(), counter), all = stat(element_.get(), "refused");
+    request(asked);
+    EXPECT_EQ(stat(element_.get(), counter), before + 1) << counter;
+    EXPECT_EQ(stat(element_.get(), "refused"), all + 1) << counter;
+  };
+  const auto set_limits = [this](const char* limits) {
+    gst_util_set_object_arg(G_OBJECT(element_.get()), "limits", limits);
+  };
+  const auto next = [this] {
+    const uint32_t sequence = sequence_++;
+    return array_.request(sequence, kNow + sequence * kFrame);
+  };
+
+  set_limits("limits,max-pixels=100");
+  expect_refused(next(), "refused-pixels");
+  set_limits("limits,max-pixels=4194304");
+  EXPECT_TRUE(is_complete());
+
+  ViewRequest wide = next();
+  wide.view.blending = {Blending::Kind::kAperture, 0.02, 0};
+  set_limits("limits,max-aperture=0.01");
+  expect_refused(wide, "refused-aperture");
+
+  ViewRequest curious = next();
+  FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0.05;
+  map.nearest = 0.3;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+  curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  curious.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+  set_limits("limits,max-trials=1");
+  expect_refused(curious, "refused-trials");
+
+  // Requests of one view that come at once: the first ones are the second's share.
+  set_limits("limits,max-requests-per-second=5");
+  for (int i = 0; i < 30; i++) {
+    const uint64_t before = stat(element_.get(), "refused-rate");
+    const ViewRequest asked = ask();
+    if (stat(element_.get(), "refused-rate") > before) continue;
+    push(0, answer_of(asked, {0, 1}));
+    push(1, answer_of(asked, {2, 3}));
+    EXPECT_FALSE(pull().empty()) << i;
+  }
+  EXPECT_GT(stat(element_.get(), "refused-rate"), 0u);
 }
 
 }  // namespace

@@ -8,8 +8,8 @@
 #include <thread>
 #include <utility>
 
+#include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
-#include "gst/other_rig.h"
 
 namespace lf::test {
 namespace {
@@ -81,25 +81,15 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   start(1, {{"rig", array_.rig_path()}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  ask_and_answer(0, 0, {0, 1, 2, 3});
   const size_t size = pull().size();
   const std::string caps = caps_of(harness_->sinkpad);
   g_object_set(element_.get(), "partial", TRUE, nullptr);
   gboolean partial = TRUE;
   g_object_get(element_.get(), "partial", &partial, nullptr);
   EXPECT_FALSE(partial);
-  GstMessage* warning = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING);
-  ASSERT_TRUE(warning);
-  GError* error = nullptr;
-  gst_message_parse_warning(warning, &error, nullptr);
-  EXPECT_THAT(error->message, HasSubstr("partial: can't be changed while the element runs"));
-  g_error_free(error);
-  gst_message_unref(warning);
-  const ViewRequest next = array_.request(1, kFrame);
-  request(next);
-  push(0, answer_of(next, {0, 1, 2, 3}));
+  EXPECT_THAT(warnings_on(bus), HasSubstr("partial: can't be changed while the element runs"));
+  ask_and_answer(1, kFrame, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), size);
   EXPECT_EQ(caps_of(harness_->sinkpad), caps);
   gst_element_set_state(element_.get(), GST_STATE_READY);
@@ -112,9 +102,7 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
 
 TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
   start(1);
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0}));
+  ask_and_answer(0, 0, {0});
   pull();
   GstEvent* eos = gst_event_new_eos();
   const guint32 seqnum = gst_event_get_seqnum(eos);
@@ -133,9 +121,7 @@ TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
 // A view that has ended costs nothing until it is sought, and then goes on.
 TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   start(1);
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0}));
+  ask_and_answer(0, 0, {0});
   pull();
   for (GstHarness* each : {harness_.get(), nodes_[0].get()}) gst_harness_push_event(each, gst_event_new_eos());
   GstPad* src = gst_element_get_static_pad(element_.get(), "src");
@@ -159,9 +145,7 @@ TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   push_to_all(gst_event_new_flush_start);
   push_to_all([] { return gst_event_new_flush_stop(TRUE); });
   push_to_all([&] { return gst_event_new_segment(&segment); });
-  const ViewRequest next = array_.request(1, kFrame);
-  request(next);
-  push(0, answer_of(next, {0}));
+  ask_and_answer(1, kFrame, {0});
   EXPECT_FALSE(pull().empty());
   gst_object_unref(src);
 }
@@ -171,11 +155,7 @@ TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
   start(1);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
-  const auto show = [&](uint32_t i) {
-    const ViewRequest asked = array_.request(i, i * kFrame);
-    request(asked);
-    push(0, answer_of(asked, {0}));
-  };
+  const auto show = [&](uint32_t i) { ask_and_answer(i, i * kFrame, {0}); };
   show(0);
   pull();
   GstPad* src = gst_element_get_static_pad(element_.get(), "src");
@@ -210,9 +190,7 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   segment.start = segment.time = segment.position = 5 * kFrame;
   segment.stop = 8 * kFrame;
   ASSERT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment)));
-  const ViewRequest asked = array_.request(0, 6 * kFrame);
-  request(asked);
-  push(0, answer_of(asked, {0}));
+  ask_and_answer(0, 6 * kFrame, {0});
   pull();
   EXPECT_EQ(last_pts_, 6 * kFrame);
   GstEvent* event = gst_pad_get_sticky_event(harness_->sinkpad, GST_EVENT_SEGMENT, 0);
@@ -226,9 +204,7 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
 
 TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
   start(1);
-  const ViewRequest asked = array_.request(0, 3 * kFrame + 5);
-  request(asked);
-  push(0, answer_of(asked, {0}));
+  ask_and_answer(0, 3 * kFrame + 5, {0});
   const BufferPtr picture(gst_harness_pull(harness_.get()));
   ASSERT_TRUE(picture);
   const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
@@ -245,12 +221,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
   for (uint32_t i = 0; i < 160; i++) {
     request(array_.request(i, i * kFrame, 7));
     g_usleep(50000);
-    while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_warning(message, &error, nullptr);
-      warnings.emplace_back(error->message);
-      gst_message_unref(message);
-    }
+    for (const std::string& text : all_warnings_on(bus)) warnings.push_back(text);
   }
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_THAT(warnings[0], HasSubstr("Nobody asks for view 3"));
@@ -323,9 +294,7 @@ TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
 TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
   const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
   start(1, {{"rig", array_.rig_path()}});
-  ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2, 3});
   pull();
   g_object_set(element_.get(), "rig", other.path().c_str(), nullptr);
   gst_element_set_state(element_.get(), GST_STATE_READY);

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <functional>
+#include <random>
+
 #include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 #include <gtest/gtest.h>
 
+#include "focus/trial_levels.h"
+#include "focus/trial_renderer.h"
 #include "gst/compositor_fixture.h"
-#include "node/pixel_access.h"
-#include "wire/answer_parser.h"
+#include "node/camera_access.h"
+#include "node/request_renderer.h"
+#include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/payload.h"
+#include "wire/moments_codec.h"
 
 namespace lf::test {
 namespace {
@@ -17,9 +23,7 @@ using testing::HasSubstr;
 
 TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
   start(1);
-  const ViewRequest asked = array_.request(0, 3 * kFrame);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  ask_and_answer(0, 3 * kFrame, {0, 1, 2, 3});
   const std::vector<uint8_t> picture = pull();
   EXPECT_EQ(picture.size(), 16u * 12 * 3);
   EXPECT_EQ(last_pts_, 3 * kFrame);
@@ -31,9 +35,7 @@ TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
 TEST_F(LfCompositorTest, EveryStageIsTimed) {
   start(1);
   for (uint32_t i = 0; i < 5; i++) {
-    const ViewRequest asked = array_.request(i, i * kFrame);
-    request(asked);
-    push(0, answer_of(asked, {0, 1, 2, 3}));
+    ask_and_answer(i, i * kFrame, {0, 1, 2, 3});
     pull();
   }
   for (const std::string stage : {"answer", "add", "picture", "composite", "latency"}) {
@@ -52,7 +54,7 @@ TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
   Image noise(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
   for (size_t i = 0; i < noise.data().size(); i++) noise.data()[i] = static_cast<uint8_t>(i * 2654435761u >> 24);
   const auto push_sums = [&](size_t node, const std::vector<CameraIndex>& cameras) {
-    const ByteBuffer bytes = node_answer_bytes(array_.rig(), asked, cameras, noise, {{wire::Codec::kRaw16}});
+    const ByteBuffer bytes = node_answer_bytes(array_.rig(), asked, cameras, noise, CodecChoice::kRaw16);
     ASSERT_EQ(gst_harness_push(nodes_[node].get(), to_buffer({bytes.begin(), bytes.end()})), GST_FLOW_OK);
   };
   request(asked);
@@ -142,9 +144,7 @@ TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {
 
 TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
   start(1, {{"rig", array_.rig_path()}});
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2}));
+  ask_and_answer(0, 0, {0, 1, 2});
   const std::vector<uint8_t> picture = pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
   EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
@@ -158,11 +158,16 @@ TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
   const std::vector<CameraIndex> all{0, 1, 2, 3};
   Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
   std::ranges::fill(image.data(), uint8_t{200});
-  std::vector<PixelSource> sources;
-  for (const CameraIndex camera : all)
-    sources.push_back(
-        {{camera, &array_.rig().cameras[camera], image.view()}, {0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight}});
-  const ByteBuffer pixels = pixel_answer(answer_of(asked, all), sources, 0).bytes;
+  std::vector<Source> sources;
+  wire::PixelCommand whole_images{asked, asked.view.width, asked.view.height, {}};
+  for (const CameraIndex camera : all) {
+    sources.push_back({camera, &array_.rig().cameras[camera], image.view()});
+    whole_images.regions.push_back({camera, {0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight}});
+  }
+  const RequestPlan plan(array_.rig(), whole_images, all);
+  ImageMemory scratch;
+  const RenderOptions raw{.codec = CodecChoice::kRaw};
+  const ByteBuffer pixels = RequestRenderer().render({&plan, answer_of(asked, all)}, sources, raw, scratch).bytes;
   const wire::AnyRequest command = pixel_access().command(array_.rig(), build_mesh(array_.rig()), asked);
   for (const bool with_rig : {true, false}) {
     nodes_.clear();
@@ -181,9 +186,7 @@ TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
 
 TEST_F(LfCompositorTest, BackgroundShowsWhereNothingContributes) {
   start(1, {{"rig", array_.rig_path()}, {"background", "0xff102030"}});
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {}));
+  ask_and_answer(0, 0, {});
   const std::vector<uint8_t> picture = pull();
   EXPECT_EQ(picture[0], 0x10);
   EXPECT_EQ(picture[1], 0x20);
@@ -209,27 +212,16 @@ TEST_F(LfCompositorTest, I420StaysI420AndSizeMayChange) {
 
 TEST_F(LfCompositorTest, DownstreamChoosesWithinTheFamily) {
   start(1, {}, "video/x-raw,format=BGRx");
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  ask_and_answer(0, 0, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), 16u * 12 * 4);
 }
 
 TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
   start(1);
-  const ViewRequest asked = array_.request(0, 0);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  ask_and_answer(0, 0, {0, 1, 2, 3});
   pull();
   gst_harness_push_event(harness_.get(), gst_event_new_eos());  // the node does not end
-  bool eos = false;
-  for (int i = 0; i < 20 && !eos; i++) {
-    GstEvent* event = gst_harness_pull_event(harness_.get());
-    if (!event) break;
-    eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    gst_event_unref(event);
-  }
-  EXPECT_TRUE(eos);
+  EXPECT_TRUE(comes_to_end(harness_.get()));
 }
 
 TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
@@ -272,8 +264,276 @@ TEST_F(LfCompositorTest, ErrorsNameThePlace) {
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);
 
-  const ElementPtr pipeline = launch("lfcompositor rig=/nowhere/rig.json ! fakesink");
-  EXPECT_THAT(run(pipeline.get(), 5), HasSubstr("/nowhere/rig.json"));
+  EXPECT_THAT(run("lfcompositor rig=/nowhere/rig.json ! fakesink", 5), HasSubstr("/nowhere/rig.json"));
+}
+
+class LfCompositorTreeTest : public LfCompositorTest {
+ protected:
+  // What a rack's compositor makes of these nodes' answers.
+  std::vector<uint8_t> rack(const ViewRequest& asked, const std::vector<wire::Answer>& answers,
+                            const std::string& codec = "raw16", guint node = 0) {
+    start(static_cast<int>(answers.size()),
+          {{"partial", "true"}, {"rig", array_.rig_path()}, {"codec", codec}, {"node", std::to_string(node)}});
+    request(asked);
+    for (size_t i = 0; i < answers.size(); i++) push(static_cast<int>(i), answers[i]);
+    std::vector<uint8_t> out = pull();
+    nodes_.clear();
+    harness_.reset();
+    return out;
+  }
+
+  std::vector<uint8_t> root(const ViewRequest& asked, const std::vector<std::vector<uint8_t>>& answers) {
+    start(static_cast<int>(answers.size()), {{"rig", array_.rig_path()}});
+    request(asked);
+    for (size_t i = 0; i < answers.size(); i++)
+      EXPECT_EQ(gst_harness_push(nodes_[i].get(), to_buffer(std::vector<uint8_t>(answers[i]))), GST_FLOW_OK);
+    std::vector<uint8_t> picture = pull();
+    missing_ = stat(element_.get(), "missing-fragments");
+    nodes_.clear();
+    harness_.reset();
+    return picture;
+  }
+
+  guint64 missing_ = 0;
+};
+
+TEST_F(LfCompositorTreeTest, ThePictureIsThatOfOneCompositor) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    const ViewRequest asked = array_.request(5, kFrame);
+    std::vector<std::vector<uint8_t>> single;
+    std::vector<wire::Answer> answers;
+    for (CameraIndex camera = 0; camera < 4; camera++) {
+      answers.push_back(answer_of(asked, {camera}, static_cast<uint8_t>(60 + 40 * camera), family));
+      single.push_back(wire::encode_answer(answers.back()));
+    }
+    const std::vector<uint8_t> expected = root(asked, single);
+    for (const char* codec : {"raw16", "raw"}) {
+      const std::vector<uint8_t> picture = root(
+          asked, {rack(asked, {answers[0], answers[1]}, codec, 1), rack(asked, {answers[2], answers[3]}, codec, 2)});
+      EXPECT_EQ(missing_, 0u);
+      ASSERT_EQ(picture.size(), expected.size());
+      // 8 bits a value round each rack's sum once more.
+      for (size_t i = 0; i < picture.size(); i++)
+        ASSERT_NEAR(picture[i], expected[i], std::string(codec) == "raw16" ? 0 : 1) << codec << " " << i;
+    }
+  }
+}
+
+TEST_F(LfCompositorTreeTest, APartialAnswerSpeaksForTheRacksCameras) {
+  const ViewRequest asked = array_.request(5, kFrame);
+  wire::Answer first = answer_of(asked, {0}), second = answer_of(asked, {});
+  first.actual_time -= 3000;
+  second.cameras = second.blind = CameraRanges(CameraSet{2});
+  second.family = PixelFamily::kNone;
+  const std::vector<uint8_t> bytes = rack(asked, {first, second}, "raw16", 9);
+  const wire::AnswerView view = wire::parse_answer(bytes).value();
+  EXPECT_EQ(view.node, 9u);
+  EXPECT_EQ(view.sequence, 5u);
+  EXPECT_EQ(view.rig_hash, array_.rig().hash());
+  EXPECT_EQ(view.actual_time, kFrame - 3000);
+  EXPECT_EQ(view.cameras, CameraRanges(CameraSet{0, 2}));
+  EXPECT_EQ(view.blind, CameraRanges(CameraSet{2}));
+}
+
+TEST_F(LfCompositorTreeTest, WhatIsMissingInARackIsMissingAtTheRoot) {
+  const ViewRequest asked = array_.request(5, kFrame);
+  wire::Answer blind = answer_of(asked, {});
+  blind.cameras = blind.blind = CameraRanges(CameraSet{1});
+  const std::vector<uint8_t> picture =
+      root(asked, {rack(asked, {answer_of(asked, {0}), blind}), wire::encode_answer(answer_of(asked, {2, 3}))});
+  EXPECT_NEAR(picture[(6 * 16 + 8) * 3], 200, 6);
+}
+
+TEST_F(LfCompositorTreeTest, NeedsTheRig) {
+  EXPECT_THAT(run("lfcompositor partial=true ! fakesink", 5), HasSubstr("set the property \"rig\""));
+}
+
+TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
+  const ArrayFixture array;
+  const std::string rig = "rig=" + array.rig_path();
+  struct Case {
+    std::string properties, words;
+  };
+  for (const Case& c :
+       {Case{"", ""}, Case{rig + " monitor-interval=8 gains=on focus-near=1 focus-far=2", ""},
+        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node and codec: "},
+        Case{rig + " codec=jpeg", "node and codec: "}, Case{rig + " focus=plane focus-far=3", "on a plane no depth"},
+        Case{rig + " partial=true focus=surface", "focus: inside a tree"},
+        Case{"monitor-interval=8", "monitor-interval: without a rig"}, Case{"gains=on", "gains: "},
+        Case{"show=coverage", "show: only"}, Case{rig + " show=coverage", ""},
+        Case{rig + " gains=on focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
+    const ElementPtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
+    ASSERT_TRUE(pipeline);
+    ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+    const std::string told = warnings_on(bus);
+    EXPECT_THAT(told, HasSubstr(c.words)) << c.properties;
+    EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+}
+
+// Moments that are not what was asked for: counted and dropped, whatever they are, and the picture comes all the same.
+class LfCompositorTrialsTest : public LfCompositorTest {
+ protected:
+  LfCompositorTrialsTest() : asked_(array_.request(0, 0)) {
+    FocalMap map = FocalMap::for_view(asked_.view.width, asked_.view.height);
+    map.from = {{0, 0, 1}, 0};
+    map.farthest = 0.05;
+    map.nearest = 0.3;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);  // 10 m
+    asked_.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+    asked_.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+    start(1, {{"rig", array_.rig_path()}, {"focus", "surface"}, {"focus-near", "3"}, {"focus-far", "20"}});
+  }
+
+  // What camera 0 sees: grey.
+  std::vector<Moments> seen() const {
+    const RenderJob job(array_.rig(), build_mesh(array_.rig()), trial_view(asked_.view), {{0}});
+    Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
+    std::ranges::fill(grey.data(), uint8_t{200});
+    std::vector<std::vector<uint8_t>> levels;
+    for (const Trial& trial : asked_.trials) levels.push_back(trial_levels(asked_.view, trial));
+    std::vector<Moments> sums(levels.size());
+    for (Moments& sum : sums) sum.reset(asked_.view.focus.map->columns, asked_.view.focus.map->rows);
+    add_moments(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels, sums);
+    return sums;
+  }
+  std::vector<uint8_t> unit(const std::vector<Moments>& sums, bool small = true) const {
+    return unit(sums, header(), small);
+  }
+  std::vector<uint8_t> unit(const std::vector<Moments>& sums, const wire::MomentsHeader& header,
+                            bool small = true) const {
+    const ByteBuffer bytes = wire::encode_moments(header, sums, small);
+    return {bytes.begin(), bytes.end()};
+  }
+  wire::MomentsHeader header() const { return {asked_.view_id, asked_.sequence, array_.rig().hash(), 0, {}}; }
+
+  // The picture of an answer that this unit goes before, and how many bad units were counted on the way.
+  std::pair<std::vector<uint8_t>, uint64_t> picture_after(const std::vector<uint8_t>& unit) {
+    const uint64_t before = stat(element_.get(), "bad-answers");
+    request(asked_);
+    EXPECT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(unit)), GST_FLOW_OK);
+    push(0, answer_of(asked_, {0, 1, 2, 3}));
+    const std::vector<uint8_t> picture = pull();
+    asked_.sequence++;
+    asked_.target_time += kFrame;
+    return {picture, stat(element_.get(), "bad-answers") - before};
+  }
+
+  ViewRequest asked_;
+};
+
+// Where nobody takes the surface none is looked for, but for once in a while.
+TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
+  static int told = 0;
+  asked_.view.focus.map.reset();
+  asked_.trials.clear();
+  for (const bool heeded : {false, true}) {
+    told = 0;
+    gst_pad_set_event_function(
+        harness_->srcpad, heeded ? +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+          told += gst_event_has_name(event, "lightfield-feedback");
+          gst_event_unref(event);
+          return TRUE;
+        } : +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+          told += gst_event_has_name(event, "lightfield-feedback");
+          gst_event_unref(event);
+          return FALSE;
+        });
+    constexpr int kPictures = 40;
+    for (int i = 0; i < kPictures; i++) {
+      request(asked_);
+      push(0, answer_of(asked_, {0, 1, 2, 3}));
+      pull();
+      asked_.sequence++;
+      asked_.target_time += kFrame;
+    }
+    EXPECT_GE(told, heeded ? kPictures - 16 : 2);
+    EXPECT_LE(told, heeded ? kPictures : 4);
+  }
+}
+
+TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
+  const auto [picture, bad] = picture_after(unit(seen()));
+  ASSERT_EQ(picture.size(), 16u * 12 * 3);
+  EXPECT_EQ(bad, 0u);
+  EXPECT_GE(range(picture).first, 199);
+  EXPECT_EQ(picture_after(unit(seen(), false)), std::pair(picture, uint64_t{0})) << "in the other form";
+  const struct {
+    const char* what;
+    std::function<std::vector<uint8_t>()> unit;
+  } cases[] = {
+      {"of another size",
+       [&] {
+         Moments wide;
+         wide.reset(seen()[0].columns + 1, seen()[0].rows);
+         return unit({wide, wide});
+       }},
+      {"of one trial too few",
+       [&] {
+         std::vector<Moments> sums = seen();
+         sums.pop_back();
+         return unit(sums);
+       }},
+      {"of another rig",
+       [&] {
+         wire::MomentsHeader other = header();
+         other.rig_hash ^= 1;
+         return unit(seen(), other);
+       }},
+      {"cut off",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.resize(bytes.size() - 5);
+         return bytes;
+       }},
+      {"a header and no more",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.resize(20);
+         return bytes;
+       }},
+      {"bytes too many",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.push_back(0);
+         return bytes;
+       }},
+      {"of bytes that do not inflate",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         std::mt19937 random(1);
+         for (size_t i = 46; i < bytes.size(); i++) bytes[i] = static_cast<uint8_t>(random());
+         return bytes;
+       }},
+  };
+  for (const auto& test : cases) {
+    const auto [after, dropped] = picture_after(test.unit());
+    EXPECT_EQ(after, picture) << test.what;
+    EXPECT_EQ(dropped, 1u) << test.what;
+  }
+}
+
+TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
+  g_autoptr(GstBus) bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
+  set("focus-far", 2);
+  EXPECT_THAT(warnings_on(bus), testing::HasSubstr("focus-near is 3 m and focus-far 2 m: the near end must be nearer"));
+  g_object_set(element_.get(), "post-messages", TRUE, nullptr);
+  EXPECT_EQ(warnings_on(bus), "") << "said once";
+  set("focus-near", 1);
+  EXPECT_EQ(warnings_on(bus), "");
+  gst_element_set_bus(element_.get(), nullptr);
+}
+
+TEST_F(LfCompositorTrialsTest, WithoutTrialsThereIsNothingToSay) {
+  const std::vector<uint8_t> unasked = unit(seen());
+  asked_.trials.clear();
+  const auto [picture, bad] = picture_after(unasked);
+  EXPECT_GE(range(picture).first, 199);
+  EXPECT_EQ(bad, 1u);
 }
 
 }  // namespace

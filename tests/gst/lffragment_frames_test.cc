@@ -1,16 +1,31 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which frame of each camera an answer shows, and how long it is waited for.
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include <gmock/gmock.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include <thread>
-
+#include "base/schedule.h"
+#include "common/custom_events.h"
+#include "common/day_clock.h"
+#include "gst/array_fixture.h"
 #include "gst/fragment_fixture.h"
-#include "support/seeing.h"
+#include "support/answers.h"
 
 namespace lf::test {
 namespace {
 
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+// Which frame of each camera an answer shows, and how long it is waited for.
 TEST_F(LfFragmentTest, TakesTheFrameNearestToTheRequestedTime) {
   start(4);
   push_frames(10, 0);
@@ -145,6 +160,498 @@ TEST_F(LfFragmentTest, ShutsDownWhileARequestWaits) {
   g_usleep(30000);
   gst_element_set_state(element_.get(), GST_STATE_NULL);
   requester.join();
+}
+
+// --- Live frames -----------------------------------------------------------------------------------------------------
+
+// A request and live frames in clock time, in a pipeline that started at `base` on that clock.
+class LfFragmentClockTest : public LfFragmentTest {
+ protected:
+  static constexpr uint64_t kEpoch = 1'700'000'000ull * GST_SECOND;  // as a realtime clock shows
+
+  void start_at(uint64_t base, int cameras) {
+    start(cameras, "RGB", true);
+    listen();
+    gst_element_set_base_time(element_.get(), base);
+    base_ = base;
+  }
+  void push_taken(size_t camera, uint64_t clock_time) {
+    ASSERT_EQ(gst_harness_push(cameras_[camera].get(), ArrayFixture::frame("RGB", 200, clock_time - base_)),
+              GST_FLOW_OK);
+  }
+  wire::Answer ask(uint32_t sequence, uint64_t clock_time) {
+    ViewRequest asked = array_.request(sequence, clock_time);
+    asked.absolute_time = true;
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    return pull();
+  }
+  uint64_t base_ = 0;
+};
+
+TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
+  for (const uint64_t base : {kEpoch - 3 * GST_SECOND, kEpoch - 3600 * GST_SECOND + 12345, uint64_t{0}}) {
+    cameras_.clear();
+    harness_.reset();
+    start_at(base, 4);
+    for (uint64_t k = 0; k < 4; k++)
+      for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 7 * GST_MSECOND);
+    const wire::Answer answer = ask(0, kEpoch + kFrame);
+    EXPECT_EQ(answer.target_time, kEpoch + kFrame);
+    EXPECT_EQ(answer.actual_time, kEpoch + kFrame + 7 * GST_MSECOND) << base;
+    EXPECT_EQ(seeing(answer).size(), 4u);
+  }
+}
+
+// Somebody has set the time of day back by 40 s since the frames' pipeline began: requests name the new time.
+TEST_F(LfFragmentClockTest, RequestsNameTheTimeOfDayThatWasSet) {
+  g_autoptr(GstClock) clock = new_day_clock();
+  GstClockTime internal, external, numerator, denominator;
+  gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
+  gst_clock_set_calibration(clock, internal, external + 40 * GST_SECOND, numerator, denominator);
+  start_at(kEpoch - 3 * GST_SECOND, 4);
+  gst_element_set_clock(element_.get(), clock);
+  const GstClockTimeDiff offset = day_offset(clock);
+  ASSERT_NEAR(static_cast<double>(offset), -40e9, 1e7);
+  for (uint64_t k = 0; k < 4; k++)
+    for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 7 * GST_MSECOND);
+  const wire::Answer answer = ask(0, kEpoch + kFrame + static_cast<uint64_t>(offset));
+  EXPECT_EQ(answer.target_time, kEpoch + kFrame + static_cast<uint64_t>(offset));
+  EXPECT_EQ(answer.actual_time, kEpoch + kFrame + 7 * GST_MSECOND + static_cast<uint64_t>(offset));
+  EXPECT_EQ(seeing(answer).size(), 4u);
+}
+
+// Cameras that nothing holds to the schedule: each has a rate, a phase and a latency of its own and loses frames. The
+// nearest frame is used: within half of the distance between the two frames taken around the time asked for, which is
+// half a frame time, and a whole one where the nearest was lost.
+TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
+  const double rates[] = {29.7, 29.9, 30.1, 30.3};
+  constexpr uint64_t kDelay = 110 * GST_MSECOND;  // request after the time it asks for; frames take up to 70 ms
+  std::mt19937 random(5);
+  const auto chance = [&random] { return std::uniform_real_distribution<>(0, 1)(random); };
+  for (const double loss : {0.0, 0.03}) {
+    cameras_.clear();
+    harness_.reset();
+    start_at(kEpoch - 1234567891, 4);
+    struct Event {
+      uint64_t when;
+      size_t camera;  // 4: a request
+      uint64_t time;  // taken or wanted
+    };
+    std::vector<Event> events;
+    std::vector<uint64_t> taken[4];
+    for (size_t i = 0; i < 4; i++) {
+      uint64_t arrived = 0;
+      const double phase = chance(), latency = 40e6 * chance();
+      for (int k = 0; k < 400; k++) {
+        const auto time = kEpoch + static_cast<uint64_t>((k + phase) * 1e9 / rates[i]);
+        if (chance() < loss) continue;
+        arrived = std::max(arrived, time + static_cast<uint64_t>(latency + 30e6 * chance()));
+        taken[i].push_back(time);
+        events.push_back({arrived, i, time});
+      }
+    }
+    const Schedule schedule(30, 1);
+    const uint64_t first = schedule.first_from(kEpoch + GST_SECOND);
+    for (uint64_t k = first; k < first + 330; k++)
+      events.push_back({schedule.instant(k) + kDelay, 4, schedule.instant(k)});
+    std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.when < b.when; });
+
+    const auto slowest = static_cast<uint64_t>(1e9 / rates[0]);
+    uint64_t worst = 0;
+    size_t requests = 0, within_half = 0;
+    for (const Event& event : events) {
+      if (event.camera < 4) {
+        push_taken(event.camera, event.time);
+        continue;
+      }
+      const wire::Answer answer = ask(static_cast<uint32_t>(requests++), event.time);
+      ASSERT_EQ(seeing(answer).size(), 4u);
+      uint64_t expected = 0, gap = 0;
+      for (const std::vector<uint64_t>& times : taken) {
+        const auto after = std::lower_bound(times.begin(), times.end(), event.time);
+        ASSERT_TRUE(after != times.begin() && after != times.end());
+        expected = std::max(expected, std::min(*after - event.time, event.time - *(after - 1)));
+        gap = std::max(gap, *after - *(after - 1));
+      }
+      const uint64_t skew = time_between(answer.actual_time, event.time);
+      ASSERT_EQ(skew, expected) << requests;
+      ASSERT_LE(skew, gap / 2 + 1) << requests;
+      within_half += skew <= slowest / 2 + 1;
+      worst = std::max(worst, skew);
+    }
+    std::printf(
+        "%.0f %% of frames lost: worst skew of an answer %.2f ms, %.1f %% of answers within half a frame time\n",
+        100 * loss, static_cast<double>(worst) / 1e6, 100.0 * within_half / requests);
+    EXPECT_EQ(stat(element_.get(), "max-skew-ns"), worst);
+    if (loss == 0) {
+      EXPECT_EQ(within_half, requests);
+    }
+    EXPECT_LT(worst, 3 * slowest);
+    EXPECT_TRUE(warnings().empty()) << "lost frames are no reason for one";
+  }
+}
+
+// A live viewer is told what the slowest camera needs: what its frames take, and half a frame.
+TEST_F(LfFragmentClockTest, TellsTheCaptureDelayThatCamerasNeed) {
+  start_at(kEpoch, 2);
+  gst_harness_set_live(harness_.get(), TRUE);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  gst_harness_use_testclock(harness_.get());
+  for (uint64_t k = 0; k < 5; k++) {
+    gst_harness_set_time(harness_.get(), kEpoch + k * kFrame + 20 * GST_MSECOND);
+    push_taken(0, kEpoch + k * kFrame);
+    gst_harness_set_time(harness_.get(), kEpoch + k * kFrame + 70 * GST_MSECOND);
+    push_taken(1, kEpoch + k * kFrame);
+  }
+  ask(0, kEpoch + 4 * kFrame);
+  GstClockTime told = 0, delay = 0;
+  while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
+    if (parse_capture_delay(event, &delay)) told = delay;
+    gst_event_unref(event);
+  }
+  EXPECT_EQ(told, 70 * GST_MSECOND + kFrame / 2);
+}
+
+TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
+  start_at(kEpoch, 4);
+  const auto at = [](uint64_t k) { return kEpoch + k * kFrame; };
+  for (uint64_t k = 0; k < 5; k++)
+    for (size_t i = 0; i < 4; i++) push_taken(i, at(k));
+  for (uint64_t k = 5; k < 20; k++) {  // camera 2 has stopped
+    for (const size_t i : {0, 1, 3}) push_taken(i, at(k));
+    const wire::Answer answer = ask(static_cast<uint32_t>(k), at(k));
+    const bool stale = k > 4 + 5;  // 500 ms
+    EXPECT_EQ(answer.cameras.size(), 4u) << k;
+    EXPECT_EQ(answer.blind.contains(2), stale) << k;
+    EXPECT_EQ(answer.actual_time, stale ? at(k) : at(4)) << k;
+  }
+  EXPECT_EQ(stat(element_.get(), "stale-frames"), 10u);
+  EXPECT_EQ(stat(element_.get(), "missing-frames"), 10u);
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(HasSubstr("node 7 is off"), HasSubstr("camera 2 "),
+                                                              HasSubstr("a frame (100 ms)"), HasSubstr("too old"))));
+  ViewRequest without = array_.request(20, at(19));
+  without.absolute_time = true;
+  without.out_of_service = {2};
+  ASSERT_EQ(request(without), GST_FLOW_OK);
+  EXPECT_EQ(pull().blind, CameraRanges(CameraSet{2})) << "nor may it come back before it has frames";
+  set("max-skew", "0");
+  EXPECT_TRUE(ask(20, at(20)).blind.empty()) << "any frame is good enough";
+}
+
+TEST_F(LfFragmentClockTest, ANodeThatIsOffIsNamedOnce) {
+  start_at(kEpoch, 4);
+  for (uint64_t k = 0; k < 30; k++) {  // its clock is ahead of the viewer's
+    for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 700 * GST_MSECOND);
+    ask(static_cast<uint32_t>(k), kEpoch + k * kFrame);
+  }
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(HasSubstr("node 7 is off"),
+                                                              HasSubstr("camera 0, 1, 2, 3 "), HasSubstr("too new"))));
+}
+
+// --- Cameras and requesters that come and go, and rigs that are replaced ---------------------------------------------
+
+class LfFragmentChangeTest : public LfFragmentTest {
+ protected:
+  void start(int cameras, const char* format = "RGB", bool live = false) {
+    LfFragmentTest::start(cameras, format, live);
+    listen();
+  }
+  HarnessPtr join(int camera) {
+    HarnessPtr harness(
+        gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(camera)).c_str(), nullptr));
+    gst_harness_set_live(harness.get(), FALSE);
+    gst_harness_set_src_caps_str(harness.get(), ArrayFixture::caps("RGB").c_str());
+    return harness;
+  }
+  HarnessPtr requester(int number) {
+    const std::string n = std::to_string(number);
+    HarnessPtr harness(gst_harness_new_with_element(element_.get(), ("request_" + n).c_str(), ("src_" + n).c_str()));
+    gst_harness_set_live(harness.get(), FALSE);
+    gst_harness_set_src_caps_str(harness.get(), "application/x-lightfield-request");
+    return harness;
+  }
+  static GstFlowReturn push(const HarnessPtr& to, const ViewRequest& request) {
+    return gst_harness_push(to.get(), to_buffer(wire::encode_request(request)));
+  }
+  std::vector<CameraIndex> cameras_in(const ViewRequest& asked) {
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    return seeing(pull());
+  }
+};
+
+TEST_F(LfFragmentChangeTest, ACameraJoinsWithItsFirstFrame) {
+  start(3);
+  push_frames(60, 0);
+  gst_harness_set_live(harness_.get(), TRUE);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));  // of a live stream: nobody is waited for
+  cameras_.push_back(join(3));
+  EXPECT_THAT(cameras_in(array_.request(0, 0)), ElementsAre(0, 1, 2));
+  gst_harness_push(cameras_[3].get(), ArrayFixture::frame("RGB", 60, 0));
+  EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
+}
+
+TEST_F(LfFragmentChangeTest, ACameraLeavesWhileARequestWaitsForItAndComesBack) {
+  start(4);
+  push_frames(60, 0);
+  std::vector<CameraIndex> answered;
+  std::thread asking([&] { answered = cameras_in(array_.request(0, kFrame)); });
+  for (int i = 0; i < 3; i++) gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", 60, kFrame));
+  g_usleep(20000);
+  cameras_.pop_back();
+  asking.join();
+  EXPECT_THAT(answered, ElementsAre(0, 1, 2));
+  EXPECT_THAT(cameras_in(array_.request(1, kFrame)), ElementsAre(0, 1, 2));
+  cameras_.push_back(join(3));
+  gst_harness_push(cameras_[3].get(), ArrayFixture::frame("RGB", 60, kFrame));
+  EXPECT_THAT(cameras_in(array_.request(2, kFrame)), ElementsAre(0, 1, 2, 3));
+}
+
+TEST_F(LfFragmentChangeTest, ACameraLeavesWhileItsStreamWaitsForRequests) {
+  start(1);
+  GstFlowReturn flow = GST_FLOW_OK;
+  std::atomic<uint64_t> pushed = 0;
+  std::thread streaming([&] {
+    for (; flow == GST_FLOW_OK && pushed < 10; pushed++)
+      flow = gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 60, pushed * kFrame));
+  });
+  for (int i = 0; i < 5000 && pushed == 0; i++) g_usleep(1000);
+  g_usleep(20000);
+  GstPad* pad = gst_element_get_static_pad(element_.get(), "sink_0");
+  gst_element_release_request_pad(element_.get(), pad);
+  streaming.join();
+  EXPECT_EQ(flow, GST_FLOW_FLUSHING);
+  gst_object_unref(pad);
+}
+
+TEST_F(LfFragmentChangeTest, ARequesterLeavesWhileItsRequestWaits) {
+  start(4);
+  push_frames(60, 0);
+  HarnessPtr other = requester(3);
+  std::thread asking([&] { EXPECT_EQ(push(other, array_.request(0, kFrame)), GST_FLOW_FLUSHING); });
+  for (int i = 0; i < 5000 && stat(element_.get(), "requests") == 0; i++) g_usleep(1000);
+  g_usleep(20000);
+  GstPad* pad = gst_element_get_static_pad(element_.get(), "request_3");
+  gst_element_release_request_pad(element_.get(), pad);
+  asking.join();
+  gst_object_unref(pad);
+  EXPECT_EQ(gst_element_get_static_pad(element_.get(), "src_3"), nullptr);
+  EXPECT_EQ(cameras_in(array_.request(0, 0)).size(), 4u);
+}
+
+TEST_F(LfFragmentChangeTest, CamerasEndWhenTheLastRequesterThatHadNotEndedLeaves) {
+  start(1);
+  HarnessPtr other = requester(3);
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, 0)), GST_FLOW_OK);
+  other.reset();
+  EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, kFrame)), GST_FLOW_EOS);
+}
+
+TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
+  start(3);
+  push_frames(60, 0);
+  std::atomic<bool> done = false;
+  std::thread cameras([&] {
+    while (!done) {
+      const HarnessPtr camera = join(3);
+      gst_harness_push(camera.get(), ArrayFixture::frame("RGB", 60, 0));
+    }
+  });
+  std::thread requesters([&] {
+    while (!done) {
+      const HarnessPtr other = requester(3);
+      EXPECT_EQ(push(other, array_.request(0, 0)), GST_FLOW_OK);
+      const BufferPtr answer(gst_harness_pull(other.get()));
+      EXPECT_TRUE(answer);
+    }
+  });
+  for (uint32_t i = 0; i < 200; i++) EXPECT_GE(cameras_in(array_.request(i, 0)).size(), 3u);
+  done = true;
+  cameras.join();
+  requesters.join();
+}
+
+// ------------------------------------------------------------------------------------------------------------ rigs
+
+class LfFragmentRigTest : public LfFragmentChangeTest {
+ protected:
+  // Cameras of unlike brightness, at time 0.
+  void push_unlike_frames() {
+    for (size_t i = 0; i < cameras_.size(); i++)
+      ASSERT_EQ(gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", static_cast<uint8_t>(50 + 60 * i), 0)),
+                GST_FLOW_OK);
+  }
+  // The bytes of the answer to a request that is for any rig.
+  std::vector<uint8_t> ask() {
+    ViewRequest asked = array_.request(0, 0);
+    asked.rig_hash = 0;
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
+    return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>{};
+  }
+  // What a node answers that was started with this rig.
+  std::vector<uint8_t> answer_with(const std::string& rig) {
+    LfFragmentRigTest::start(4);
+    gst_element_set_state(element_.get(), GST_STATE_READY);
+    set("rig", rig.c_str());
+    gst_element_set_state(element_.get(), GST_STATE_PLAYING);
+    for (const HarnessPtr& camera : cameras_)
+      gst_harness_set_src_caps_str(camera.get(), ArrayFixture::caps("RGB").c_str());
+    push_unlike_frames();
+    const std::vector<uint8_t> answer = ask();
+    cameras_.clear();
+    harness_.reset();
+    return answer;
+  }
+};
+
+TEST_F(LfFragmentRigTest, AReplacedRigServesFromTheNextRequestOn) {
+  const OtherRig longer(array_.rig(), [](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.lens = Lens::pinhole(33, 15, 12);
+  });
+  const OtherRig turned(array_.rig(), [](Rig& rig) {  // the same ids, in another order
+    std::swap(rig.cameras[0].id, rig.cameras[3].id);
+  });
+  for (const OtherRig* other : {&longer, &turned}) {
+    const std::vector<uint8_t> before = answer_with(array_.rig_path()), after = answer_with(other->path());
+    ASSERT_NE(before, after);
+    start(4);
+    push_unlike_frames();
+    EXPECT_EQ(ask(), before);
+    set("rig", other->path().c_str());
+    EXPECT_EQ(ask(), after);
+    set("rig", array_.rig_path().c_str());
+    EXPECT_EQ(ask(), before);
+    EXPECT_THAT(warnings(), IsEmpty());
+    cameras_.clear();
+    harness_.reset();
+  }
+}
+
+TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndSaidOnce) {
+  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
+  start(4);
+  push_frames(60, 0);
+  set("rig", other.path().c_str());
+  for (uint32_t i = 0; i < 3; i++) EXPECT_THAT(cameras_in(array_.request(i, 0)), IsEmpty());
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 3u);
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("another rig")));
+  ViewRequest asked = array_.request(3, 0);
+  asked.rig_hash = other.hash();
+  EXPECT_EQ(cameras_in(asked).size(), 4u);
+}
+
+TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
+  const OtherRig without(array_.rig(), [](Rig& rig) {
+    rig.cameras.erase(rig.cameras.begin() + 1);
+    rig.topology = {};
+  });
+  start(4);
+  push_frames(60, 0);
+  set("rig", without.path().c_str());
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("no camera 1,")));
+  ViewRequest asked = array_.request(0, 0);
+  asked.rig_hash = without.hash();
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2));  // its places
+  EXPECT_EQ(gst_harness_push(cameras_[1].get(), ArrayFixture::frame("RGB", 60, kFrame)), GST_FLOW_OK);
+  set("rig", array_.rig_path().c_str());
+  EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
+  EXPECT_THAT(warnings(), IsEmpty());
+}
+
+TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVideoFits) {
+  const OtherRig larger(array_.rig(), [](Rig& rig) {
+    rig.cameras[2].width = 48;
+    rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
+  });
+  start(4);
+  push_frames(60, 0);
+  set("rig", larger.path().c_str());
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("another image size for camera 2,")));
+  ViewRequest asked = array_.request(0, 0);
+  asked.rig_hash = larger.hash();
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
+  EXPECT_EQ(stat(element_.get(), "missing-frames"), 1u);
+  gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
+  for (size_t i = 0; i < 4; i++) {
+    GstBuffer* frame = i == 2 ? to_buffer(std::vector<uint8_t>(48 * 24 * 3, 60)) : ArrayFixture::frame("RGB", 60, 0);
+    GST_BUFFER_PTS(frame) = kFrame;
+    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+  }
+  asked.target_time = kFrame;
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2, 3));
+}
+
+// Its stream begins anew, as after a loss: that it does not fit has been told, and the other cameras go on.
+TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
+  const OtherRig larger(array_.rig(), [](Rig& rig) {
+    rig.cameras[2].width = 48;
+    rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
+  });
+  start(4);
+  push_frames(60, 0);
+  set("rig", larger.path().c_str());
+  const CapsPtr caps(gst_pad_get_current_caps(cameras_[2]->srcpad));
+  gst_harness_push_event(cameras_[2].get(), gst_event_new_caps(caps.get()));
+  push_frames(60, kFrame);
+  ViewRequest asked = array_.request(0, kFrame);
+  asked.rig_hash = larger.hash();
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
+}
+
+TEST_F(LfFragmentRigTest, VideoThatChangesItsSizeIsAnError) {
+  start(4);
+  push_frames(60, 0);
+  gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
+  EXPECT_EQ(gst_harness_push(cameras_[2].get(), to_buffer(std::vector<uint8_t>(48 * 24 * 3, 60))),
+            GST_FLOW_NOT_NEGOTIATED);
+  EXPECT_THAT(warnings(GST_MESSAGE_ERROR), ElementsAre(HasSubstr("the video of camera 2 has 48x24 pixels")));
+}
+
+TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
+  const TempFile broken({'{', '}'}, ".json");
+  start(4);
+  push_frames(60, 0);
+  for (const std::string& path : {std::string("/nowhere/rig.json"), broken.path()}) {
+    set("rig", path.c_str());
+    EXPECT_THAT(warnings(), ElementsAre(HasSubstr(path)));
+    g_autofree gchar* kept = nullptr;
+    g_object_get(element_.get(), "rig", &kept, nullptr);
+    EXPECT_EQ(kept, array_.rig_path());
+    EXPECT_EQ(cameras_in(array_.request(0, 0)).size(), 4u);
+  }
+}
+
+TEST_F(LfFragmentRigTest, AFileThatHasChangedIsReadAgain) {
+  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
+  start(4);
+  push_frames(60, 0);
+  std::filesystem::copy_file(other.path(), array_.rig_path(), std::filesystem::copy_options::overwrite_existing);
+  set("rig", array_.rig_path().c_str());
+  ViewRequest asked = array_.request(0, 0);
+  asked.rig_hash = other.hash();
+  EXPECT_EQ(cameras_in(asked).size(), 4u);
+}
+
+TEST_F(LfFragmentRigTest, EveryAnswerIsOfOneRig) {
+  const OtherRig other(array_.rig(), [](Rig& rig) {
+    std::swap(rig.cameras[0].id, rig.cameras[3].id);
+    rig.cameras[1].lens = Lens::pinhole(33, 15, 12);
+  });
+  const std::vector<uint8_t> before = answer_with(array_.rig_path()), after = answer_with(other.path());
+  start(4);
+  push_unlike_frames();
+  std::atomic<bool> done = false;
+  std::thread reloading([&] {
+    for (int i = 0; !done; i++) set("rig", i % 2 ? array_.rig_path().c_str() : other.path().c_str());
+  });
+  for (int i = 0; i < 300; i++) EXPECT_THAT(ask(), testing::AnyOf(before, after));
+  done = true;
+  reloading.join();
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "gst/gst_test.h"
-#include "view/lens_display.h"
+#include "view/view.h"
 
 namespace lf::test {
 namespace {

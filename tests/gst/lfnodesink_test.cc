@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 
 #include "gst/lfviewsrc_fixture.h"
-#include "support/free_port.h"
+#include "support/run_program.h"
 
 namespace lf::test {
 namespace {
@@ -188,16 +188,19 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
 TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   const auto pixels_of = [](GstElement* bin, const char* depay) {
     const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
+    g_autoptr(GstStructure) limits = nullptr;
     guint64 pixels = 0;
-    if (inner) g_object_get(inner.get(), "max-pixels", &pixels, nullptr);
+    if (inner) g_object_get(inner.get(), "limits", &limits, nullptr);
+    if (limits) gst_structure_get_uint64(limits, "max-pixels", &pixels);
     return pixels;
   };
+  g_autoptr(GstStructure) more = gst_structure_new("limits", "max-pixels", G_TYPE_UINT64, guint64{33'177'600}, nullptr);
   const ElementPtr bin = make("lfnodesink");
   g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "listen", std::to_string(there_[0]).c_str(), "answers",
-               ("127.0.0.1:" + std::to_string(here_[0])).c_str(), "max-pixels", guint64{33'177'600}, nullptr);
+               ("127.0.0.1:" + std::to_string(here_[0])).c_str(), "limits", more, nullptr);
   ASSERT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
   EXPECT_EQ(pixels_of(bin.get(), "requests0_depay"), 33'177'600u);
-  g_object_set(bin.get(), "max-pixels", guint64{100}, nullptr);
+  gst_util_set_object_arg(G_OBJECT(bin.get()), "limits", "limits,max-pixels=100");
   EXPECT_EQ(pixels_of(bin.get(), "requests0_depay"), 100u);
   EXPECT_EQ(requests(bin.get(), 0, "refused"), 0u);
   gst_element_set_state(bin.get(), GST_STATE_NULL);
@@ -205,8 +208,7 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   const ElementPtr viewer = make("lfviewsrc");
   const std::string port = std::to_string(there_[1]);
   g_object_set(viewer.get(), "rig", array_.rig_path().c_str(), "nodes",
-               ("127.0.0.1:" + port + ":" + std::to_string(here_[1])).c_str(), "max-pixels", guint64{33'177'600},
-               nullptr);
+               ("127.0.0.1:" + port + ":" + std::to_string(here_[1])).c_str(), "limits", more, nullptr);
   ASSERT_EQ(gst_element_set_state(viewer.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
   EXPECT_EQ(pixels_of(viewer.get(), "host0_depay"), 33'177'600u);
   gst_element_set_state(viewer.get(), GST_STATE_NULL);

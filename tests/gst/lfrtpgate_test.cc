@@ -6,8 +6,7 @@
 #include <sys/stat.h>
 
 #include "gst/rtp_fixture.h"
-#include "rtp/hidden_element.h"
-#include "rtp/rtp_key.h"
+#include "rtp/srtp.h"
 
 namespace lf::test {
 namespace {
@@ -209,7 +208,7 @@ Bytes sealed_by_others(const std::string& path, uint32_t minute) {
       mki(gst_buffer_new_memdup(session.mki.data(), session.mki.size()));
   g_object_set(srtpenc, "key", key.get(), "mki", mki.get(), nullptr);
   Bytes out;
-  HiddenElement hidden(srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp", [&](GstBuffer* packet) {
+  rtp::HiddenElement hidden(srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp", [&](GstBuffer* packet) {
     out = to_bytes(packet);
     gst_buffer_unref(packet);
     return GST_FLOW_OK;
@@ -255,8 +254,7 @@ TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
                         Case{"lfrtpgate key-file=/nobody", "key-file: /nobody: can't be read"},
                         Case{"lfrtpseal key-file=" + few.path(), "openssl rand -hex 32"},
                         Case{"lfrtpgate peers=nobody.invalid", "peers: nobody.invalid: "}}) {
-    const ElementPtr pipeline = launch("appsrc ! application/x-rtp ! " + c.element + " ! fakesink");
-    EXPECT_THAT(run(pipeline.get()), HasSubstr(c.words));
+    EXPECT_THAT(run("appsrc ! application/x-rtp ! " + c.element + " ! fakesink"), HasSubstr(c.words));
   }
 }
 
@@ -265,13 +263,7 @@ std::vector<std::string> warnings(RtpElement& gate, const Bytes& packet) {
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(gate.element(), bus);
   for (int i = 0; i < 100; i++) gate.push(packet);
-  std::vector<std::string> texts;
-  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
-    g_autoptr(GError) warning = nullptr;
-    gst_message_parse_warning(message, &warning, nullptr);
-    texts.push_back(warning->message);
-    gst_message_unref(message);
-  }
+  std::vector<std::string> texts = all_warnings_on(bus);
   gst_element_set_bus(gate.element(), nullptr);
   gst_object_unref(bus);
   return texts;

@@ -1,22 +1,49 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
+#include <array>
 #include <atomic>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+
 #include "gst/camera_files.h"
-#include "gst/failing_camera.h"
 #include "gst/gst_test.h"
 
 namespace lf::test {
+
+// A capture device that fails when it is told to: failing://0 to failing://63, live grey pictures of 64x48 in I420 at
+// 30 frames/s. It stands for v4l2:// cameras with loose cables.
+struct FailingDevice {
+  std::atomic<bool> broken = false;     // an error with the next frame, or when it is opened
+  std::atomic<bool> ends = false;       // EOS with the next frame
+  std::atomic<bool> stalls = false;     // no more frames, and not a word
+  std::atomic<int> frames_at_most = 0;  // each time it is opened, then an error; 0: any number
+  std::atomic<int> opened = 0;
+};
+
+inline FailingDevice& failing_device(size_t id) {
+  static std::array<FailingDevice, 64> devices;
+  return devices.at(id);
+}
+
+inline void reset_failing_devices() {
+  for (size_t id = 0; id < 64; id++) {
+    FailingDevice& device = failing_device(id);
+    device.broken = device.ends = device.stalls = false;
+    device.frames_at_most = device.opened = 0;
+  }
+}
+
+// Once, after gst_init().
+void register_failing_camera();
 
 // What a pipeline says, as it says it.
 class Said {
@@ -116,6 +143,32 @@ class Said {
   std::atomic<bool> ended_ = false;
 };
 
+struct OwnPipeline {
+  ElementPtr pipeline;
+};
+
+// A pipeline and what it says. It stops with the object.
+class WatchedPipeline : OwnPipeline, public Said {
+ public:
+  // From a launch line. Throws where there is none.
+  explicit WatchedPipeline(const std::string& line, GstState state = GST_STATE_PLAYING)
+      : OwnPipeline{launch(line)}, Said(get() ? get() : throw std::runtime_error("no pipeline")) {
+    if (state != GST_STATE_NULL) set_state(state);
+  }
+  ~WatchedPipeline() { set_state(GST_STATE_NULL); }
+
+  GstElement* get() const { return pipeline.get(); }
+  ElementPtr child(const std::string& name) const {
+    return ElementPtr(gst_bin_get_by_name(GST_BIN(get()), name.c_str()));
+  }
+  GstStateChangeReturn set_state(GstState state) const { return gst_element_set_state(get(), state); }
+  // Stops it, and expects that it has said no error.
+  void stop() const {
+    set_state(GST_STATE_NULL);
+    EXPECT_EQ(errors(), std::vector<std::string>());
+  }
+};
+
 // Polls; false after 40 seconds.
 inline bool eventually(const std::function<bool()>& done) {
   for (const gint64 end = g_get_monotonic_time() + 40 * G_USEC_PER_SEC; g_get_monotonic_time() < end;) {
@@ -180,8 +233,8 @@ class LossTest : public testing::Test {
   // A live node and `viewers` of it.
   static std::string line(const std::string& rig, int viewers = 1, const std::string& node = "is-live=true loop=true") {
     std::string text =
-        "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n trusted=true rig=" + rig + " " +
-        node + " ! tee name=t";
+        "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n trusted=true rig=" +
+        rig + " " + node + " ! tee name=t";
     for (int i = 0; i < viewers; i++) {
       const std::string n = std::to_string(i);
       text += " lfviewrequest rig=" + rig + " view-id=" + n +

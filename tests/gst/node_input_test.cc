@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "gst/aggregator_fixture.h"
+#include "gst/compositor_fixture.h"
 
 namespace lf::test {
 namespace {

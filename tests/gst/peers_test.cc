@@ -4,7 +4,6 @@
 #include <gio/gio.h>
 #include <gtest/gtest.h>
 
-#include "rtp/host_lookup.h"
 #include "support/expect_error.h"
 
 namespace lf {

@@ -7,9 +7,9 @@
 #include <semaphore>
 
 #include "common/common.h"
-#include "gst/aggregator_fixture.h"
+#include "gst/compositor_fixture.h"
 #include "scene/scene.h"
-#include "support/node_answer.h"
+#include "support/answers.h"
 #include "view/navigator.h"
 
 namespace lf::test {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "camsrc/sender_clock.h"
+#include "camsrc/camera_chain.h"
 
 #include <gtest/gtest.h>
 

@@ -4,42 +4,22 @@
 #include <gst/check/gstharness.h>
 #include <gst/gst.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
+#include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 #include "wire/request_codec.h"
 
 // What the tests of lfviewrequest share.
 namespace lf::test {
 
 inline constexpr GstClockTime kMs = GST_MSECOND;
-
-// A folder for the files of one test.
-class TemporaryFiles {
- public:
-  TemporaryFiles()
-      : folder_(std::filesystem::path(testing::TempDir()) / ("lfviewrequest-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(folder_);
-  }
-  ~TemporaryFiles() { std::filesystem::remove_all(folder_); }
-  std::string path(const std::string& name) const { return folder_ / name; }
-  std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(path(name)) << text;
-    return path(name);
-  }
-
- private:
-  std::filesystem::path folder_;
-};
 
 // 2 x 3 cameras of 64 x 48 pixels with ids 10 to 15.
 inline Rig test_rig() {
@@ -190,6 +170,30 @@ class Source {
   GstElement* element_;
   GstBus* bus_;
   GstHarness* harness_ = nullptr;
+};
+
+// One that shows the views of a file.
+class FileSource : public Source {
+ public:
+  explicit FileSource(const std::vector<NamedView>& views) {
+    save_views(views, folder_ / "views.json");
+    set("location", (folder_ / "views.json").c_str());
+  }
+
+ private:
+  TempDir folder_;
+};
+
+// One that knows test_rig().
+class RigSource : public Source {
+ public:
+  RigSource() {
+    save_rig(test_rig(), folder_ / "rig.json");
+    set("rig", (folder_ / "rig.json").c_str());
+  }
+
+ private:
+  TempDir folder_;
 };
 
 inline void expect_near(const View& a, const View& b, const std::string& what = "") {

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Checks that a test uses everything that the documentation promises.
 
-The promises are the options of each tool and its commands (--help), the properties of each element (docs/elements.md), and
+The promises are the options of each tool and its commands (--help), the properties of each element and the fields of `limits` (docs/elements.md), and
 the attributes, properties, methods and events of <lightfield-viewer> (web/). A test file uses a promise if it names the tool
 (and command), element or web element, itself or in a file of tests/ that it includes, and has the option, property or
 attribute by its exact name, as code. tests/house/unexercised.txt lists the promises that no test uses yet, with a reason

@@ -25,7 +25,7 @@ DECLARED = re.compile(r"\b(?:double|float|gdouble|gfloat)\s+((?:\w+(?:\s*=[^,;()
 INTEGERS = re.compile(r"\b(?:auto|bool|char|int|long|short|unsigned|size_t|s?size_t|g?u?int\d*(?:_t)?|\w+Index|\w+Time)\s+"
                       r"((?:\w+(?:\s*=[^,;(){}]*)?\s*,\s*)*\w+)")
 # Of the project itself: what writes and reads with a point.
-OURS = {"lib/base/number_text.h"}
+OURS = {"lib/base/text.h"}
 
 
 def argument(text, begin):

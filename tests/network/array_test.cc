@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <thread>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "image/image.h"
 #include "network/array_network.h"
 #include "quality/quality.h"

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <thread>
 
-#include "network/hosts.h"
+#include "network/array_network.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"

@@ -1,20 +1,107 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Requests and answers through the network elements that GStreamer comes with, over the loopback interface.
-#include <gio/gio.h>
-#include <gmock/gmock.h>
-#include <gst/sdp/gstsdpmessage.h>
-
+#include <array>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
+#include <string>
 #include <thread>
+#include <vector>
+
+#include <gio/gio.h>
+#include <gmock/gmock.h>
+#include <gst/app/gstappsink.h>
+#include <gst/app/gstappsrc.h>
+#include <gst/sdp/gstsdpmessage.h>
 
 #include "base/json_value.h"
+#include "gst/gst_test.h"
+#include "gst/rtp_fixture.h"
 #include "lib/rtp/rtp_test.h"
-#include "network/stream.h"
+#include "support/run_program.h"
 
 namespace lf::test {
 namespace {
+
+constexpr char kAnswers[] = "application/x-lightfield-answer";
+constexpr char kRequests[] = "application/x-lightfield-request,framerate=30/1";
+
+// A pipeline that is stopped with the object.
+class Running {
+ public:
+  explicit Running(const std::string& line) : pipeline_(launch(line)) {}
+  ~Running() {
+    if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
+  }
+  Running(const Running&) = delete;
+  void play() { gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING); }
+  GstElement* get() { return pipeline_.get(); }
+  ElementPtr child(const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name)); }
+  // The error it ended with, or nothing.
+  std::string error() {
+    const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline_.get()));
+    GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR);
+    if (!message) return "";
+    GError* error = nullptr;
+    gchar* debug = nullptr;
+    gst_message_parse_error(message, &error, &debug);
+    const std::string text = std::string(error->message) + " (" + (debug ? debug : "") + ")";
+    g_clear_error(&error);
+    g_free(debug);
+    gst_message_unref(message);
+    return text;
+  }
+
+ private:
+  ElementPtr pipeline_;
+};
+
+// Ends in `appsink name=out sync=false`.
+class Receiver : public Running {
+ public:
+  using Running::Running;
+  // Until there are `count` buffers in all, or nothing has come for `seconds`.
+  const std::vector<std::vector<uint8_t>>& take(size_t count, double seconds = 5) {
+    const ElementPtr out = child("out");
+    while (buffers_.size() < count) {
+      GstSample* sample =
+          gst_app_sink_try_pull_sample(GST_APP_SINK(out.get()), static_cast<GstClockTime>(seconds * GST_SECOND));
+      if (!sample) break;
+      buffers_.push_back(to_bytes(gst_sample_get_buffer(sample)));
+      gst_sample_unref(sample);
+    }
+    return buffers_;
+  }
+  // The port that `udpsrc name=NAME port=0` has been given.
+  std::string port(const char* name = "udp") {
+    gst_element_set_state(get(), GST_STATE_PAUSED);
+    gint port = 0;
+    g_object_get(child(name).get(), "port", &port, nullptr);
+    return std::to_string(port);
+  }
+
+ private:
+  std::vector<std::vector<uint8_t>> buffers_;
+};
+
+// Begins with `appsrc name=in`.
+class Sender : public Running {
+ public:
+  Sender(const char* caps, const std::string& rest)
+      : Running(std::string("appsrc name=in is-live=true format=time caps=") + caps + " ! " + rest) {
+    play();
+  }
+  void send(const std::vector<uint8_t>& unit) {
+    GstBuffer* buffer = to_buffer(unit);
+    GST_BUFFER_PTS(buffer) = sent_++ * 10 * GST_MSECOND;
+    gst_app_src_push_buffer(GST_APP_SRC(child("in").get()), buffer);
+  }
+
+ private:
+  guint64 sent_ = 0;
+};
 
 using Units = std::vector<std::vector<uint8_t>>;
 
@@ -219,18 +306,6 @@ TEST(RtpLinks, RtpbinReportsWhatIsLost) {
   EXPECT_EQ(clock_rate, 90000);
 }
 
-std::string free_port() {
-  GSocket* socket = g_socket_new(G_SOCKET_FAMILY_IPV4, G_SOCKET_TYPE_DATAGRAM, G_SOCKET_PROTOCOL_UDP, nullptr);
-  GSocketAddress* any = g_inet_socket_address_new_from_string("127.0.0.1", 0);
-  g_socket_bind(socket, any, FALSE, nullptr);
-  GSocketAddress* bound = g_socket_get_local_address(socket, nullptr);
-  const guint16 port = g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(bound));
-  g_object_unref(bound);
-  g_object_unref(any);
-  g_object_unref(socket);
-  return std::to_string(port);
-}
-
 std::string with_port(std::string sdp, const std::string& port) {
   const std::string media = "m=application 5004 ";
   const size_t at = sdp.find(media);
@@ -239,7 +314,7 @@ std::string with_port(std::string sdp, const std::string& port) {
 }
 
 TEST(RtpLinks, AReceiverStartsFromAnSdpFile) {
-  const std::string port = free_port();
+  const std::string port = std::to_string(free_port(SOCK_DGRAM));
   const std::string sdp = with_port(read_text_file(LF_SOURCE_ROOT "/pipelines/answers.sdp"), port);
   const TempFile file({sdp.begin(), sdp.end()}, ".sdp");
   Receiver receiver("filesrc location=" + file.path() + " ! sdpdemux latency=20 ! rtplfdepay" + kOut);
@@ -277,6 +352,105 @@ TEST(RtpLinks, CapsSurviveSdp) {
     ASSERT_TRUE(got);
     EXPECT_TRUE(gst_caps_is_equal(got.get(), expected.get())) << caps_of(receiver->sinkpad);
   }
+}
+
+// What Wireshark makes of our packets: a program that knows RTP and not us.
+
+constexpr uint16_t kPort = 5004;
+
+void put(Bytes& out, uint32_t value, int size) {
+  for (int i = size - 1; i >= 0; i--) out.push_back(static_cast<uint8_t>(value >> (8 * i)));
+}
+
+// A capture file of UDP packets in IPv4.
+class Capture {
+ public:
+  Capture() {
+    for (const uint32_t word : {0xa1b2c3d4u, 0x00020004u, 0u, 0u, 65535u, 101u}) put(bytes_, word, 4);  // raw IP
+  }
+  void add(GstClockTime time, uint32_t destination, uint16_t port, const Bytes& payload) {
+    const auto udp = static_cast<uint32_t>(8 + payload.size()), ip = 20 + udp;
+    put(bytes_, static_cast<uint32_t>(time / GST_SECOND), 4);
+    put(bytes_, static_cast<uint32_t>(time % GST_SECOND / GST_USECOND), 4);
+    put(bytes_, ip, 4);
+    put(bytes_, ip, 4);
+    put(bytes_, 0x45000000 | ip, 4);
+    for (const uint32_t word : {0u, 0x40110000u, 0x0a000001u, destination}) put(bytes_, word, 4);
+    put(bytes_, 40000, 2);
+    put(bytes_, port, 2);
+    put(bytes_, udp, 2);
+    put(bytes_, 0, 2);
+    bytes_.insert(bytes_.end(), payload.begin(), payload.end());
+  }
+  const Bytes& bytes() const { return bytes_; }
+
+ private:
+  Bytes bytes_;
+};
+
+// An announcement (RFC 2974) of what is said of the stream in SDP.
+Bytes announcement(int clock_rate) {
+  const std::string sdp =
+      "v=0\r\no=- 1 1 IN IP4 10.0.0.1\r\ns=light field\r\nc=IN IP4 10.0.0.2\r\nt=0 0\r\nm=application " +
+      std::to_string(kPort) + " RTP/AVP 96\r\na=rtpmap:96 X-LIGHTFIELD-ANSWER/" + std::to_string(clock_rate) + "\r\n";
+  Bytes out{0x20, 0, 0, 1, 10, 0, 0, 1};
+  const std::string type("application/sdp\0", 16);
+  for (const char c : type + sdp) out.push_back(static_cast<uint8_t>(c));
+  return out;
+}
+
+std::string tshark(const std::string& arguments) {
+  FILE* pipe = popen(("tshark " + arguments + " 2>/dev/null").c_str(), "r");
+  std::string out;
+  std::array<char, 4096> buffer;
+  while (const size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) out.append(buffer.data(), n);
+  return pclose(pipe) == 0 ? out : "failed: " + out;
+}
+
+// Ten answers of several packets each, 40 ms apart, on a wire without delay.
+std::vector<RtpPacket> sent_packets() {
+  RtpElement pay("rtplfpay ssrc=0x12345678 seqnum-offset=65533", kAnswerCaps);
+  for (int i = 0; i < 10; i++)
+    pay.push(i % 2 ? rtp::answer_with_sum(60, 40, true) : rtp::answer(3, 60, 60, 80), i * 40 * GST_MSECOND);
+  return pay.packets();
+}
+
+Bytes captured(const std::vector<RtpPacket>& packets, int clock_rate) {
+  Capture capture;
+  capture.add(0, 0xe0027ffe, 9875, announcement(clock_rate));
+  for (const RtpPacket& packet : packets) capture.add(packet.time, 0x0a000002, kPort, packet.bytes);
+  return capture.bytes();
+}
+
+class Tshark : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::system("tshark --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "tshark is not installed";
+  }
+  const std::vector<RtpPacket> packets_ = sent_packets();
+};
+
+TEST_F(Tshark, SeesRtp) {
+  const TempFile file(captured(packets_, 90000), ".pcap");
+  std::ostringstream expected;
+  for (const RtpPacket& packet : packets_)
+    expected << "2\t96\t0x12345678\t" << packet.sequence << "\t" << packet.timestamp << "\t" << packet.marker << "\n";
+  EXPECT_EQ(tshark("-r " + file.path() +
+                   " -Y rtp -T fields -e rtp.version -e rtp.p_type -e rtp.ssrc -e rtp.seq -e rtp.timestamp -e "
+                   "rtp.marker"),
+            expected.str());
+  EXPECT_EQ(tshark("-r " + file.path() + " -Y _ws.malformed"), "");
+}
+
+TEST_F(Tshark, FindsNeitherLossNorJitterByTheRightClock) {
+  const auto streams = [&](int clock_rate) {
+    const TempFile file(captured(packets_, clock_rate), ".pcap");
+    return tshark("-q -z rtp,streams -r " + file.path());
+  };
+  const std::string found = "X-LIGHTFIELD-ANSWER +" + std::to_string(packets_.size()) +
+                            " +0 \\(0\\.0%\\) +[0-9.]+ +[0-9.]+ +[0-9.]+ +0\\.000 +0\\.000 +0\\.000";
+  EXPECT_THAT(streams(90000), testing::ContainsRegex(found));
+  EXPECT_THAT(streams(48000), testing::Not(testing::ContainsRegex(found)));
 }
 
 }  // namespace

@@ -10,8 +10,9 @@
 #include "quality/quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -20,12 +21,7 @@ class BlendedArray : public testing::Test {
  protected:
   void SetUp() override {
     rig_ = scene_rig(4, 4, 96, 72);
-    for (Camera& camera : rig_.cameras) {
-      camera.image = camera.name + ".png";
-      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1));
-      save_image(images_.back(), dir_ / camera.image);
-    }
-    save_rig(rig_, dir_ / "rig.json");
+    images_ = save_photographs(rig_, dir_, 0, 1);
     rig_ = load_rig(dir_ / "rig.json");
     for (int i = 0; i < kViews; i++) {
       NamedView view{"view_" + std::to_string(i), i / 15., {}};
@@ -54,11 +50,11 @@ class BlendedArray : public testing::Test {
   // Of `nodes` beside a compositor with the properties `compositor`.
   std::vector<Image> pictures(const std::string& request, const std::string& nodes,
                               const std::string& compositor = "focus=plane") {
-    const Launched run =
+    test::expect_outcome(
         gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + dir_ / "rig.json" + " " + request +
                    " ! tee name=r r. ! queue ! c.request lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
-                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%d.png" + nodes);
-    EXPECT_EQ(run.status, 0) << run.output;
+                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%d.png" + nodes),
+        0);
     std::vector<Image> out;
     for (int i = 0; i < kViews; i++) out.push_back(load_image(dir_ / (std::to_string(i) + ".png")));
     return out;

@@ -18,7 +18,7 @@
 #include "scene/scene.h"
 #include "support/process.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -28,6 +28,12 @@ int largest_difference(const std::vector<uint8_t>& a, const std::vector<uint8_t>
   int most = 0;
   for (size_t i = 0; i < a.size(); i++) most = std::max(most, std::abs(a[i] - b[i]));
   return most;
+}
+
+// As many pictures, no value of which is off by more than one.
+void expect_alike(const std::vector<std::vector<uint8_t>>& a, const std::vector<std::vector<uint8_t>>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t i = 0; i < a.size(); i++) EXPECT_LE(largest_difference(a[i], b[i]), 1) << i;
 }
 
 // The ball of videotestsrc, which is white.
@@ -232,8 +238,7 @@ TEST_F(CardMemory, PicturesOfLfviewsrcAre) {
                     here = "video/x-raw,format=RGBA", there = "video/x-raw(memory:GLMemory),format=RGBA";
   const auto drawn = pictures(by_card + here), stayed = pictures(by_card + there + back);
   ASSERT_EQ(drawn.size(), 24u);
-  ASSERT_EQ(stayed.size(), 24u);
-  for (size_t i = 0; i < drawn.size(); i++) EXPECT_LE(largest_difference(stayed[i], drawn[i]), 1) << i;
+  expect_alike(stayed, drawn);
   EXPECT_GE(made_in_it_, 16u);
 }
 
@@ -283,8 +288,7 @@ TEST_F(CardMemory, SumsNeedNotLeaveIt) {
         EXPECT_GE(made_in_it_, kPictures - 3u);
         EXPECT_LT(made_in_it_, static_cast<guint64>(kPictures));
       }
-      ASSERT_EQ(stayed.size(), plain.size());
-      for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
+      expect_alike(stayed, plain);
     }
   }
 }
@@ -303,8 +307,7 @@ TEST_F(CardMemory, SumsOfSeveralNodesNeedNotLeaveIt) {
   ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
   const auto stayed = pictures(line + " c. ! video/x-raw(memory:GLMemory)" + out + " ! gldownload ! video/x-raw" + out);
   EXPECT_GE(made_in_it_, kPictures - 3u);
-  ASSERT_EQ(stayed.size(), plain.size());
-  for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
+  expect_alike(stayed, plain);
 }
 
 // As many starts and stops as LF_CYCLES says, at every stage of starting: neither contexts nor their threads are left.
@@ -412,8 +415,7 @@ TEST_F(CardMemory, FramesNeedNotLeaveIt) {
         EXPECT_GE(card_frames_, has_video_levels ? 0u : 4u * (kPictures - 3));
         EXPECT_LE(card_frames_, has_video_levels ? 0u : 4u * (kPictures - 1));
         ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
-        ASSERT_EQ(stayed.size(), plain.size());
-        for (size_t i = 0; i < plain.size(); i++) EXPECT_LE(largest_difference(stayed[i], plain[i]), 1) << i;
+        expect_alike(stayed, plain);
       }
 }
 
@@ -464,8 +466,7 @@ TEST_F(CardMemory, FramesOfElementsThatTheRigDescribesComeFromIt) {
   };
   const auto drawn = by_card("plain.json"), stayed = by_card("card.json");
   EXPECT_GE(card_frames_, 4u * (kPictures - 3));
-  ASSERT_EQ(stayed.size(), drawn.size());
-  for (size_t i = 0; i < drawn.size(); i++) EXPECT_LE(largest_difference(stayed[i], drawn[i]), 1) << i;
+  expect_alike(stayed, drawn);
 }
 
 }  // namespace

@@ -1,23 +1,31 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The focal surface found in a pipeline of files, against ground truth and against itself in other places.
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <set>
+#include <tuple>
+#include <vector>
+
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <filesystem>
-#include <functional>
-#include <tuple>
-
+#include "common/custom_events.h"
 #include "gst/gst_test.h"
-#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
+#include "support/process.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
+#include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
@@ -29,11 +37,7 @@ class FocusedArray : public testing::Test {
  protected:
   void SetUp() override {
     Rig rig = scene_rig(4, 4, 160, 120);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), dir_ / camera.image);
-    }
-    save_rig(rig, dir_ / "rig.json");
+    save_photographs(rig, dir_, 0.5);
     look_at(160, 120, rig.cameras[0].lens);
   }
 
@@ -54,11 +58,12 @@ class FocusedArray : public testing::Test {
   std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes,
                               const std::string& viewer = "") {
     std::filesystem::create_directories(std::string(dir_ / name));
-    const Launched run = gst_launch(
-        "lfviewrequest location=" + dir_ / "views.json" + " " + viewer +
-        " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" + dir_ / "rig.json" + " " + compositor +
-        " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " + nodes);
-    EXPECT_EQ(run.status, 0) << run.output;
+    test::expect_outcome(
+        gst_launch("lfviewrequest location=" + dir_ / "views.json" + " " + viewer +
+                   " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
+                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " +
+                   nodes),
+        0);
     std::vector<Image> out;
     for (int i = 0; i < kPictures; i++)
       out.push_back(load_image(dir_ / name + "/" + (i < 10 ? "0" : "") + std::to_string(i) + ".png"));
@@ -152,10 +157,10 @@ TEST_F(FocusedArray, IsSharpAtOnce) {
 // Who does not know the array stays on the plane, unless a surface is asked for by name.
 TEST_F(FocusedArray, WithoutARigThereIsAPlane) {
   const auto last_picture = [&](const std::string& compositor) {
-    const Launched run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
-                                    " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c " + compositor +
-                                    " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%02d.png" +
-                                    node("n", "0-15", "c.sink_0"));
+    const Outcome run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
+                                   " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c " + compositor +
+                                   " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%02d.png" +
+                                   node("n", "0-15", "c.sink_0"));
     EXPECT_EQ(run.status, 0) << run.output;
     EXPECT_EQ(run.output, "");
     return load_image(dir_ / "13.png");
@@ -297,6 +302,118 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
     EXPECT_FALSE(done);
   }
 }
+
+// A place of the view is kept in focus as the scene moves.
+
+// A test that hangs fails, whatever a machine is busy with.
+constexpr std::chrono::seconds kLongest{90};
+
+// Lets a request of lfviewrequest leave when everything that it sent before has been answered: pictures have reached
+// the sink, and news of sweeps have been taken in. So the run is the same however busy the machine is.
+class Lockstep {
+ public:
+  Lockstep(GstElement* viewer, GstElement* sink) : src_(gst_element_get_static_pad(viewer, "src")) {
+    g_object_set(sink, "signal-handoffs", TRUE, nullptr);
+    g_signal_connect(sink, "handoff", G_CALLBACK(on_picture), this);
+    gst_pad_add_probe(src_, GST_PAD_PROBE_TYPE_BUFFER, on_request, this, nullptr);
+    take_event_ = GST_PAD_EVENTFUNC(src_);
+    gst_pad_set_event_function(src_, on_event);
+    gst_pad_set_element_private(src_, this);
+  }
+  ~Lockstep() { gst_object_unref(src_); }
+  Lockstep(const Lockstep&) = delete;
+
+ private:
+  static void on_picture(GstElement*, GstBuffer*, GstPad*, gpointer data) {
+    auto* self = static_cast<Lockstep*>(data);
+    const std::lock_guard lock(self->mutex_);
+    self->pictures_awaited_--;
+    self->changed_.notify_all();
+  }
+  // After the element has taken it.
+  static gboolean on_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+    auto* self = static_cast<Lockstep*>(gst_pad_get_element_private(pad));
+    using SharedFeedback = std::shared_ptr<const ViewFeedback>;
+    SharedFeedback feedback;
+    if (gst_event_has_name(event, LF_VIEW_FEEDBACK_EVENT))
+      feedback = *static_cast<const SharedFeedback*>(
+          g_value_get_boxed(gst_structure_get_value(gst_event_get_structure(event), "feedback")));
+    const gboolean done = self->take_event_(pad, parent, event);
+    if (feedback && feedback->focus) {
+      const std::lock_guard lock(self->mutex_);
+      self->sweeps_awaited_.erase(feedback->focus->sequence);
+      self->changed_.notify_all();
+    }
+    return done;
+  }
+  static GstPadProbeReturn on_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    auto* self = static_cast<Lockstep*>(data);
+    const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
+    if (!request || request->rehearsal) return GST_PAD_PROBE_OK;  // of a rehearsal comes no picture
+    std::unique_lock lock(self->mutex_);
+    if (request->probe) {  // leaves right behind its request
+      self->sweeps_awaited_.insert(request->sequence);
+      return GST_PAD_PROBE_OK;
+    }
+    const auto is_answered = [self] { return self->pictures_awaited_ == 0 && self->sweeps_awaited_.empty(); };
+    EXPECT_TRUE(self->changed_.wait_for(lock, kLongest, is_answered)) << request->sequence;
+    self->pictures_awaited_++;
+    return GST_PAD_PROBE_OK;
+  }
+
+  GstPad* src_;
+  GstPadEventFunction take_event_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  int pictures_awaited_ = 0;
+  std::set<uint32_t> sweeps_awaited_;
+};
+
+// The figure walks past the wall at this place of the view, which is kept in focus.
+class FollowedPlace : public testing::TestWithParam<const char*> {
+ protected:
+  static void note(GObject* viewer, GParamSpec*, gpointer data) {
+    double distance = 0;
+    g_object_get(viewer, "focus-distance", &distance, nullptr);
+    static_cast<std::vector<double>*>(data)->push_back(distance);
+  }
+  TempDir dir_;
+};
+
+TEST_P(FollowedPlace, IsInFocusAsItMoves) {
+  save_rig(scene_rig(2, 2, 120, 90), dir_ / "rig.json");
+  const std::string rig = " rig=" + dir_ / "rig.json", small = " ! queue max-size-buffers=1 ! ";
+  const ElementPtr pipeline = launch(
+      "lfviewrequest name=v focus-continuous=true focus-distance=30 x=0 y=0 fov=33.4 framerate=8/1 num-buffers=58" +
+      rig + " ! tee name=r  r." + small + "n.request  lfcameranode name=n" + rig + small + "c.sink_0  r." + small +
+      "c.request  lfcompositor name=c" + rig + " " + GetParam() + " ! fakesink name=s sync=false");
+  ASSERT_TRUE(pipeline);
+  const ElementPtr viewer(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
+  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  const Lockstep lockstep(viewer.get(), sink.get());
+  std::vector<double> distances;
+  g_signal_connect(viewer.get(), "notify::focus-distance", G_CALLBACK(note), &distances);
+  gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+  ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 20 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
+  gboolean done = FALSE;
+  g_signal_emit_by_name(viewer.get(), "focus-at", 51.0, 39.0, &done);
+  EXPECT_TRUE(done);
+  EXPECT_EQ(run(pipeline.get(), 100), "");
+  // From 1.2 s to 3.1 s and from 5.2 s to 7.1 s the figure is there, 2 m away; else the wall, 5 m away. The end, at
+  // 7.25 s, may come before the wall is seen again.
+  int changes = 0;
+  bool near = false;
+  for (const double distance : distances) {
+    EXPECT_GT(distance, 1.7);
+    EXPECT_LT(distance, 6.5);
+    if (distance < 2.4 && !near) changes++, near = true;
+    if (distance > 3.7 && near) changes++, near = false;
+  }
+  EXPECT_GE(changes, 3) << testing::PrintToString(distances);
+}
+
+INSTANTIATE_TEST_SUITE_P(Focus, FollowedPlace,
+                         testing::Values("focus=plane", "focus=surface focus-near=1 focus-far=6"));
 
 }  // namespace
 }  // namespace lf::test

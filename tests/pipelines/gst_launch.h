@@ -3,16 +3,18 @@
 
 #include <string>
 
+#include "support/run_program.h"
+
 // What the pipeline tests share: gst-launch-1.0 with this build's plugin.
 namespace lf::test {
 
-struct Launched {
-  int status = 0;      // exit status; 124 after the time limit
-  std::string output;  // standard output and error
-};
-
-// Runs `environment gst-launch-1.0 options line`. `line` is a launch line as one would paste it into a shell.
-Launched gst_launch(const std::string& line, const std::string& options = "-q", const std::string& environment = "",
-                    int seconds = 60);
+// Runs `environment gst-launch-1.0 options line`; the exit status is 124 after the time limit. `line` is a launch line
+// as one would paste it into a shell.
+inline Outcome gst_launch(const std::string& line, const std::string& options = "-q",
+                          const std::string& environment = "", int seconds = 60) {
+  return run_shell("GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin " + environment +
+                   " timeout -k 5 " + std::to_string(seconds) + " gst-launch-1.0 " + options + " " + line +
+                   " </dev/null");
+}
 
 }  // namespace lf::test

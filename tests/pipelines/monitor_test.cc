@@ -10,10 +10,10 @@
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
-#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/process.h"
 #include "support/temp_dir.h"
 
 namespace lf::test {

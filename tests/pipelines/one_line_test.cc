@@ -10,15 +10,15 @@
 #include <iterator>
 
 #include "gst/gst_test.h"
-#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/free_port.h"
+#include "support/photographs.h"
+#include "support/process.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -36,11 +36,7 @@ class OneLine : public testing::Test {
  protected:
   void SetUp() override {
     Rig rig = scene_rig(3, 3, 80, 60);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
-    }
-    save_rig(rig, dir_ / "rig.json");
+    save_photographs(rig, dir_, 0, 1);
     for (Camera& camera : rig.cameras) camera.image.clear();
     save_rig(rig, dir_ / "scene.json");
     std::vector<NamedView> views;
@@ -63,10 +59,10 @@ class OneLine : public testing::Test {
 TEST_F(OneLine, GivesThePicturesOfItsElements) {
   const std::string views = dir_ / "views.json";
   for (const std::string focus : {"plane", "surface", "auto"}) {
-    Launched run = gst_launch("lfviewrequest rig=" + rig() + " location=" + views +
-                              " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + rig() +
-                              " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c rig=" + rig() +
-                              " focus=" + focus + raw("long.rgb"));
+    Outcome run = gst_launch("lfviewrequest rig=" + rig() + " location=" + views +
+                             " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + rig() +
+                             " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c rig=" + rig() +
+                             " focus=" + focus + raw("long.rgb"));
     ASSERT_EQ(run.status, 0) << run.output;
     run =
         gst_launch("lfviewsrc is-live=false rig=" + rig() + " location=" + views + " focus=" + focus + raw("one.rgb"));
@@ -80,7 +76,7 @@ TEST_F(OneLine, GivesThePicturesOfItsElements) {
 
 // As pasted, but for the window. (Cameras that see the scene itself: decoders of stills have something to say.)
 TEST_F(OneLine, RunsLiveWithoutAWord) {
-  const Launched run =
+  const Outcome run =
       gst_launch("lfviewsrc rig=" + dir_ / "scene.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
                  "GST_DEBUG=2 GST_DEBUG_NO_COLOR=1");
   EXPECT_EQ(run.status, 0) << run.output;
@@ -125,8 +121,7 @@ TEST_F(OneLine, NothingLeaks) {
   const std::string nodes = " nodes=localhost:" + port + ":" + other;
   for (const std::string& line :
        {"lfviewsrc name=v rig=" + rig() + two, "lfviewsrc name=v rig=" + rig() + nodes + two}) {
-    const Launched run =
-        gst_launch(line, "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
+    const Outcome run = gst_launch(line, "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
     EXPECT_EQ(run.status, 0) << run.output;
     EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));
     EXPECT_THAT(run.output, Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]"))) << line;
@@ -148,7 +143,7 @@ TEST_F(OneLine, TwoHostsAndAViewer) {
   std::string nodes = " nodes=";
   for (int i : {0, 1})
     nodes += (i ? "," : "") + std::string("localhost:") + std::to_string(there[i]) + ":" + std::to_string(here[i]);
-  const Launched run = gst_launch(
+  const Outcome run = gst_launch(
       "lfviewsrc rig=" + rig() + nodes + " num-buffers=40 latency=1000000000 post-messages=true ! fakesink sync=false",
       "-m");
   EXPECT_EQ(run.status, 0) << run.output;

@@ -17,8 +17,9 @@
 #include "render/sum_renderer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace pipeline_test {
@@ -65,13 +66,9 @@ class StillArray : public testing::Test {
  protected:
   void SetUp() override {
     rig_ = scene_rig(3, 3, 80, 60);
-    for (Camera& camera : rig_.cameras) {
+    for (Camera& camera : rig_.cameras)
       camera.lens = Lens(LensModel::kRadial, {camera.lens.fx(), 39.5, 29.5, -0.1, 0.02});
-      camera.image = camera.name + ".png";
-      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1));
-      save_image(images_.back(), dir_ / camera.image);
-    }
-    save_rig(rig_, dir_ / "rig.json");
+    images_ = save_photographs(rig_, dir_, 0, 1);
     rig_ = load_rig(dir_ / "rig.json");
     const double focus[] = {kSceneNear, kSceneMiddle, kSceneFar};
     for (int i = 0; i < 3; i++) {
@@ -83,118 +80,116 @@ class StillArray : public testing::Test {
       view.view.focus.plane = focal_plane_at(view.view.pose, focus[i]);
       views_.push_back(view);
     }
-    save_views(views_, dir_ / "views.json");
-    views_ = load_views(dir_ / "views.json");
+    save_views(views_, views);
+    views_ = load_views(views);
+  }
+
+  void write_requests(const std::string& properties = "") {
+    test::expect_outcome(
+        gst_launch("lfviewrequest rig=" + rig + properties + " location=" + views + " ! filesink location=" + requests),
+        0);
+  }
+  // Makes pictures of the requests and the answers to them.
+  void composite_files() {
+    test::expect_outcome(gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" +
+                                    answers + " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
+                                    " ! videoconvert ! pngenc ! multifilesink location=" + out),
+                         0);
+  }
+  // Of each picture beside the library's.
+  std::vector<Quality> qualities() {
+    std::vector<Quality> all;
+    for (size_t i = 0; i < views_.size(); i++)
+      all.push_back(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")),
+                            render_without_gstreamer(rig_, views_[i].view, images_)));
+    return all;
   }
 
   TempDir dir_;
+  const std::string rig = dir_ / "rig.json", views = dir_ / "views.json", out = dir_ / "out_%02d.png",
+                    requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
   Rig rig_;
   std::vector<Image> images_;
   std::vector<NamedView> views_;
 };
 
 TEST_F(StillArray, ThePipelineGivesTheLibrarysPictures) {
-  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"));
-  ASSERT_EQ(run.status, 0) << run.output;
-  for (size_t i = 0; i < views_.size(); i++) {
-    const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
-    const Image picture = load_image(dir_ / ("out_0" + std::to_string(i) + ".png"));
-    EXPECT_EQ(compare(picture, expected).max_error, 0) << views_[i].name;
-  }
+  test::expect_outcome(gst_launch(files_in_files_out(rig, views, out)), 0);
+  for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out_03.png"));
 }
 
 TEST_F(StillArray, TwoNodesGiveTheSamePicturesAsOne) {
-  const std::string rig = dir_ / "rig.json", views = dir_ / "views.json";
   ASSERT_EQ(gst_launch("lfviewrequest location=" + views +
                        " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
                        " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw")
                 .status,
             0);
-  const Launched run = gst_launch(
-      "lfviewrequest location=" + views +
-      " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" + rig +
-      " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
-      " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw");
-  ASSERT_EQ(run.status, 0) << run.output;
+  test::expect_outcome(
+      gst_launch(
+          "lfviewrequest location=" + views +
+          " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" + rig +
+          " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
+          " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw"),
+      0);
   const std::vector<uint8_t> one = read_bytes(dir_ / "one.raw");
   EXPECT_EQ(one.size(), 3u * 100 * 75 * 3);
   EXPECT_EQ(one, read_bytes(dir_ / "two.raw"));
 }
 
 TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
-  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
-  Launched run =
-      gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
-  ASSERT_EQ(run.status, 0) << run.output;
-  run =
+  write_requests();
+  test::expect_outcome(
       gst_launch("filesrc location=" + requests +
                  " blocksize=97 ! lfparse ! n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig +
-                 " ! filesink location=" + answers);
-  ASSERT_EQ(run.status, 0) << run.output;
-  run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
-                   " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
-                   " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
-  ASSERT_EQ(run.status, 0) << run.output;
-  for (size_t i = 0; i < views_.size(); i++) {
-    const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
-    EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0) << i;
-  }
+                 " ! filesink location=" + answers),
+      0);
+  composite_files();
+  for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
 
 TEST_F(StillArray, FragmentsTravelThroughFilesInAnyForm) {
-  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
-  Launched run =
-      gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
-  ASSERT_EQ(run.status, 0) << run.output;
+  write_requests();
   size_t auto_bytes = 0;
   for (const std::string codec : {"auto", "raw", "raw16", "jpeg"}) {
-    run = gst_launch("filesrc location=" + requests + " ! lfparse ! lfcameranode name=n resampling=bilinear codec=" +
-                     codec + " rig=" + rig + " ! filesink location=" + answers);
-    ASSERT_EQ(run.status, 0) << run.output;
-    run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
-                     " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
-                     " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
-    ASSERT_EQ(run.status, 0) << run.output;
+    test::expect_outcome(gst_launch("filesrc location=" + requests +
+                                    " ! lfparse ! lfcameranode name=n resampling=bilinear codec=" + codec +
+                                    " rig=" + rig + " ! filesink location=" + answers),
+                         0);
+    composite_files();
     if (codec == "auto") auto_bytes = std::filesystem::file_size(answers);
     if (codec == "raw") {
       EXPECT_LT(4 * auto_bytes, std::filesystem::file_size(answers)) << "a file is a link: JPEG";
     }
-    for (size_t i = 0; i < views_.size(); i++) {
-      const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
-      const Quality quality = compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected);
-      EXPECT_GT(quality.psnr_db, codec == "raw" || codec == "raw16" ? 50 : 30) << codec << " " << i;
-    }
+    for (const Quality& quality : qualities())
+      EXPECT_GT(quality.psnr_db, codec == "raw" || codec == "raw16" ? 50 : 30) << codec;
   }
 }
 
 TEST_F(StillArray, RtpChangesNoPicture) {
-  const std::string rig = dir_ / "rig.json", link = " ! rtplfpay mtu=700 ! rtplfdepay ! ";
-  const Launched run =
-      gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + rig + " ! tee name=r r. ! queue" + link +
-                 "n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig + link +
-                 "c.sink_0 r. ! queue ! c.request lfcompositor name=c focus=plane rig=" + rig +
-                 " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
-  ASSERT_EQ(run.status, 0) << run.output;
-  for (size_t i = 0; i < views_.size(); i++) {
-    const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
-    EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0) << i;
-  }
+  const std::string link = " ! rtplfpay mtu=700 ! rtplfdepay ! ";
+  test::expect_outcome(gst_launch("lfviewrequest location=" + views + " rig=" + rig + " ! tee name=r r. ! queue" +
+                                  link + "n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig +
+                                  link + "c.sink_0 r. ! queue ! c.request lfcompositor name=c focus=plane rig=" + rig +
+                                  " ! videoconvert ! pngenc ! multifilesink location=" + out),
+                       0);
+  for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
 
 // The paper's three random access cameras, of which two know nothing of one another: the same pictures. Those that are
 // told stay on the plane unasked.
 TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
-  const std::string rig = dir_ / "rig.json", views = dir_ / "views.json";
   const auto pictures = [&](const std::string& access, const std::string& node, const std::string& quality = "0") {
     const std::string focus = access == "self" ? "focus=plane" : "focus=auto";
-    const Launched run = gst_launch(
-        "lfviewrequest location=" + views + " rig=" + rig + " access=" + access + " quality=" + quality +
-        " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 " + node + " access=" + access +
-        " rig=" + rig + " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 " + node +
-        " access=" + access + " rig=" + rig + " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c " +
-        focus + " rig=" + rig + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / (access + "_%d.png"));
-    EXPECT_EQ(run.status, 0) << run.output;
+    test::expect_outcome(
+        gst_launch("lfviewrequest location=" + views + " rig=" + rig + " access=" + access + " quality=" + quality +
+                   " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 " + node +
+                   " access=" + access + " rig=" + rig +
+                   " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 " + node +
+                   " access=" + access + " rig=" + rig +
+                   " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c " + focus + " rig=" + rig +
+                   " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / (access + "_%d.png")),
+        0);
     std::vector<Image> images;
     for (size_t i = 0; i < views_.size(); i++)
       images.push_back(load_image(dir_ / (access + "_" + std::to_string(i) + ".png")));
@@ -216,30 +211,21 @@ TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
 }
 
 TEST_F(StillArray, CommandsTravelThroughFiles) {
-  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
   for (const std::string access : {"warp", "pixels"}) {
-    Launched run = gst_launch("lfviewrequest rig=" + rig + " access=" + access + " location=" + dir_ / "views.json" +
-                              " ! filesink location=" + requests);
-    ASSERT_EQ(run.status, 0) << run.output;
-    run = gst_launch("filesrc location=" + requests +
-                     " blocksize=997 ! lfparse ! n.request lfcameranode name=n resampling=bilinear access=" + access +
-                     " codec=raw16 rig=" + rig + " ! filesink location=" + answers);
-    ASSERT_EQ(run.status, 0) << run.output;
-    run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
-                     " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
-                     " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
-    ASSERT_EQ(run.status, 0) << run.output;
-    for (size_t i = 0; i < views_.size(); i++) {
-      const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
-      EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0)
-          << access << " " << i;
-    }
+    write_requests(" access=" + access);
+    test::expect_outcome(
+        gst_launch("filesrc location=" + requests +
+                   " blocksize=997 ! lfparse ! n.request lfcameranode name=n resampling=bilinear access=" + access +
+                   " codec=raw16 rig=" + rig + " ! filesink location=" + answers),
+        0);
+    composite_files();
+    for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0) << access;
   }
 }
 
 TEST_F(StillArray, NothingLeaks) {
-  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"),
-                                  "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
+  const Outcome run = gst_launch(files_in_files_out(rig, views, out), "-q",
+                                 "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
   ASSERT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer is there and says its format
   EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
@@ -248,27 +234,22 @@ TEST_F(StillArray, NothingLeaks) {
 // A camera that can't be opened is out of service: its neighbours close the gap, and a warning says why.
 TEST_F(StillArray, AMissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
-  const Launched run =
-      gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "");
-  EXPECT_EQ(run.status, 0);
-  EXPECT_THAT(run.output, testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
+  test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
+                       testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
   EXPECT_TRUE(std::filesystem::exists(dir_ / "out_00.png"));
 }
 
 TEST_F(StillArray, AnImageOfAnotherSizeIsNamed) {
   save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
-  const Launched run =
-      gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "");
-  EXPECT_EQ(run.status, 0);
-  EXPECT_THAT(run.output,
-              testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
+  test::expect_outcome(
+      gst_launch(files_in_files_out(rig, views, out), ""), 0,
+      testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
 }
 
 TEST_F(StillArray, AViewsFileWithoutViewsIsNamed) {
   std::ofstream(dir_ / "none.json") << R"({"format": "lightfield-views", "version": 1, "views": []})";
-  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "none.json", dir_ / "out_%02d.png"));
-  EXPECT_NE(run.status, 0);
-  EXPECT_THAT(run.output, HasSubstr("none.json"));
+  test::expect_outcome(gst_launch(files_in_files_out(rig, dir_ / "none.json", out)), testing::Ne(0),
+                       HasSubstr("none.json"));
 }
 
 TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
@@ -288,7 +269,7 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
     std::vector<CameraIndex> some(cameras);
     for (CameraIndex i = 0; i < cameras; i++) some[i] = i;
     save_rig(sub_rig(rig_, some), dir_ / "one.json");
-    const Launched run = gst_launch(line);
+    const Outcome run = gst_launch(line);
     ASSERT_EQ(run.status, 0) << cameras << " cameras: " << run.output;
     EXPECT_EQ(read_bytes(dir_ / "tiny.raw").size(), 4u + 100 * 17) << cameras;  // GStreamer pads rows to 4 bytes
   }
@@ -316,7 +297,7 @@ TEST(FilmPipeline, MovingScene) {
       "lfviewrequest location=" + dir / "views.json" +
       " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir / "rig.json" +
       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! video/x-raw,format=I420 ! filesink location=";
-  const Launched run = gst_launch(line + dir / "a.raw");
+  const Outcome run = gst_launch(line + dir / "a.raw");
   ASSERT_EQ(run.status, 0) << run.output;
   const std::vector<uint8_t> film = read_bytes(dir / "a.raw");
   const size_t frame_bytes = packed_size(PixelFamily::kI420, 160, 120);
@@ -335,9 +316,8 @@ TEST(FilmPipeline, MovingScene) {
   ASSERT_EQ(gst_launch(line + dir / "b.raw").status, 0);
   EXPECT_EQ(film, read_bytes(dir / "b.raw"));
   // JPEG decoded where the view looks is what it is when decoded as a whole.
-  const Launched decoded =
-      gst_launch(std::regex_replace(line, std::regex("lfcameranode"), "lfcameranode decode=true") + dir / "c.raw");
-  ASSERT_EQ(decoded.status, 0) << decoded.output;
+  test::expect_outcome(
+      gst_launch(std::regex_replace(line, std::regex("lfcameranode"), "lfcameranode decode=true") + dir / "c.raw"), 0);
   EXPECT_EQ(film, read_bytes(dir / "c.raw"));
 }
 
@@ -345,8 +325,7 @@ TEST(ChessPipeline, GivesTheLibrarysPictures) {
   const std::string data = LF_SOURCE_ROOT "/../shared/data/chess/";
   if (!std::filesystem::exists(data + "rig.json")) GTEST_SKIP() << "no chess data beside the checkout";
   const TempDir dir;
-  const Launched run = gst_launch(files_in_files_out(data + "rig.json", data + "views.json", dir / "out_%02d.png"));
-  ASSERT_EQ(run.status, 0) << run.output;
+  test::expect_outcome(gst_launch(files_in_files_out(data + "rig.json", data + "views.json", dir / "out_%02d.png")), 0);
   const Rig rig = load_rig(data + "rig.json");
   std::vector<Image> images;
   for (const Camera& camera : rig.cameras) images.push_back(load_image(rig.resolve(camera.image)));

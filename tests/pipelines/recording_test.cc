@@ -18,7 +18,7 @@
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 extern char** environ;
 

@@ -13,7 +13,7 @@
 #include "rig/rig_json.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace seek_test {

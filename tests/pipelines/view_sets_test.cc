@@ -15,9 +15,10 @@
 #include "quality/quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/temp_dir.h"
-#include "view/view_set.h"
-#include "view/views_json.h"
+#include "view/view.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -50,7 +51,7 @@ class ViewSets : public testing::Test {
   // The pictures of views in a file, one behind the other, R, G and B.
   std::vector<uint8_t> pictures(const std::string& views, const std::string& properties) {
     const std::string out = dir_ / "out.rgb";
-    const Launched run =
+    const Outcome run =
         gst_launch("lfviewsrc is-live=false rig=" + dir_ / "rig.json" + " location=" + dir_ / views + " " + properties +
                    " ! videoconvert ! video/x-raw,format=RGB ! filesink location=" + out);
     EXPECT_EQ(run.status, 0) << run.output;
@@ -169,11 +170,7 @@ double psnr(const Image& picture, const View& view) {
 TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   constexpr int kPictures = 8;
   rig_ = scene_rig(4, 4, 160, 120);
-  for (Camera& camera : rig_.cameras) {
-    camera.image = camera.name + ".png";
-    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), dir_ / camera.image);
-  }
-  save_rig(rig_, dir_ / "rig.json");
+  save_photographs(rig_, dir_, 0.5);
   const View middle = view(kSceneMiddle, 160, 120);
   std::vector<double> times;
   for (int i = 0; i < kPictures; i++) times.push_back(i / 15.0);
@@ -243,7 +240,7 @@ TEST_F(ViewSets, AreSoughtAndEnd) {
 TEST_F(ViewSets, AreRefusedByName) {
   film(2);
   const auto refused = [&](const std::string& properties) {
-    const Launched run =
+    const Outcome run =
         gst_launch("lfviewsrc is-live=false num-buffers=2 rig=" + dir_ / "rig.json" + " " + properties + " ! fakesink");
     EXPECT_NE(run.status, 0) << properties;
     return run.output;

@@ -8,15 +8,14 @@
 #include <cstdlib>
 
 #include "gst/gst_test.h"
-#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/process.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -26,11 +25,7 @@ class ViewersTest : public testing::Test {
  protected:
   void SetUp() override {
     Rig rig = scene_rig(2, 2, 64, 48);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
-    }
-    save_rig(rig, dir_ / "rig.json");
+    save_photographs(rig, dir_, 0, 1);
   }
 
   std::string viewer(int id) const {

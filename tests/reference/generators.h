@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "image/image.h"
@@ -55,5 +57,25 @@ Image noise_image(Random& random, int width, int height);
 Image smooth_image(Random& random, int width, int height);
 // One image per camera, from `make` above.
 std::vector<Image> images_of(const Rig& rig, Random& random, Image (*make)(Random&, int, int));
+
+// The hard cases of numerical stability: one list for the tests that hold the bounds and for `bench-render numerics`,
+// which prints what is left of them.
+struct HardCase {
+  const char* name;
+  std::function<std::pair<Rig, View>(Random&)> make;  // for the n-th of `trials`: from a Random of seed n
+  int trials = 8;
+  double least_owned = 0.2;  // fraction of pixels that some face owns: the case is about something
+};
+std::vector<HardCase> hard_cases();
+// The same seen by cameras and a view of `times` as many rows and columns, where fast renderers leave the borders of
+// their blocks behind; two trials.
+inline constexpr int kEnlarged = 3;
+HardCase enlarged(const HardCase& hard, int times);
+
+// What most of them are made of: a view of 48x36 pixels; 4x4 cameras, 0.5 m apart, all corners at quarters of a metre.
+View view_at(const Vec3& eye, const Quat& orientation = {1, 0, 0, 0}, double fov_y = 60, double focus = 2);
+Rig array();
+// The same with a pose in the world that is not made of round numbers.
+std::pair<Rig, View> moved(Rig rig, View view, const Vec3& by, const Quat& turn);
 
 }  // namespace lf::reference

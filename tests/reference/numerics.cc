@@ -5,11 +5,185 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 
+#include "base/text.h"
+#include "composite/accumulator.h"
+#include "reference/float_renderer.h"
 #include "reference/renderer.h"
+#include "render/gl/sum_drawer.h"
+#include "render/ownership.h"
+#include "render/sum_renderer.h"
+#include "support/fragments.h"
 
 namespace lf::reference {
 namespace {
+
+struct Plans {
+  Plans(const Rig& rig, const Mesh& mesh, const View& view)
+      : plan(rig, mesh, view), owners(plan, {0, 0, view.width, view.height}) {}
+  ViewPlan plan;
+  OwnerMap owners;
+};
+
+// Adds the values of `rect`, row after row, to a plane of the whole view.
+template <class T>
+void place(const T* values, const Rect& rect, int width, double scale, std::vector<double>& plane) {
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) plane[static_cast<size_t>(y) * width + x] += *values++ * scale;
+}
+
+// A sum over the whole view, and its memory.
+struct Sum {
+  Sum(const Plans& plans, std::span<const Source> sources, PixelFamily family, Coordinates coordinates,
+      gl::SumDrawer* card) {
+    const View& view = plans.plan.view();
+    const Rect all{0, 0, view.width, view.height};
+    samples.resize(packed_size(family, view.width, view.height));
+    lost.resize(static_cast<size_t>(view.width) * view.height);
+    const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, card);
+    if (card && !renderer.rect().empty() && !renderer.drawing().drawn)
+      throw Error("not drawn: " + renderer.drawing().why_not);
+    const bool any_lost = renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
+    planes = packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_lost ? lost.data() : nullptr);
+  }
+  std::vector<int16_t> samples;
+  std::vector<uint16_t> lost;
+  ConstSumPlanes planes;
+};
+
+// Weights are those that white images show.
+Answer in_sums(PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const Rig& rig, const Mesh& mesh,
+               const View& view, const std::vector<Image>& images) {
+  constexpr double kWhite = 255 << kSumFractionBits;
+  const Plans plans(rig, mesh, view);
+  const size_t pixels = static_cast<size_t>(view.width) * view.height;
+  const Rect all{0, 0, view.width, view.height};
+  const bool i420 = family == PixelFamily::kI420;
+  Answer answer;
+  answer.channels = i420 ? 1 : 3;
+  answer.valid.resize(pixels);
+  answer.lost.resize(pixels);
+  std::vector<Image> seen;
+  std::vector<Source> sources;
+  seen.reserve(rig.cameras.size());
+  for (const CameraIndex i : plans.plan.contributors()) {
+    const Camera& camera = rig.cameras[i];
+    seen.push_back(i420 ? as_i420(images[i]) : images[i]);
+    sources.push_back({i, &camera, seen.back().view()});
+    const Image rgb = white_image(camera.width, camera.height), white = i420 ? as_i420(rgb) : rgb;
+    const Source alone{i, &camera, white.view()};
+    const Sum sum(plans, {&alone, 1}, family, coordinates, card);
+    Answer::OwnWeights own{i, std::vector<double>(pixels)};
+    place(sum.planes.plane[0], all, view.width, 1 / kWhite, own.weight);
+    place(sum.planes.plane[0], all, view.width, 1 / kWhite, answer.valid);
+    if (sum.planes.lost) {
+      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, own.weight);
+      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, answer.lost);
+    }
+    answer.own_weights.push_back(std::move(own));
+  }
+  const Sum sum(plans, sources, family, coordinates, card);
+  Accumulator accumulator;
+  accumulator.reset(family, view.width, view.height);
+  accumulator.add_kept(sum.planes);
+  const Image picture = accumulator.resolve();
+  answer.colour.assign(picture.data().begin(),
+                       picture.data().begin() + static_cast<ptrdiff_t>(answer.channels * pixels));
+  return answer;
+}
+
+// SumRenderer's 16-bit sums of all cameras, resolved by the compositor; of a card, where there is one given.
+// A weight has 15 bits, its sample seven of fraction: two units of 1/32640 each camera. Colours of smooth images: 0.5
+// of rounding to 8 bits once, the rest for three such weights and positions good to kGridError.
+Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates, gl::SumDrawer* card = nullptr) {
+  return {std::move(name),
+          1e-4,
+          2e-4,
+          0.6,
+          0.999,
+          [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
+            return in_sums(family, coordinates, card, rig, mesh, view, images);
+          }};
+}
+
+// In float, and nothing rounded.
+Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
+  const Plans plans(rig, mesh, view);
+  FloatStill still = render_float_still(rig, plans.plan, plans.owners, PixelFamily::kRgb,
+                                        [&](CameraIndex i) -> const Image& { return images[i]; });
+  Answer answer;
+  for (const CameraIndex i : plans.plan.contributors()) {
+    const Rect rect = plans.plan.camera_rect(i);
+    Answer::OwnWeights own{i, std::vector<double>(still.valid.size())};
+    place(pixel_weights(plans.plan, plans.owners, i, rect).data(), rect, view.width, 1, own.weight);
+    answer.own_weights.push_back(std::move(own));
+  }
+  answer.colour = std::move(still.colour);
+  answer.valid = std::move(still.valid);
+  answer.lost = std::move(still.lost);
+  return answer;
+}
+
+// The sums of nodes of one camera in 8 bits, added up by the compositor. Weights are those that white images show.
+Answer in_fragments(Coordinates coordinates, PixelFamily family, const Rig& rig, const Mesh& mesh, const View& view,
+                    const std::vector<Image>& images) {
+  const Plans plans(rig, mesh, view);
+  const size_t pixels = static_cast<size_t>(view.width) * view.height;
+  const bool i420 = family == PixelFamily::kI420;
+  Answer answer;
+  answer.channels = i420 ? 1 : 3;
+  answer.valid.resize(pixels);
+  answer.lost.resize(pixels);
+  Accumulator sum;
+  sum.reset(family, view.width, view.height);
+  const auto render = [&](CameraIndex i, const Image& rgb) {
+    const Image image = i420 ? as_i420(rgb) : rgb;
+    return test::camera_part(plans.plan, plans.owners.runs(), {i, &rig.cameras[i], image.view()}, coordinates);
+  };
+  for (const CameraIndex i : plans.plan.contributors()) {
+    if (const auto fragment = render(i, images[i])) sum.add(*fragment);
+    const auto white = render(i, white_image(rig.cameras[i].width, rig.cameras[i].height));
+    if (!white) continue;
+    std::vector<uint8_t> weight(white->pixels.begin(), white->pixels.end());
+    if (!i420)
+      for (size_t p = 0; 3 * p < white->pixels.size(); p++) weight[p] = white->pixels[3 * p];
+    Answer::OwnWeights own{i, std::vector<double>(pixels)};
+    place(weight.data(), white->rect, view.width, 1 / 255.0, own.weight);
+    place(weight.data(), white->rect, view.width, 1 / 255.0, answer.valid);
+    if (!white->lost.empty()) {
+      place(white->lost.data(), white->rect, view.width, 1 / 255.0, own.weight);
+      place(white->lost.data(), white->rect, view.width, 1 / 255.0, answer.lost);
+    }
+    answer.own_weights.push_back(std::move(own));
+  }
+  const Image picture = sum.resolve();
+  answer.colour.assign(picture.data().begin(),
+                       picture.data().begin() + static_cast<ptrdiff_t>(answer.channels * pixels));
+  return answer;
+}
+
+// Three samples rounded to 8 bits add up to an integer less than 1.5 from their exact sum, and a lost weight below half
+// a level is forgotten.
+Subject of_fragments(std::string name, Coordinates coordinates, PixelFamily family) {
+  constexpr double kHalf = 0.5 / 255 + 1e-6;
+  return {std::move(name),
+          3 * kHalf,
+          3 * kHalf,
+          1.75,
+          0.999,
+          [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
+            return in_fragments(coordinates, family, rig, mesh, view, images);
+          }};
+}
+
+// The machine's card, or what computes in place of one; Error without either.
+gl::SumDrawer* any_card() {
+  static std::string why;
+  static const std::unique_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!card) throw Error("no OpenGL ES 3.1: " + why);
+  return card.get();
+}
 
 // Keeps NaN as the largest of all errors.
 void raise(double& largest, double error) {
@@ -42,6 +216,30 @@ void compare(const Picture& expected, const Subject& subject, const Answer& answ
 }
 
 }  // namespace
+
+Image as_i420(const Image& rgb) {
+  Image image(PixelFamily::kI420, rgb.width(), rgb.height());
+  std::fill(image.data().begin(), image.data().end(), uint8_t{128});
+  for (int y = 0; y < rgb.height(); y++)
+    for (int x = 0; x < rgb.width(); x++) image.plane(0)[static_cast<size_t>(y) * rgb.width() + x] = rgb.pixel(x, y)[0];
+  return image;
+}
+
+// A new renderer is a line here.
+std::vector<Subject> subjects() {
+  std::vector<Subject> all{{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float}};
+  for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact}) {
+    const std::string grid = coordinates == Coordinates::kGrid ? " grid" : " exact";
+    for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+      const std::string name = "simd " + std::string(family == PixelFamily::kRgb ? "RGB" : "I420") + grid;
+      all.push_back(of_fragments(name, coordinates, family));
+      all.push_back(of_sums(name + " sum", family, coordinates));
+    }
+  }
+  all.push_back(of_sums("gl RGB sum", PixelFamily::kRgb, Coordinates::kExact, any_card()));
+  all.push_back(of_sums("gl I420 sum", PixelFamily::kI420, Coordinates::kExact, any_card()));
+  return all;
+}
 
 bool is_within(const Measured& measured, const Subject& bounds) {
   return measured.weight <= bounds.weight_bound && measured.partition <= bounds.partition_bound &&

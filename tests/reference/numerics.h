@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "image/image.h"
-#include "reference/hard_cases.h"
+#include "reference/generators.h"
 #include "rig/mesh.h"
 
 // Renderers beside the reference in the hard cases.
@@ -36,6 +36,9 @@ struct Subject {
 };
 // Every renderer there is.
 std::vector<Subject> subjects();
+
+// Red as luma: then the luma of I420 images has a known rule, rounded nowhere.
+Image as_i420(const Image& rgb);
 
 struct Measured {
   double weight = 0, partition = 0, colour = 0;  // largest errors; infinity for a NaN

@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The yardstick itself, held against cases whose answer is known by hand.
+#include <algorithm>
+#include <cmath>
+
 #include <gtest/gtest.h>
 
+#include "base/text.h"
+#include "composite/still.h"
+#include "reference/float_renderer.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
+#include "rig/rig.h"
 
 namespace lf::reference {
 namespace {
 
+// The yardstick itself, held against cases whose answer is known by hand.
 Rig unit_triangle() {
   Rig rig;
   for (const Vec3& position : {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0)})
@@ -158,3 +165,122 @@ TEST(Render, SamplesBilinearly) {
 
 }  // namespace
 }  // namespace lf::reference
+
+namespace lf {
+namespace {
+
+FloatStill flat(PixelFamily family, int width, int height, double value) {
+  FloatStill still{family, width, height};
+  still.colour.assign(packed_size(family, width, height), value);
+  still.valid.assign(static_cast<size_t>(width) * height, 1);
+  still.lost.assign(still.valid.size(), 0);
+  return still;
+}
+
+TEST(ExactQuality, ErrorsAreThoseOfRealNumbers) {
+  FloatStill exact = flat(PixelFamily::kRgb, 2, 2, 0.25);
+  exact.colour[5] = 3;
+  const ExactQuality quality = compare(Image(PixelFamily::kRgb, 2, 2), exact);
+  EXPECT_EQ(quality.max_error, 3);
+  EXPECT_NEAR(quality.psnr_db, 10 * std::log10(255 * 255 * 12 / (11 * 0.0625 + 9)), 1e-9);
+  EXPECT_EQ(quality.coverage, 1);
+}
+
+TEST(ExactQuality, OnlyWhatIsCoveredCounts) {
+  FloatStill exact = flat(PixelFamily::kRgb, 2, 1, 0);
+  exact.colour[3] = 99;
+  exact.valid[1] = 0.9;
+  const ExactQuality quality = compare(Image(PixelFamily::kRgb, 2, 1), exact);
+  EXPECT_EQ(quality.max_error, 0);
+  EXPECT_EQ(quality.psnr_db, INFINITY);
+  EXPECT_EQ(quality.coverage, 0.5);
+  exact.valid[0] = 0;
+  EXPECT_TRUE(std::isnan(compare(Image(PixelFamily::kRgb, 2, 1), exact).max_error));
+}
+
+TEST(ExactQuality, AChromaSampleNeedsAllItsPixels) {
+  FloatStill exact = flat(PixelFamily::kI420, 4, 2, 0);
+  exact.colour[8 + 1] = 10;  // Cb of the right half
+  EXPECT_EQ(compare(Image(PixelFamily::kI420, 4, 2), exact).max_error, 10);
+  exact.valid[3] = 0.5;
+  EXPECT_EQ(compare(Image(PixelFamily::kI420, 4, 2), exact).max_error, 0);
+}
+
+TEST(ExactQuality, UnlikePicturesAreAnError) {
+  EXPECT_THROW(compare(Image(PixelFamily::kRgb, 2, 1), flat(PixelFamily::kRgb, 1, 2, 0)), Error);
+  EXPECT_THROW(compare(Image(PixelFamily::kRgb, 2, 2), flat(PixelFamily::kI420, 2, 2, 0)), Error);
+}
+
+// 2x2 cameras that look at a plane 2 m away; the view may look past their images.
+class FloatStillTest : public testing::Test {
+ protected:
+  FloatStillTest() : rig_(make_grid_rig({2, 2, 0.2, 50, 40, 30})), mesh_(build_mesh(rig_)) {
+    view_.width = 31;  // odd: chroma reaches over the edge
+    view_.height = 25;
+    view_.lens = Lens::from_fov_y(40, view_.width, view_.height);
+    view_.pose.position = {0, 0, 0.1};
+    view_.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+  }
+
+  Image image(PixelFamily family, CameraIndex camera) const {
+    Image image(family, 40, 30);
+    for (size_t i = 0; i < image.data().size(); i++) image.data()[i] = static_cast<uint8_t>(i * (7 + camera) % 251);
+    return image;
+  }
+  CameraImages images(PixelFamily family) const {
+    return [this, family, kept = Image()](CameraIndex camera) mutable -> const Image& {
+      return kept = image(family, camera);
+    };
+  }
+  FloatStill exact(PixelFamily family) const {
+    const ViewPlan plan(rig_, mesh_, view_);
+    return render_float_still(rig_, plan, OwnerMap(plan, {0, 0, view_.width, view_.height}), family, images(family));
+  }
+
+  Rig rig_;
+  Mesh mesh_;
+  View view_;
+};
+
+TEST_F(FloatStillTest, AStillIsItsRounding) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    const Still still = render_still(rig_, mesh_, view_, images(family));
+    const ExactQuality quality = compare(still.picture, exact(family));
+    EXPECT_LE(quality.max_error, 1);
+    EXPECT_GT(quality.max_error, 0);
+    EXPECT_GT(quality.psnr_db, 55);
+    EXPECT_GT(quality.coverage, 0.8);
+  }
+}
+
+TEST_F(FloatStillTest, WhatIsLostIsDividedAwayInEveryPlane) {
+  view_.lens = Lens::from_fov_y(58, view_.width, view_.height);  // beyond the cameras' images
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    const ViewPlan plan(rig_, mesh_, view_);
+    Image grey(family, 40, 30);
+    std::fill(grey.data().begin(), grey.data().end(), uint8_t{77});
+    const FloatStill still = render_float_still(rig_, plan, OwnerMap(plan, {0, 0, view_.width, view_.height}), family,
+                                                [&](CameraIndex) -> const Image& { return grey; });
+    ASSERT_GT(*std::max_element(still.lost.begin(), still.lost.end()), 0.1);
+    const size_t pixels = still.valid.size();
+    for (size_t i = 0; i < pixels; i++) {
+      ASSERT_NEAR(still.valid[i] + still.lost[i], 1, 1e-6);
+      if (still.valid[i] < 0.01) continue;
+      ASSERT_NEAR(still.colour[family == PixelFamily::kRgb ? 3 * i : i], 77, 1e-3);
+    }
+    if (family == PixelFamily::kRgb) continue;
+    for (size_t i = pixels; i < still.colour.size(); i++)
+      if (std::abs(still.colour[i] - 128) > 1e-6) {  // else nothing is left of it
+        ASSERT_NEAR(still.colour[i], 77, 1e-3);
+      }
+  }
+}
+
+TEST_F(FloatStillTest, ImagesOfAnotherFamilyAreAnError) {
+  const ViewPlan plan(rig_, mesh_, view_);
+  const OwnerMap owners(plan, {0, 0, view_.width, view_.height});
+  EXPECT_THROW(render_float_still(rig_, plan, owners, PixelFamily::kI420, images(PixelFamily::kRgb)), Error);
+}
+
+}  // namespace
+}  // namespace lf

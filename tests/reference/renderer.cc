@@ -2,12 +2,240 @@
 #include "reference/renderer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+
+#include "render/camera_weights.h"
 
 namespace lf::reference {
 namespace {
 
 constexpr Real kInfinity = std::numeric_limits<Real>::infinity();
+constexpr Real kFarAway = 1e12L;  // metres: infinity, for points
+
+// Halves [low, high] until nothing lies between; `beyond(x)` is false below the place sought and true above it.
+template <typename Predicate>
+Real bisect(Real low, Real high, const Predicate& beyond) {
+  for (;;) {
+    const Real middle = low + (high - low) / 2;
+    if (middle <= low || middle >= high) return middle;
+    (beyond(middle) ? high : low) = middle;
+  }
+}
+
+// The slope of r (1 + k1 r^2 + k2 r^4) is a parabola in q = r^2 that starts at 1: its first zero is before the vertex
+// if the parabola opens upwards, and the only one if it opens downwards.
+Real find_fold(Real k1, Real k2) {
+  const auto slope = [&](Real q) { return 1 + q * (3 * k1 + q * 5 * k2); };
+  Real end = 1;
+  if (k2 > 0) {
+    end = -3 * k1 / (10 * k2);
+    if (!(end > 0) || slope(end) > 0) return kInfinity;
+  } else if (k2 < 0 || k1 < 0) {
+    while (slope(end) > 0) end *= 2;
+  } else {
+    return kInfinity;
+  }
+  return std::sqrt(bisect(0, end, [&](Real q) { return slope(q) <= 0; }));
+}
+
+}  // namespace
+
+ReferenceLens::ReferenceLens(const lf::Lens& lens) {
+  const auto& p = lens.params();
+  switch (lens.model()) {
+    case LensModel::kSimplePinhole:
+    case LensModel::kSimpleRadial:
+    case LensModel::kRadial:
+      fx_ = fy_ = p[0];
+      cx_ = p[1];
+      cy_ = p[2];
+      if (lens.model() != LensModel::kSimplePinhole) k1_ = p[3];
+      if (lens.model() == LensModel::kRadial) k2_ = p[4];
+      break;
+    case LensModel::kPinhole:
+    case LensModel::kOpenCv:
+      fx_ = p[0];
+      fy_ = p[1];
+      cx_ = p[2];
+      cy_ = p[3];
+      if (lens.model() == LensModel::kOpenCv) {
+        k1_ = p[4];
+        k2_ = p[5];
+        p1_ = p[6];
+        p2_ = p[7];
+      }
+      break;
+  }
+  fold_ = find_fold(k1_, k2_);
+}
+
+P2 ReferenceLens::distort(const P2& u) const {
+  const Real r2 = u.x * u.x + u.y * u.y;
+  const Real radial = 1 + k1_ * r2 + k2_ * r2 * r2;
+  return {u.x * radial + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x),
+          u.y * radial + 2 * p2_ * u.x * u.y + p1_ * (r2 + 2 * u.y * u.y)};
+}
+
+std::optional<P2> ReferenceLens::project(const V3& x) const {
+  if (!(x.z > 0)) return std::nullopt;
+  const P2 u{x.x / x.z, x.y / x.z};
+  if (std::hypot(u.x, u.y) > fold_) return std::nullopt;
+  const P2 d = distort(u);
+  return P2{fx_ * d.x + cx_, fy_ * d.y + cy_};
+}
+
+std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
+  const P2 target{(pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_};
+  if (k1_ == 0 && k2_ == 0 && p1_ == 0 && p2_ == 0) return target;
+  const bool radial_only = p1_ == 0 && p2_ == 0;
+
+  const auto grown = [&](Real r) { return r + k1_ * r * r * r + k2_ * r * r * r * r * r; };
+  const Real length = std::hypot(target.x, target.y);
+  Real end = fold_;
+  if (std::isinf(end))
+    for (end = 1; grown(end) < length;) end *= 2;
+  if (radial_only && grown(end) < length) return std::nullopt;
+  const Real r = length > 0 ? bisect(0, end, [&](Real x) { return grown(x) >= length; }) : 0;
+  P2 u = length > 0 ? P2{target.x * r / length, target.y * r / length} : P2{};
+  if (radial_only) return u;
+
+  for (int i = 0; i < 60; i++) {
+    constexpr Real kStep = 1e-6L;
+    const P2 at = distort(u);
+    const P2 right = distort({u.x + kStep, u.y}), left = distort({u.x - kStep, u.y});
+    const P2 down = distort({u.x, u.y + kStep}), up = distort({u.x, u.y - kStep});
+    const Real xx = (right.x - left.x) / (2 * kStep), xy = (down.x - up.x) / (2 * kStep);
+    const Real yx = (right.y - left.y) / (2 * kStep), yy = (down.y - up.y) / (2 * kStep);
+    const Real det = xx * yy - xy * yx;
+    const P2 miss{target.x - at.x, target.y - at.y};
+    u.x += (yy * miss.x - xy * miss.y) / det;
+    u.y += (xx * miss.y - yx * miss.x) / det;
+  }
+  const P2 check = distort(u);
+  if (!(std::hypot(check.x - target.x, check.y - target.y) < 1e-15L * (1 + length))) return std::nullopt;
+  if (std::hypot(u.x, u.y) > fold_) return std::nullopt;
+  return u;
+}
+
+namespace {
+
+// The n-th smallest, from 0.
+Real nth(std::vector<Real> values, size_t n) {
+  std::sort(values.begin(), values.end());
+  return values[n];
+}
+
+Real focal_length(const Lens& lens) { return (Real{lens.fx()} + lens.fy()) / 2; }
+
+}  // namespace
+
+ReferenceBlending::ReferenceBlending(const Rig& rig, const Mesh& mesh, const View& view, int step)
+    : rig_(rig), view_(view), step_(step), columns_((view.width + step - 1) / step + 1) {
+  for (CameraIndex i = 0; i < rig.cameras.size(); i++) {
+    const auto has = [i](const MeshFace& face) { return std::ranges::find(face.camera, i) != face.camera.end(); };
+    if (!std::ranges::any_of(mesh.faces, has)) continue;
+    const Pose& pose = rig.cameras[i].pose;
+    cameras_.push_back(i);
+    centre_.push_back(to_v3(pose.position) - to_v3(view.pose.position));
+    forward_.push_back(rotate(pose.orientation, {0, 0, 1}));
+  }
+  for (int y = 0; y < (view.height + step - 1) / step + 1; y++)
+    for (int x = 0; x < columns_; x++) nodes_.push_back(at_node(x * step, y * step));
+}
+
+std::vector<Real> ReferenceBlending::at(int x, int y) const {
+  const size_t first = static_cast<size_t>(y / step_) * columns_ + x / step_;
+  const Real right = Real(x % step_) / step_, down = Real(y % step_) / step_;
+  std::vector<Real> out(rig_.cameras.size());
+  for (size_t i = 0; i < cameras_.size(); i++)
+    out[cameras_[i]] = (1 - down) * ((1 - right) * nodes_[first][i] + right * nodes_[first + 1][i]) +
+                       down * ((1 - right) * nodes_[first + columns_][i] + right * nodes_[first + columns_ + 1][i]);
+  return out;
+}
+
+std::vector<Real> ReferenceBlending::at_node(int x, int y) const {
+  const ReferenceLens lens(view_.lens);
+  const P2 middle{view_.lens.cx(), view_.lens.cy()};
+  P2 ray{0, 0};
+  for (int i = 32; i > 0; i--) {
+    const auto found = lens.line_of_sight({middle.x + (x - middle.x) * i / 32, middle.y + (y - middle.y) * i / 32});
+    if (!found) continue;
+    ray = *found;
+    break;
+  }
+  const V3 line = rotate(view_.pose.orientation, {ray.x, ray.y, 1}), d = (1 / norm(line)) * line;
+  std::vector<Real> weights;
+  if (view_.blending.kind == Blending::Kind::kAperture) {
+    weights = within_aperture(d);
+  } else {
+    const FocalMap* const map = view_.focus.map.get();
+    const Plane& plane = map ? map->from : view_.focus.plane;
+    const V3 normal = to_v3(plane.normal);
+    const Real from_plane = dot(normal, to_v3(view_.pose.position)) + plane.d;
+    Real t = ((map ? 1 / inverse_distance(*map, x, y) : 0) - from_plane) / dot(normal, line), far = 1;
+    for (const V3& c : centre_) far = std::max(far, norm(c));
+    if (!(t > 0)) t = kInfinity;
+    weights = by_angle(d, std::min(t, 1e6L * far) * line);
+  }
+  Real sum = 0;
+  for (const Real w : weights) sum += w;
+  for (Real& w : weights) w /= sum;
+  return weights;
+}
+
+std::vector<Real> ReferenceBlending::within_aperture(const V3& d) const {
+  const bool any_faces = std::ranges::any_of(forward_, [&](const V3& f) { return dot(f, d) > 0; });
+  std::vector<Real> squared, all;
+  for (size_t i = 0; i < cameras_.size(); i++) {
+    const Real facing = any_faces ? std::min<Real>(dot(forward_[i], d) / 0.25L, 1) : 1;
+    const V3 beside = centre_[i] - dot(centre_[i], d) * d;
+    squared.push_back(facing > 0 ? dot(beside, beside) / (facing * facing) : kInfinity);
+    if (facing > 0) all.push_back(squared.back());
+  }
+  const Real least = nth(all, 0), radius = Real{view_.blending.aperture} / 2;
+  Real reach = std::max(radius * radius, 1.25L * (nth(all, std::min<size_t>(4, all.size()) - 1) - least));
+  if (all.size() > BlendGrid::kMaxShares) reach = std::min(reach, nth(all, BlendGrid::kMaxShares) - least);
+  for (Real& s : squared) {
+    const Real part = s <= least ? 0 : (s - least) / reach;
+    s = part < 1 ? (1 - part) * (1 - part) : 0;
+  }
+  return squared;
+}
+
+std::vector<Real> ReferenceBlending::by_angle(const V3& d, const V3& in_focus) const {
+  const size_t k = static_cast<size_t>(view_.blending.nearest);
+  std::vector<Real> angle, penalty;
+  for (const V3& c : centre_) {
+    const V3 to_camera = c - in_focus, to_eye = Real{-1} * d;
+    const Real cosine = dot(to_camera, to_eye) / norm(to_camera), sine = norm(cross(c, d)) / norm(to_camera);
+    angle.push_back(sine / (1 + cosine));
+  }
+  Real unit = nth(angle, std::min(k, angle.size()) - 1);
+  if (unit == 0) unit = 1;
+  for (size_t i = 0; i < cameras_.size(); i++) {
+    const Camera& camera = rig_.cameras[cameras_[i]];
+    const V3 from_camera = in_focus - centre_[i];
+    const auto at = ReferenceLens(camera.lens).project(rotate(camera.pose.orientation, from_camera, true));
+    Real inside = Real{1} / 1024;
+    if (at) {
+      const Real to_border = std::min(std::min(at->x + 0.5L, camera.width - 0.5L - at->x),
+                                      std::min(at->y + 0.5L, camera.height - 0.5L - at->y));
+      inside = std::clamp<Real>(to_border / (Real{0.05} * std::min(camera.width, camera.height)), Real{1} / 1024, 1);
+    }
+    const Real size = norm(from_camera) / focal_length(camera.lens) / (norm(in_focus) / focal_length(view_.lens));
+    penalty.push_back((angle[i] + unit * std::max<Real>(size - 1, 0) / 10) / inside);
+  }
+  const Real best = nth(penalty, 0);
+  const Real bound = penalty.size() > k ? best + (1 + Real{1} / 16) * (nth(penalty, k) - best) : kInfinity;
+  for (Real& p : penalty) {
+    const Real part = p <= best ? 0 : (p - best) / (bound - best);
+    p = part < 1 && p < kInfinity ? (1 - part) / std::max(p, 1e-12L * unit) : 0;
+  }
+  return penalty;
+}
+
+namespace {
 
 V3 centre(const Rig& rig, CameraIndex camera) { return to_v3(rig.cameras[camera].pose.position); }
 V3 axis(const Rig& rig, CameraIndex camera) { return rotate(rig.cameras[camera].pose.orientation, V3{0, 0, 1}); }
@@ -135,12 +363,6 @@ Sighting Sight::look(size_t index, const V3& d) const {
   }
   return seen;
 }
-
-namespace {
-
-constexpr Real kFarAway = 1e12L;  // metres: infinity, for points
-
-}  // namespace
 
 Real inverse_distance(const FocalMap& map, int x, int y) {
   const auto at = [&](int i, int j) {

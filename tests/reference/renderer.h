@@ -2,18 +2,97 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "geometry/lens.h"
 #include "image/image.h"
-#include "reference/reference_lens.h"
-#include "reference/small_vec.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"
 
 namespace lf::reference {
+
+// The widest real the machine has (80-bit on x86): errors of the reference itself then never matter.
+using Real = long double;
+
+struct V3 {
+  Real x = 0, y = 0, z = 0;
+};
+
+inline V3 operator+(const V3& a, const V3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline V3 operator-(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline V3 operator*(Real s, const V3& a) { return {s * a.x, s * a.y, s * a.z}; }
+inline Real dot(const V3& a, const V3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Real norm(const V3& a) { return std::sqrt(dot(a, a)); }
+inline V3 cross(const V3& a, const V3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+// Anything with x, y, z (and w) members.
+template <typename Vector>
+V3 to_v3(const Vector& v) {
+  return {v.x, v.y, v.z};
+}
+
+// Rodrigues' form of q v q*, with q brought to unit norm; `inverse` rotates by q* instead.
+template <typename Quaternion>
+V3 rotate(const Quaternion& q, const V3& v, bool inverse = false) {
+  const Real sign = inverse ? -1 : 1;
+  const Real w = q.w;
+  const V3 axis{sign * q.x, sign * q.y, sign * q.z};
+  const V3 twice = (2 / (w * w + dot(axis, axis))) * cross(axis, v);
+  return v + w * twice + cross(axis, twice);
+}
+
+struct P2 {
+  Real x = 0, y = 0;
+};
+
+// The lens models of docs/design.md, from a Lens's model and parameters alone. Everything that has to be solved is
+// solved by bisection or by Newton's method on differences: slow, and nothing to get wrong.
+class ReferenceLens {
+ public:
+  explicit ReferenceLens(const lf::Lens& lens);
+
+  // Camera coordinates to a pixel position; nothing for Z <= 0 or beyond the fold.
+  std::optional<P2> project(const V3& x_camera) const;
+  // A pixel's line of sight (u, v, 1); nothing where no ray falls.
+  std::optional<P2> line_of_sight(const P2& pixel) const;
+  // The first undistorted radius at which r (1 + k1 r^2 + k2 r^4) stops growing; infinity if it never does.
+  Real fold_radius() const { return fold_; }
+
+ private:
+  P2 distort(const P2& undistorted) const;
+
+  Real fx_, fy_, cx_, cy_;
+  Real k1_ = 0, k2_ = 0, p1_ = 0, p2_ = 0;
+  Real fold_;
+};
+
+// The weights of a view that is not blended by its mesh, as render/camera_weights.h states them, in 80-bit reals and
+// rounded nowhere; shared with nothing.
+class ReferenceBlending {
+ public:
+  // Nodes are `step` pixels apart. Everything must outlive this.
+  ReferenceBlending(const Rig& rig, const Mesh& mesh, const View& view, int step);
+  // Of every camera of the rig, in pixel (x, y), as if all lines of sight had a focus; they sum to 1.
+  std::vector<Real> at(int x, int y) const;
+
+ private:
+  std::vector<Real> at_node(int x, int y) const;
+  std::vector<Real> within_aperture(const V3& d) const;
+  std::vector<Real> by_angle(const V3& d, const V3& in_focus) const;
+
+  const Rig& rig_;
+  const View& view_;
+  const int step_, columns_;
+  std::vector<CameraIndex> cameras_;
+  std::vector<V3> centre_, forward_;  // of these; relative to the eye, axes of the world
+  std::vector<std::vector<Real>> nodes_;
+};
 
 // The rendering rule of the light field, written down pixel by pixel as it is stated and shared with nothing: for a
 // pixel's line of sight E + t d,

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "composite/assembly.h"
-#include "node/answer_task.h"
 #include "node/camera_access.h"
-#include "wire/answer_parser.h"
+#include "node/request_renderer.h"
+#include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 
 // One view by way of each of the random access cameras, everything that travels encoded and decoded again.
@@ -33,20 +33,20 @@ class AccessPictures {
       if (image.family() != PixelFamily::kNone) family_ = image.family();
   }
 
-  std::unique_ptr<AnswerTask> task(Access access, std::span<const CameraIndex> own) const {
+  std::unique_ptr<const RequestPlan> plan(Access access, std::span<const CameraIndex> own) const {
     const Mesh mesh = build_mesh(*rig_, request_.out_of_service);
-    if (access == Access::kSelf) return make_task(*rig_, mesh, request_, own);
-    const CameraAccess& told = *CameraAccess::of(access);
-    const auto bytes = wire::encode_any_request(told.command(*rig_, mesh, request_));
-    return told.task(told_, wire::decode_any_request(bytes).value(), own);
+    if (access == Access::kSelf) return std::make_unique<const RequestPlan>(*rig_, mesh, request_, own);
+    const auto bytes = wire::encode_any_request(CameraAccess::of(access)->command(*rig_, mesh, request_));
+    MeshCache none;
+    return plan_request(told_, none, wire::decode_any_request(bytes).value(), own);
   }
 
-  ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const AnswerTask::Options& options) const {
-    const auto task = this->task(access, own);
+  ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const RenderOptions& options) const {
+    const auto plan = this->plan(access, own);
     const Rig& known = access == Access::kSelf ? *rig_ : told_;
     std::vector<Source> sources;
     CameraSet blind;
-    for (const CameraIndex camera : task->cameras()) {
+    for (const CameraIndex camera : plan->cameras()) {
       sources.push_back({camera, &known.cameras[camera], images_[camera].view()});
       if (images_[camera].family() == PixelFamily::kNone) blind.push_back(camera);
     }
@@ -59,7 +59,8 @@ class AccessPictures {
     header.rig_hash = rig_->hash();
     header.cameras = CameraRanges(own);
     header.blind = CameraRanges(blind);
-    return task->render(header, sources, options).bytes;
+    ImageMemory scratch;
+    return RequestRenderer().render({plan.get(), header}, sources, options, scratch).bytes;
   }
 
   // From one answer, or from more (of several nodes).
@@ -76,7 +77,7 @@ class AccessPictures {
     assembly_.finish(family_, true);
     return assembly_.picture().resolve();
   }
-  Image picture(Access access, const AnswerTask::Options& options) {
+  Image picture(Access access, const RenderOptions& options) {
     std::vector<CameraIndex> all(rig_->cameras.size());
     for (CameraIndex i = 0; i < all.size(); i++) all[i] = i;
     return picture({answer(access, all, options)});

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "calibration/zhang.h"
+#include "calibration/intrinsics.h"
 #include "geometry/pose.h"
 #include "image/image.h"
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
 
 inline std::string text_of_error(const std::function<void()>& action) {
   try {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <malloc.h>
-#include <unistd.h>
-
 #include <filesystem>
 #include <fstream>
+
+#include <malloc.h>
+#include <unistd.h>
 
 namespace lf::test {
 
@@ -28,5 +28,13 @@ inline ptrdiff_t count_of(const char* folder) {
   const std::filesystem::path path = std::filesystem::path("/proc/self") / folder;
   return std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator());
 }
+
+// Whether this is a build with a sanitizer that keeps what was freed resident, so that memory seems to grow, and is so
+// slow that live cameras may fall behind and say so.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kKeepsFreedMemory = true, kFallsBehind = true;
+#else
+inline constexpr bool kKeepsFreedMemory = false, kFallsBehind = false;
+#endif
 
 }  // namespace lf::test

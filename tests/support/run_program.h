@@ -1,30 +1,74 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <sys/wait.h>
-
 #include <array>
 #include <cstdio>
+#include <random>
+#include <source_location>
+#include <stdexcept>
 #include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 namespace lf {
 
 struct Outcome {
-  int status = -1;     // exit status
+  int status = -1;     // exit status; 128 and more: ended by a signal
   std::string output;  // both streams
 };
 
-// Runs one of this build's tools through a shell, in `directory`.
-inline Outcome run_program(const std::string& name, const std::string& arguments, const std::string& directory = ".") {
-  const std::string command = "cd '" + directory + "' && '" LF_TOOLS_DIR "/" + name + "' " + arguments + " 2>&1";
+// Runs a command through a shell.
+inline Outcome run_shell(const std::string& command) {
   Outcome outcome;
-  FILE* pipe = popen(command.c_str(), "r");
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
   if (!pipe) return outcome;
   std::array<char, 4096> buffer;
   while (const size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) outcome.output.append(buffer.data(), n);
   const int status = pclose(pipe);
-  outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return outcome;
 }
 
+// Runs one of this build's tools through a shell, in `directory`.
+inline Outcome run_program(const std::string& name, const std::string& arguments, const std::string& directory = ".") {
+  return run_shell("cd '" + directory + "' && '" LF_TOOLS_DIR "/" + name + "' " + arguments);
+}
+
 }  // namespace lf
+
+namespace lf::test {
+
+// Expects the exit status of a program, and its output, to be these values or to match these matchers.
+template <typename Status, typename Output = decltype(testing::_)>
+void expect_outcome(const Outcome& outcome, const Status& status, const Output& output = testing::_,
+                    const std::source_location& where = std::source_location::current()) {
+  const testing::ScopedTrace trace(where.file_name(), static_cast<int>(where.line()), "");
+  EXPECT_THAT(outcome.status, status) << outcome.output;
+  EXPECT_THAT(outcome.output, output);
+}
+
+// A port that nobody has at any address of this machine just now, and none of the ports that sockets get by themselves
+// (32768 and more), which another program could have by the time it is used. `type`: SOCK_DGRAM (UDP) or SOCK_STREAM
+// (TCP).
+inline int free_port(int type) {
+  static std::mt19937 random(std::random_device{}());
+  for (int attempt = 0; attempt < 100; attempt++) {
+    const int port = std::uniform_int_distribution(10000, 32000)(random);
+    const int file = socket(AF_INET, type, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_ANY);
+    address.sin_port = htons(static_cast<uint16_t>(port));
+    const bool ok = file >= 0 && bind(file, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+    if (file >= 0) close(file);
+    if (ok) return port;
+  }
+  throw std::runtime_error("no free port");
+}
+
+}  // namespace lf::test

@@ -69,11 +69,11 @@ TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
 // PSNR in dB of the views of the fern that the cameras cover, by name.
 std::map<std::string, double> fern(const TempDir& dir, const std::string& options) {
   const std::string data = "'" + fs::canonical(kFern).string();
-  const Outcome outcome = run_program("lf-render",
-                                      "--rig " + data + "/rig.json' --views " + data + "/views.json' --truth " + data +
-                                          "/truth' --out out --json table.json " + options,
-                                      dir.path());
-  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  test::expect_outcome(run_program("lf-render",
+                                   "--rig " + data + "/rig.json' --views " + data + "/views.json' --truth " + data +
+                                       "/truth' --out out --json table.json " + options,
+                                   dir.path()),
+                       0);
   std::map<std::string, double> found;
   for (const nlohmann::json& view : nlohmann::json::parse(read_text_file(dir / "table.json"))["views"])
     if (100 * view["coverage"].get<double>() >= kLeastCompared) found[view["name"]] = view["psnr_db"];

@@ -28,8 +28,7 @@ class LfArchive : public testing::Test {
   Outcome run(const std::string& arguments) const { return run_program("lf-archive", arguments, dir_.path()); }
   // Films of the built-in scene, 12 frames of 2 cameras.
   void film() const {
-    const Outcome outcome = run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path());
-    ASSERT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path()), 0);
   }
   // The number behind a text.
   static double number(const std::string& output, const std::string& text) {
@@ -87,8 +86,7 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
     file.close(g_get_monotonic_time() + 10 * G_USEC_PER_SEC);
   }
   save_rig(rig, dir_ / "recording/rig.json");
-  const Outcome outcome = run("recording --out archive");
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  test::expect_outcome(run("recording --out archive"), 0);
   const ElementPtr pipeline = launch("filesrc location=" + dir_ / "archive/camera0.mkv" +
                                      " ! matroskademux name=d d.subtitle_0 ! queue ! appsink name=s sync=false "
                                      "d.video_0 ! fakesink");
@@ -154,9 +152,8 @@ TEST_F(LfArchive, AFullDiskIsSaid) {
   fs::create_directories(dir_ / "disk");
   if (mount("none", (dir_ / "disk").c_str(), "tmpfs", 0, "size=16k") != 0)
     GTEST_SKIP() << "a small disk can't be mounted here";
-  const Outcome outcome = run("films/rig.json --out disk/archive");
-  EXPECT_EQ(outcome.status, 1) << outcome.output;
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("disk/archive/camera"), HasSubstr("No space left")));
+  test::expect_outcome(run("films/rig.json --out disk/archive"), 1,
+                       AllOf(HasSubstr("disk/archive/camera"), HasSubstr("No space left")));
   EXPECT_FALSE(fs::exists(dir_ / "disk/archive/rig.json")) << "what is not whole is no recording";
   EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
 }

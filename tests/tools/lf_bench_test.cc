@@ -8,6 +8,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -20,11 +21,7 @@ class LfBench : public testing::Test {
  protected:
   void SetUp() override {
     Rig rig = scene_rig(5, 5, 160, 120);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5, 1), folder_ / camera.image);
-    }
-    save_rig(rig, folder_ / "rig.json");
+    test::save_photographs(rig, folder_, 0.5, 1);
   }
   Outcome run(const std::string& arguments) const {
     return run_program("lf-bench", "--seconds 0.02 " + arguments, folder_.path());
@@ -81,9 +78,7 @@ TEST_F(LfBench, ErrorsNameTheOptionOrTheFile) {
   EXPECT_THAT(run("--rig rig.json --size 200").output, HasSubstr("--size 200: must be WIDTHxHEIGHT"));
   EXPECT_THAT(run("--rig nowhere.json").output, HasSubstr("nowhere.json"));
   save_rig(scene_rig(2, 2, 40, 30), folder_ / "bare.json");
-  const Outcome outcome = run("--rig bare.json");
-  EXPECT_EQ(outcome.status, 1);
-  EXPECT_THAT(outcome.output, HasSubstr("the rig names no image"));
+  test::expect_outcome(run("--rig bare.json"), 1, HasSubstr("the rig names no image"));
 }
 
 }  // namespace

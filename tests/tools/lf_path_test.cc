@@ -7,33 +7,36 @@
 #include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {
 
 using testing::HasSubstr;
 
-// `source`, `image`: of every camera.
-void write_rig(const std::string& path, const std::string& source, const std::string& image) {
-  Rig rig = scene_rig(3, 3, 32, 24);
-  for (Camera& camera : rig.cameras) {
-    camera.source = source;
-    camera.image = image;
-  }
-  save_rig(rig, path);
-}
-
 double depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
 
-TEST(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
+class LfPath : public testing::Test {
+ protected:
+  Outcome lf_path(const std::string& arguments) const { return run_program("lf-path", arguments, dir.path()); }
+  // `source`, `image`: of every camera.
+  void write_rig(const std::string& source, const std::string& image) const {
+    Rig rig = scene_rig(3, 3, 32, 24);
+    for (Camera& camera : rig.cameras) {
+      camera.source = source;
+      camera.image = image;
+    }
+    save_rig(rig, dir / "rig.json");
+  }
+
   const TempDir dir;
-  write_rig(dir / "rig.json", "film.mkv", "");
-  const Outcome outcome = run_program(
-      "lf-path", "--rig rig.json --out views.json --frames 31 --framerate 10 --near 1.5 --far 3 --width 20 --height 16",
-      dir.path());
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, HasSubstr("31 views, focus from 1.5 to 3 m"));
+};
+
+TEST_F(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
+  write_rig("film.mkv", "");
+  test::expect_outcome(
+      lf_path("--rig rig.json --out views.json --frames 31 --framerate 10 --near 1.5 --far 3 --width 20 --height 16"),
+      0, HasSubstr("31 views, focus from 1.5 to 3 m"));
   const std::vector<NamedView> views = load_views(dir / "views.json");
   ASSERT_EQ(views.size(), 31u);
   EXPECT_NEAR(views[30].time, 3, 1e-9);
@@ -41,32 +44,24 @@ TEST(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
   EXPECT_EQ(views[0].view.width, 20);
 }
 
-TEST(LfPath, WithoutImagesTheSizeOfTheArrayDecidesOnTheFocus) {
-  const TempDir dir;
-  write_rig(dir / "rig.json", "film.mkv", "");
-  ASSERT_EQ(run_program("lf-path", "--rig rig.json --out views.json --frames 5", dir.path()).status, 0);
+TEST_F(LfPath, WithoutImagesTheSizeOfTheArrayDecidesOnTheFocus) {
+  write_rig("film.mkv", "");
+  ASSERT_EQ(lf_path("--rig rig.json --out views.json --frames 5").status, 0);
   const double near = depth(load_views(dir / "views.json")[0].view), extent = 2 * std::sqrt(2.0) * kScenePitch;
   EXPECT_NEAR(near, 2 * extent, 1e-6);
 }
 
-TEST(LfPath, StillsStandAtTimeZero) {
-  const TempDir dir;
-  write_rig(dir / "rig.json", "", "still.png");
-  const Outcome outcome =
-      run_program("lf-path", "--rig rig.json --out views.json --frames 5 --near 1 --far 2", dir.path());
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
+TEST_F(LfPath, StillsStandAtTimeZero) {
+  write_rig("", "still.png");
+  test::expect_outcome(lf_path("--rig rig.json --out views.json --frames 5 --near 1 --far 2"), 0);
   for (const NamedView& view : load_views(dir / "views.json")) EXPECT_EQ(view.time, 0);
 }
 
 // Eyes at both sides of a view of the path are inside of the array, too.
-TEST(LfPath, APathLeavesRoomForEyes) {
-  const TempDir dir;
-  write_rig(dir / "rig.json", "film.mkv", "");
+TEST_F(LfPath, APathLeavesRoomForEyes) {
+  write_rig("film.mkv", "");
   const auto widest = [&](const std::string& options) {
-    EXPECT_EQ(
-        run_program("lf-path", "--rig rig.json --out views.json --frames 61 --near 1 --far 2" + options, dir.path())
-            .status,
-        0);
+    EXPECT_EQ(lf_path("--rig rig.json --out views.json --frames 61 --near 1 --far 2" + options).status, 0);
     double most = 0;
     for (const NamedView& view : load_views(dir / "views.json"))
       most = std::max(most, std::abs(view.view.pose.position.x));
@@ -78,13 +73,10 @@ TEST(LfPath, APathLeavesRoomForEyes) {
   EXPECT_LE(some, kScenePitch / 2 + 1e-9) << "the array is two pitches wide, the eyes are one apart";
 }
 
-TEST(LfPath, ErrorsNameFileOrOption) {
-  const TempDir dir;
-  write_rig(dir / "rig.json", "", "still.png");
+TEST_F(LfPath, ErrorsNameFileOrOption) {
+  write_rig("", "still.png");
   const auto expect_failure = [&](const std::string& arguments, const std::string& text) {
-    const Outcome outcome = run_program("lf-path", arguments, dir.path());
-    EXPECT_EQ(outcome.status, 1) << arguments;
-    EXPECT_THAT(outcome.output, HasSubstr(text));
+    test::expect_outcome(lf_path(arguments), 1, HasSubstr(text));
   };
   expect_failure("--rig no.json --out v.json", "no.json: can't be read");
   expect_failure("--rig rig.json --out v.json", "still.png: no such image file");

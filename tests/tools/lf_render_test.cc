@@ -12,9 +12,10 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {
@@ -199,20 +200,17 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
 TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
   const TempDir folder;
   Rig rig = scene_rig(4, 4, 160, 120);
-  for (Camera& camera : rig.cameras) {
-    camera.image = camera.name + ".png";
-    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), folder / camera.image);
-  }
-  save_rig(rig, folder / "rig.json");
+  test::save_photographs(rig, folder, 0.5);
   NamedView view{"v", 0.5, {160, 120, rig.cameras[0].lens, {}, {}}};
   view.view.pose.position = {0.003, -0.002, 0};
   view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
   save_views({view}, folder / "views.json");
   save_image(render_scene({160, 120, view.view.lens, view.view.pose}, 0.5), folder / "v.png");
   const auto psnr = [&](const std::string& more) {
-    const Outcome outcome = run_program(
-        "lf-render", "--rig rig.json --views views.json --truth . --out out --json out.json " + more, folder.path());
-    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(
+        run_program("lf-render", "--rig rig.json --views views.json --truth . --out out --json out.json " + more,
+                    folder.path()),
+        0);
     return nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>();
   };
   const double plane = psnr("--focus plane"), sharp = psnr(""), bilinear = psnr("--resampling bilinear");
@@ -225,10 +223,7 @@ TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
 TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   const TempDir folder;
   Rig rig = scene_rig(5, 5, 80, 60);
-  for (Camera& camera : rig.cameras) {
-    camera.image = camera.name + ".png";
-    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5, 1), folder / camera.image);
-  }
+  test::save_photographs(rig, folder, 0.5, 1);
   rig.cameras[6].name = "row/one";  // as COLMAP's names may be
   rig.cameras[7].name = "../above";
   const std::string off = rig.cameras[12].name;
@@ -253,10 +248,9 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
 }
 
 TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
-  const Outcome outcome =
-      run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1");
-  EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, testing::HasSubstr("--focus-near: must be nearer than --focus-far"));
+  test::expect_outcome(
+      run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1"), testing::Ne(0),
+      testing::HasSubstr("--focus-near: must be nearer than --focus-far"));
 }
 
 }  // namespace

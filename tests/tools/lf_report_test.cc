@@ -12,6 +12,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
@@ -27,11 +28,7 @@ class LfReport : public testing::Test {
  protected:
   void SetUp() override {
     Rig rig = scene_rig(2, 2, kWidth, kHeight);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({kWidth, kHeight, camera.lens, camera.pose}, 0), dir_ / camera.image);
-    }
-    save_rig(rig, dir_ / "rig.json");
+    test::save_photographs(rig, dir_, 0);
     views_ = make_tour(rig, {1.2, 4.5}, {.frames = 3, .rate_hz = 10});
     save_views(views_, dir_ / "views.json");
     std::filesystem::create_directories(dir_ / "out");
@@ -81,9 +78,7 @@ class LfReport : public testing::Test {
 
 TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
   write_log("live", {{1, 9, 20'000'000}, {2, 9, 30'000'000}, {3, 9, 40'000'000}});
-  const Outcome outcome = report("--scene --live-log live");
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, HasSubstr("\"fps\": 2.0"));
+  test::expect_outcome(report("--scene --live-log live"), 0, HasSubstr("\"fps\": 2.0"));
   const nlohmann::json json = figures();
   EXPECT_EQ(json["frames"], 3);
   EXPECT_NEAR(json["fps"].get<double>(), 2, 1e-9);
@@ -97,19 +92,14 @@ TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
 }
 
 TEST_F(LfReport, WithoutTruthAndLiveRun) {
-  const Outcome outcome = report();
-  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  test::expect_outcome(report(), 0);
   EXPECT_TRUE(figures()["psnr_db"].is_null());
   EXPECT_TRUE(figures()["plane_psnr_db"].is_null());
   EXPECT_NEAR(figures()["latency_ms"]["p50"].get<double>(), 5, 1e-9);
 }
 
 TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
-  const auto expect_failure = [&](const std::string& text) {
-    const Outcome outcome = report();
-    EXPECT_EQ(outcome.status, 1);
-    EXPECT_THAT(outcome.output, HasSubstr(text));
-  };
+  const auto expect_failure = [&](const std::string& text) { test::expect_outcome(report(), 1, HasSubstr(text)); };
   write_frames(2, 0, "plane.rgb");
   expect_failure("plane.rgb: has 2 pictures, frames.rgb 3");
   write_frames(2, 0);

@@ -1,24 +1,28 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-rig's commands that open cameras, on simulated ones: elements, files and RTSP servers.
-#include <gst/app/gstappsink.h>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
 
 #include <gmock/gmock.h>
+#include <gst/app/gstappsink.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
-
-#include <cmath>
-#include <ctime>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "calibration/tracks.h"
+#include "cameras/guided_recording.h"
 #include "cameras/mosaic.h"
+#include "cameras/recorder.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
 #include "rig/rig_json.h"
+#include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -224,9 +228,8 @@ TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
   ASSERT_EQ(lf_rig("snapshot rig.json --out stills --after 0", dir).status, 0);
   const std::string before = read_text_file(dir / "stills/rig.json");
   write_rig(dir, {"none.mkv"});
-  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0", dir);
-  EXPECT_EQ(outcome.status, 1);
-  EXPECT_THAT(outcome.output, HasSubstr("no camera gave a still: stills stays as it was"));
+  test::expect_outcome(lf_rig("snapshot rig.json --out stills --after 0", dir), 1,
+                       HasSubstr("no camera gave a still: stills stays as it was"));
   EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
   EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
 }
@@ -367,9 +370,8 @@ TEST(LfRigRecord, NamesBecomeFiles) {
   Rig rig = load_rig(dir / "rig.json");
   rig.cameras[1].name = "../up";
   save_rig(rig, dir / "rig.json");
-  const Outcome outcome = lf_rig("record rig.json --out films --seconds 1", dir);
-  EXPECT_EQ(outcome.status, 1);
-  EXPECT_THAT(outcome.output, HasSubstr("cameras[1].name: \"../up\" can't be the name of a file"));
+  test::expect_outcome(lf_rig("record rig.json --out films --seconds 1", dir), 1,
+                       HasSubstr("cameras[1].name: \"../up\" can't be the name of a file"));
 }
 
 TEST(LfRigLock, NeedsACameraThatTells) {
@@ -378,6 +380,55 @@ TEST(LfRigLock, NeedsACameraThatTells) {
   EXPECT_THAT(lf_rig("lock rig.json --settle 0.2", dir).output,
               HasSubstr("camera 0 (cam_00_00): its source tells no exposure, gain, white balance or focus"));
   EXPECT_THAT(lf_rig("lock rig.json --camera 4", dir).output, HasSubstr("rig.json: has no camera 4"));
+}
+
+// Films of a moved bar as cameras: where it came to while it is filmed, and what looking costs.
+class Watching : public testing::Test {
+ protected:
+  Watching() {
+    g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
+    gst_init(nullptr, nullptr);
+  }
+  void film(const Rig& rig, const std::string& arguments) {
+    save_rig(rig, dir_ / "rig.json");
+    test::expect_outcome(run_program("lf-scene", "lights --rig rig.json --out lights " + arguments, dir_.path()), 0);
+  }
+  const TempDir dir_;
+};
+
+TEST_F(Watching, FollowsTheLightsInTheFilmsThatAreTaken) {
+  ASSERT_NO_FATAL_FAILURE(film(scene_rig(2, 2, 640, 480), "--framerate 30 --seconds 8"));
+  const std::string path = dir_ / "lights/rig.json";
+  const auto rig = std::make_shared<const Rig>(load_rig(path));
+  cameras::LightWatch watch(*rig, 2);
+  const std::vector<cameras::Recorded> recorded = cameras::record_cameras(
+      rig, path, dir_ / "films", {.seconds = 6, .shown = [&](const cameras::CameraFrame& frame) { watch.see(frame); }},
+      [](double) { return true; });
+  for (const cameras::Recorded& one : recorded) EXPECT_EQ(one.problem, "");
+  const uint64_t looks = watch.looks();
+  EXPECT_GT(looks, 4u * 10);
+  EXPECT_LE(looks, 4u * 32) << "five a second";
+  std::printf("%.2f ms of the processor a look at 640x480\n", 1e3 * watch.busy() / static_cast<double>(looks));
+  // Not more places than the lights came to, and not far fewer.
+  const auto truth = parse_light_sights(read_text_file(dir_ / "lights/lights.json"), "lights.json");
+  ASSERT_TRUE(truth);
+  for (CameraIndex i = 0; i < 4; i++) {
+    PicturePlaces places(640, 480);
+    for (const LightSights::Frame& frame : truth->cameras[i].frames)
+      for (const Sight& sight : frame.sights) places.come(sight.pixel);
+    EXPECT_LE(watch.places(i).share(), places.share() + 1.5 / 12);
+    EXPECT_GE(watch.places(i).share(), 0.5 * places.share());
+  }
+  EXPECT_THAT(watch.told(), AllOf(HasSubstr("The light came to "), HasSubstr("Next: ")));
+}
+
+TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
+  ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
+  test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
+                       0,
+                       AllOf(HasSubstr("the left is on your right"), HasSubstr("The light came to "),
+                             HasSubstr("Next: "), HasSubstr("films: 2 of 2 cameras")));
+  EXPECT_NE(run_program("lf-rig", "record lights/rig.json --out films --lights 3", dir_.path()).status, 0);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@
 #include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {

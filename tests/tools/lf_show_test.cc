@@ -6,15 +6,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/rect.h"
-#include "image/heat_map.h"
+#include "base/maths.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {
@@ -26,18 +26,24 @@ class LfShow : public testing::Test {
  protected:
   void SetUp() override {
     rig_ = scene_rig(4, 4, 96, 72);
-    for (Camera& camera : rig_.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), path(camera.image));
-    }
-    save_rig(rig_, path("rig.json"));
+    test::save_photographs(rig_, folder_, 0, 1);
   }
   std::string path(const std::string& name) const { return folder_ / name; }
   Outcome run(const std::string& arguments) const { return run_program("lf-show", arguments, folder_.path()); }
+  // v.json: three views, each `step` metres right of the one before.
+  void save_path(double step) const {
+    std::vector<NamedView> views;
+    for (int i = 0; i < 3; i++) {
+      View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
+      view.pose.position.x = step * i;
+      view.focus.plane = focal_plane_at(view.pose, 2);
+      views.push_back({"v" + std::to_string(i), 0, view});
+    }
+    save_views(views, path("v.json"));
+  }
   // The picture that the command writes to out.png.
   Image picture(const std::string& arguments) const {
-    const Outcome outcome = run(arguments + " --rig rig.json --out out.png");
-    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(run(arguments + " --rig rig.json --out out.png"), 0);
     return load_image(path("out.png"));
   }
   void expect_failure(const std::string& arguments, const std::string& text) const {
@@ -110,9 +116,7 @@ TEST_F(LfShow, SweepIsSharpOnOnePlaneAfterTheOther) {
   ASSERT_EQ(run("sweep --rig rig.json --near 1 --far 5 --planes 3 --out s_%02d.png").status, 0);
   EXPECT_TRUE(fs::exists(path("s_00.png")) && fs::exists(path("s_01.png")) && fs::exists(path("s_02.png")));
   EXPECT_NE(load_image(path("s_00.png")).data(), load_image(path("s_02.png")).data());
-  const Outcome film = run("sweep --rig rig.json --planes 4 --out s.mkv");
-  ASSERT_EQ(film.status, 0) << film.output;
-  EXPECT_THAT(film.output, HasSubstr("4 planes from "));
+  test::expect_outcome(run("sweep --rig rig.json --planes 4 --out s.mkv"), 0, HasSubstr("4 planes from "));
   EXPECT_GT(fs::file_size(path("s.mkv")), 2000u);
   expect_failure("sweep --rig rig.json --out s.png", "must be numbered pictures");
   expect_failure("sweep --rig rig.json --out s.avi", "--out s.avi: must be NAME.png");
@@ -127,9 +131,8 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   ASSERT_EQ(out.status, 0) << out.output;
   EXPECT_THAT(out.output, HasSubstr("PSNR "));
   // A camera of a corner sees what is beside the view of all others.
-  const Outcome corner = run("difference --rig rig.json --left-out 0 --out corner.png");
-  EXPECT_EQ(corner.status, 0) << corner.output;
-  EXPECT_THAT(corner.output, HasSubstr("left out: nothing compared: the cameras cover no pixel of it\n"));
+  test::expect_outcome(run("difference --rig rig.json --left-out 0 --out corner.png"), 0,
+                       HasSubstr("left out: nothing compared: the cameras cover no pixel of it\n"));
   // At a camera, what it saw: no difference.
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
@@ -145,14 +148,7 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
 }
 
 TEST_F(LfShow, AFilmOfEveryViewOfAPath) {
-  std::vector<NamedView> views;
-  for (int i = 0; i < 3; i++) {
-    View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
-    view.pose.position.x = 0.02 * i;
-    view.focus.plane = focal_plane_at(view.pose, 2);
-    views.push_back({"v" + std::to_string(i), 0, view});
-  }
-  save_views(views, path("v.json"));
+  save_path(0.02);
   ASSERT_EQ(run("contributions --rig rig.json --views v.json --focus plane --out c_%d.png").status, 0);
   EXPECT_TRUE(fs::exists(path("c_2.png")));
   EXPECT_EQ(run("coverage --rig rig.json --views v.json --focus plane --out c.mkv").status, 0);
@@ -181,8 +177,7 @@ TEST_F(LfShow, AnEpipolarLineLiesAsideAsFarAsAsked) {
 
 TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
   const auto bright = [&](const std::string& full) {
-    const Outcome outcome = run("difference --rig rig.json --scene --out scale.png" + full);
-    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    test::expect_outcome(run("difference --rig rig.json --scene --out scale.png" + full), 0);
     const Image image = load_image(path("scale.png"));
     int sum = 0;
     for (int y = 0; y < 72; y++)
@@ -196,13 +191,7 @@ TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
 
 TEST_F(LfShow, FilmsHaveTheRateThatIsAskedFor) {
   gst_init(nullptr, nullptr);
-  std::vector<NamedView> views;
-  for (int i = 0; i < 3; i++) {
-    View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
-    view.focus.plane = focal_plane_at(view.pose, 2);
-    views.push_back({"v" + std::to_string(i), 0, view});
-  }
-  save_views(views, path("v.json"));
+  save_path(0);
   for (const std::string command :
        {"contributions --views v.json --focus plane", "coverage --views v.json --focus plane",
         "sweep --near 1 --far 5 --planes 3", "difference --views v.json --focus plane --scene"}) {

@@ -13,9 +13,8 @@
 #include <nlohmann/json.hpp>
 
 #include "../../tools/cameras/doctor.h"
-#include "base/error.h"
+#include "base/text.h"
 #include "gst/gst_test.h"
-#include "rig/camera_controls.h"
 #include "rig/rig_json.h"
 #include "support/temp_dir.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "../../tools/video_devices.h"
+#include "../../tools/cameras/rig_cameras.h"
 
 #include <gst/gst.h>
 #include <gtest/gtest.h>

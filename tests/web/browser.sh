@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Runs the tests in headless Chromium, with playwright-core from npm: browser.sh BUILD TEST.mjs [PROGRAM]. Prints TAP;
 # without Chromium, Node.js or npm's registry the tests are skipped, with the reason. Where they need a PROGRAM they are
-# skipped without it, and get a network of their own, with an address beside loopback's.
+# skipped without it, are told which it is, and get a network of their own, with an address beside loopback's.
 set -euo pipefail
 build=$1 test=$(realpath "$2") needed=${3:-}
 source=$(dirname "$test")
@@ -36,7 +36,7 @@ cp "$source"/*.mjs "$work/"
 export GST_PLUGIN_PATH=$build/gst LF_TOOLS_DIR=$build/tools LF_CHROMIUM=$chromium LF_ARTEFACTS=$work
 LF_SOURCE_ROOT=$(cd "$source/../.." && pwd)
 export LF_SOURCE_ROOT
-run=(node "$work/$(basename "$test")")
+run=(node "$work/$(basename "$test")" ${needed:+"$needed"})
 [[ -n $needed ]] || exec "${run[@]}"
 # Without IPv6 but for loopback's: its addresses come seconds late, and a browser drops what it is loading where one comes.
 network='ip link set lo up && sysctl -qw net.ipv6.conf.default.disable_ipv6=1 &&

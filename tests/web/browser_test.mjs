@@ -3,9 +3,9 @@
 import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, newPage, openPage, patience,
-  picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until, viewFile } from './harness.mjs';
-import { throughRelay } from './relay.mjs';
+import { artefacts, close, closeClean, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer,
+  makeRig, newPage, openPage, openShown, patience, picture, rendered, runTests, serve, setView, shown, start,
+  stateOf, throughRelay, until, viewFile } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -25,8 +25,7 @@ async function expectTruth(page, state, viewSize, what, side, eyeOffset) {
 
 async function showsAndFlies() {
   const served = await serve(...rig);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 30);
+  const page = await openShown(browser, served.url, size, 30);
   await page.screenshot({ path: join(artefacts, 'page.png') });
   const home = await stateOf(page);
   const first = await expectTruth(page, await setView(page, { fov: home.fov }), size, 'home');
@@ -70,8 +69,7 @@ async function showsAndFlies() {
 
 async function linkKeyboardNamesAndSize() {
   const served = await serve(...rig);
-  const page = await openPage(browser, new URL('#x=0.02&yaw=2&focus-distance=3&nonsense=1', served.url).href, size);
-  await shown(page, 5);
+  const page = await openShown(browser, new URL('#x=0.02&yaw=2&focus-distance=3&nonsense=1', served.url).href, size, 5);
   await until(async () => Math.abs((await stateOf(page)).yaw - 2) < 1e-6, 'the link sets the view');
   const link = await page.evaluate(() => inside().share.link);
   expect(/x=0\.02&/.test(link) && /yaw=2&/.test(link), link);
@@ -102,15 +100,13 @@ async function linkKeyboardNamesAndSize() {
   await page.waitForFunction(
     () => inside().root.querySelector('pre.figures').textContent
       .includes('frames/s'));
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // The overlay of cameras against what the server says of the pixels that it marks.
 async function showsItsCameras() {
   const served = await serve(...rig);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 5);
+  const page = await openShown(browser, served.url, size, 5);
   const { cameras } = JSON.parse(await readFile(join(folder, 'rig.json')));
   const [x, y, z] = cameras[5].position;
   await setView(page, { x: x + 0.01, y: y - 0.02, z: z - 0.4, yaw: 3, pitch: -4, roll: 5 });
@@ -142,15 +138,12 @@ async function showsItsCameras() {
   await page.screenshot({ path: join(artefacts, 'cameras.png') });
   await page.keyboard.press('c');
   expect(await page.evaluate(() => inside().cameras.canvas.hidden), 'c hides it');
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 async function twoEyes() {
   const served = await serve(...rig);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 5);
+  const page = await openShown(browser, served.url, size, 5);
   const half = { width: 320, height: 480 };
   const choose = async (mode, width) => {
     await page.getByLabel('Eyes').selectOption(mode);
@@ -183,16 +176,13 @@ async function twoEyes() {
   });
   expect(wrong < 1000, `${wrong} values of the anaglyph are of the wrong eye`);
   await page.screenshot({ path: join(artefacts, 'anaglyph.png') });
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 // The figure stands 2.2 m away, the globe nearer.
 async function clickFocuses() {
   const served = await serve(...rig, '--focus', '2');
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 20);
+  const page = await openShown(browser, served.url, size, 20);
   const between = (least, most, what) => until(async () => {
     const distance = (await stateOf(page))['focus-distance'];
     return distance > least && distance < most;
@@ -216,9 +206,7 @@ async function clickFocuses() {
   await shown(page, 20);
   await setView(page, { 'focus-distance': 3 });
   await focuses(320 + 207, 190, 1.9, 2.5);  // in the right eye's
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 // A headset that exists in this page alone: WebXR as far as the viewer needs it. Its eyes are 60 mm apart and look
@@ -311,9 +299,7 @@ async function headset() {
   }
   await page.evaluate(() => session.end());
   await page.waitForFunction(() => inside().mode === 'one');
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 // The same where the browser has media layers: what its compositor would show, by the layer's place, is what the eye sees.
@@ -355,9 +341,7 @@ async function headsetOfLayers() {
   }
   await page.evaluate(() => session.end());
   await page.waitForFunction(() => inside().mode === 'one');
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 // A link to a path that the server flies: the picture is that of the file, and nobody can change it.
@@ -366,8 +350,7 @@ async function kiosk() {
     'focus-distance': 1.2 }, viewSize = { width: 400, height: 300 };
   await writeFile(views, JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, viewSize)] }));
   const served = await serve(...rig, '--path', `still=${views}`);
-  const page = await openPage(browser, new URL('#path=still', served.url).href, size);
-  await shown(page, 60);
+  const page = await openShown(browser, new URL('#path=still', served.url).href, size, 60);
   await page.mouse.move(300, 200);
   await page.mouse.wheel(0, -500);
   await page.keyboard.press('Tab');
@@ -379,8 +362,7 @@ async function kiosk() {
   await page.context().close();
   const wrong = await openPage(browser, new URL('#path=none', served.url).href, size);
   await until(async () => /no such path/.test(await wrong.getByRole('status').textContent()), 'an unknown path is told');
-  await wrong.context().close();
-  await served.stop();
+  await close(wrong, served);
 }
 
 // Fingers and sticks.
@@ -434,9 +416,7 @@ async function touchesAndSticks() {
   await push({ axes: [0, 0, 0.6, 0] }, (now, then) => now['focus-distance'] > then['focus-distance'] * 1.05,
     'the right stick focuses');
   await push({ axes: [0, 0, 0, -0.6] }, (now, then) => now.fov < 0.95 * then.fov, 'the right stick zooms in');
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
 }
 
 // What a screen reader is told; and that nothing is asked for elsewhere.
@@ -500,8 +480,7 @@ async function nodes() {
     start('gst-launch-1.0', 'lfnodesink', `rig=${join(folder, 'rig.json')}`, `node=${i}`, `cameras=${i ? '8-15' : '0-7'}`,
       `listen=${port + i}`, `answers=127.0.0.1:${port + 10 + i}`, `key-file=${key}`));
   const served = await serve(...rig, '--key-file', key, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
-  const page = await openPage(browser, served.url, { width: 320, height: 240 });
-  await shown(page, 30);
+  const page = await openShown(browser, served.url, { width: 320, height: 240 }, 30);
   // A host may take its time to begin.
   await until(async () => await page.evaluate(async () => {
     const viewer = document.querySelector('lightfield-viewer'), before = viewer.statistics;
@@ -510,8 +489,7 @@ async function nodes() {
   }), 'all hosts answer');
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'from two hosts');
   for (const host of hosts) host.kill('SIGTERM');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // Quality falls step by step, and comes back.
@@ -531,15 +509,13 @@ async function lossyNetwork() {
   await until(async () => (await figures()).frameRate === 30, 'all comes back');
   await until(async () => await video() === 640, 'the browser has the larger picture');
   await expectTruth(page, await setView(page, { yaw: 1 }), size, 'after a bad time');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
   relay.close();
 }
 
 async function stalledAndKilled() {
   const served = await serve(...rig);
-  const page = await openPage(browser, served.url, { width: 320, height: 240 });
-  await shown(page, 10);
+  const page = await openShown(browser, served.url, { width: 320, height: 240 }, 10);
   const frames = () => page.evaluate(
     () => inside().video.getVideoPlaybackQuality().totalVideoFrames);
   for (const signal of ['SIGSTOP', 'SIGKILL']) {
@@ -555,8 +531,7 @@ async function stalledAndKilled() {
     if (signal === 'SIGSTOP') process.kill(group, 'SIGKILL');
     await until(async () => await frames() > before + 10, 'the other viewer goes on');
   }
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 async function comesAndGoes() {
@@ -585,8 +560,7 @@ async function refusals() {
   const status = page => page.evaluate(() => inside().status.textContent);
   const wrong = await openPage(browser, new URL('#token=wrong', served.url).href, size);
   await until(async () => /token/.test(await status(wrong)), 'the page says that the token is wrong');
-  const right = await openPage(browser, new URL('#token=sesame', served.url).href, size);
-  await shown(right, 2);
+  const right = await openShown(browser, new URL('#token=sesame', served.url).href, size, 2);
   const second = await openPage(browser, new URL('#token=sesame', served.url).href, size);
   await until(async () => /too many viewers/.test(await status(second)), 'the page says that there are too many');
   // A flood of messages is dropped and said once; the viewer and the server go on.
@@ -599,8 +573,8 @@ async function refusals() {
   await until(() => /too many messages/.test(served.said), 'the flood is noticed');
   await new Promise(done => setTimeout(done, 1000));
   await setView(right, { yaw: 1 });
-  for (const page of [wrong, right, second]) await page.context().close();
-  await served.stop();
+  for (const page of [wrong, right]) await page.context().close();
+  await close(second, served);
 }
 
 // The element in somebody else's page.
@@ -618,8 +592,7 @@ async function fiveLines() {
 <h1>My light field</h1>
 <script type="module" src="${served.url}lightfield-viewer.js"></script>
 <lightfield-viewer controls autoplay style="width: 320px; height: 240px"></lightfield-viewer>`;
-  const page = await openPage(browser, origin, size);
-  await shown(page, 5);
+  const page = await openShown(browser, origin, size, 5);
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'in another page');
   // What else it asks for may be asked for from there.
   await page.getByRole('button', { name: 'Cameras' }).press('Enter');
@@ -630,10 +603,8 @@ async function fiveLines() {
   // A file, whose server is named.
   const file = join(folder, 'mine.html');
   await writeFile(file, html.replace('<lightfield-viewer', `<lightfield-viewer src="${served.url}whep"`));
-  const local = await openPage(browser, `file://${file}`, size);
-  await shown(local, 5);
-  await local.context().close();
-  await served.stop();
+  const local = await openShown(browser, `file://${file}`, size, 5);
+  await close(local, served);
   site.close();
 }
 

@@ -2,9 +2,8 @@
 // What web/README.md and lightfield-viewer.d.ts promise: each attribute, property, method and event does what it says.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { compare, expect, half, launchBrowser, makeRig, newPage, openPage, patience, picture, runTests, serve, shown, source, until,
-  viewFile } from './harness.mjs';
-import { site } from './pages.mjs';
+import { closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, patience, picture,
+  runTests, serve, shown, site, source, until, viewFile } from './harness.mjs';
 
 const folder = await makeRig('4x4'), rigFile = join(folder, 'rig.json');
 const rig = ['--rig', rigFile, '--connects', '100', '--address-views', '8', '--focus-on', 'plane', '--origin', '*'];
@@ -389,8 +388,7 @@ async function trustedTypes() {
     <lightfield-viewer id="v" controls autoplay></lightfield-viewer>
     <script type="module" nonce="mine" src="${served.url}lightfield-viewer.js"></script>` }, null, '127.0.0.1',
   { 'Content-Security-Policy': policy });
-  const page = await openPage(browser, mine.origin, { width: 700, height: 500 });
-  await shown(page, 10);
+  const page = await openShown(browser, mine.origin, { width: 700, height: 500 }, 10);
   expect(await page.evaluate(() => {
     try {
       document.createElement('p').innerHTML = '<b>';
@@ -411,9 +409,7 @@ async function trustedTypes() {
   expect(isNear(view.yaw, 2), 'it flies');
   const violations = (await page.evaluate(() => globalThis.violations)).filter(text => !/<b>/.test(text));
   expect(!violations.length, `the policy is violated: ${violations}`);
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
+  await closeClean(page, served);
   mine.close();
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // <lightfield-viewer> as strangers use it: in pages of other sites, frames and frameworks, and from npm.
 import { execFile } from 'node:child_process';
-import { readFile, writeFile } from 'node:fs/promises';
+import { cp, mkdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
-import { artefacts, compare, expect, launchBrowser, makeFolder, makeRig, newPage, openPage, patience, picture, rendered, runTests,
-  serve, setView, shown, source, stateOf, until, viewFile } from './harness.mjs';
-import { site } from './pages.mjs';
+import { artefacts, close, closeClean, compare, expect, launchBrowser, makeFolder, makeRig, newPage, openPage,
+  openShown, patience, picture, rendered, runTests, serve, setView, shown, site, source, stateOf, until,
+  viewFile } from './harness.mjs';
 
 const run = promisify(execFile);
 const folder = await makeRig('4x4');
@@ -37,8 +37,7 @@ async function fromNpm() {
   const [, html] = readme.match(/```html\n([\s\S]*?)```/), endpoint = 'http://127.0.0.1:8080/whep';
   expect(html.includes(endpoint), 'the page names its server');
   const mine = await site({ '/': html.replace(endpoint, `${served.url}whep`) }, fresh);
-  const stranger = await openPage(browser, mine.origin, size);
-  await shown(stranger, 10);
+  const stranger = await openShown(browser, mine.origin, size, 10);
   await until(async () => Math.abs((await stateOf(stranger)).yaw - 2) < 1e-6, 'its script sets the view');
   await stranger.getByRole('slider').fill('0.9');
   await until(async () => /^\d+\.\d\d m$/.test(await stranger.locator('output').textContent()), 'it tells the focus');
@@ -131,9 +130,7 @@ async function twoOfThem() {
   await two.evaluate(() => document.body.append(kept));
   await goesOn(two, 'a', 'added again, it goes on');
   expect(Math.abs((await view('a')).yaw + 1) < 1e-6, 'where it was');
-  expect(!two.problems.length, two.problems.join('; '));
-  await two.context().close();
-  await served.stop();
+  await closeClean(two, served);
   mine.close();
 }
 
@@ -174,9 +171,7 @@ async function rerendered() {
   });
   await react.waitForFunction(() => c.key === 2 && c.loaded, null, { timeout: patience });
   await until(async () => await served.metric('viewers') === 1, 'the one before has left');
-  expect(!react.problems.length, react.problems.join('; '));
-  await react.context().close();
-  await served.stop();
+  await closeClean(react, served);
   mine.close();
 }
 
@@ -208,9 +203,7 @@ async function framed() {
   await tab.mouse.wheel(0, -300);
   await until(async () => await fov() < 0.95 * before, 'after a click it zooms');
   expect(await scrolled() === 0, 'and scrolls nothing');
-  expect(!tab.problems.length, tab.problems.join('; '));
-  await tab.context().close();
-  await served.stop();
+  await closeClean(tab, served);
   for (const one of [inner, outer]) one.close();
 }
 
@@ -219,8 +212,7 @@ async function outOfSight() {
   const served = await serve(...rig);
   const mine = await site({ '/': page(`${script(served)}
     <lightfield-viewer id="v" controls autoplay style="width: 320px; height: 240px"></lightfield-viewer><p style="height: 5000px">`) });
-  const long = await openPage(browser, mine.origin, size);
-  await shown(long, 5);
+  const long = await openShown(browser, mine.origin, size, 5);
   await setView(long, { yaw: 2 });
   const hide = hidden => long.evaluate(hidden => {
     Object.defineProperty(document, 'hidden', { configurable: true, get: () => hidden });
@@ -242,8 +234,7 @@ async function outOfSight() {
     console.log(`# ${what}: back after ${after.toFixed(0)} ms`);
     await until(async () => Math.abs((await long.evaluate(() => v.view)).yaw - 2) < 1e-6, 'where it was');
   }
-  await long.context().close();
-  await served.stop();
+  await close(long, served);
   mine.close();
 }
 
@@ -322,8 +313,84 @@ async function barePlayer() {
   await until(async () => (await compare(bare, first, await picture(bare))).psnr < 30, 'the picture flies');
   await bare.goto('about:blank');
   await until(async () => await served.metric('viewers') === 0, 'it leaves');
-  await bare.context().close();
-  await served.stop();
+  await close(bare, served);
+  mine.close();
+}
+
+// In an application of React in strict mode (react_page.tsx), with TypeScript and a bundler.
+const work = join(artefacts, 'react');
+
+// The application, from the package as it is published.
+async function built() {
+  await rm(work, { recursive: true, force: true });
+  const installed = join(work, 'node_modules/lightfield-viewer');
+  await mkdir(installed, { recursive: true });
+  const { files } = JSON.parse(await readFile(join(source, 'web/package.json')));
+  for (const file of [...files, 'package.json']) await cp(join(source, 'web', file), join(installed, file), { recursive: true });
+  await cp(join(source, 'tests/web/react_page.tsx'), join(work, 'page.tsx'));
+  await writeFile(join(work, 'package.json'), '{ "private": true, "type": "module" }');
+  const tool = (path, ...args) => run(join(artefacts, 'node_modules', path), args, { cwd: work })
+    .catch(error => { throw new Error(`${path}: ${error.stdout}${error.stderr}`); });
+  await tool('typescript/bin/tsc', '--noEmit', '--strict', '--jsx', 'react-jsx', '--module', 'esnext', '--moduleResolution', 'bundler',
+    '--target', 'es2022', '--lib', 'es2022,dom', 'page.tsx');
+  await tool('esbuild/bin/esbuild', 'page.tsx', '--bundle', '--format=esm', '--jsx=automatic', '--outfile=page.js', '--log-level=warning',
+    '--define:process.env.NODE_ENV="development"');
+}
+
+async function application() {
+  await built();
+  const served = await serve(...rig);
+  const mine = await site({ '/': `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title>
+    <div id="root"></div><script type="module" src="page.js"></script>` }, work);
+  const page = await openPage(browser, `${mine.origin}?whep=${encodeURIComponent(`${served.url}whep`)}`);
+  page.on('console', message => ['error', 'warning'].includes(message.type()) && page.problems.push(message.text()));
+  const told = () => page.evaluate(() => app.told), yaw = () => page.evaluate(() => app.element.view.yaw);
+  const render = props => page.evaluate(props => app.render(props), props);
+  const isAt = (wanted, what) => until(async () => Math.abs(await yaw() - wanted) < 1e-6, what);
+
+  await page.waitForFunction(() => globalThis.app?.element?.loaded, null, { timeout: patience })
+    .catch(async error => { throw new Error(`no picture: ${await page.evaluate(() => document.body.innerHTML)}; ${page.problems}; ${error.message}`); });
+  await isAt(1, 'the prop says where to begin');
+  expect((await told()).includes('first 320x240'), `its listeners hear: ${await told()}`);
+  await page.getByText(/^Focus: \d/).waitFor();
+  await page.getByRole('application', { name: 'Mine' }).waitFor();
+  expect(await served.metric('viewers_total') === 1, 'in strict mode there is one stream');
+
+  // Rendered again: nobody is thrown back. Other props: it goes there.
+  await page.evaluate(() => app.element.setView({ yaw: -2 }));
+  const renders = await page.evaluate(() => app.renders);
+  for (let i = 0; i < 10; i++) await render({ src: `${served.url}whep` });
+  expect(await page.evaluate(() => app.renders) >= renders + 10, 'it has been rendered');
+  await isAt(-2, 'rendered again it stays');
+  await render({ yaw: 2, alt: undefined });
+  await isAt(2, 'another prop is another view');
+  expect((await told()).includes('script 2'), `told by a script: ${await told()}`);
+  expect(await page.evaluate(() => app.element.alt) === null, 'a prop that is gone is an attribute that is gone');
+
+  // Moved it goes on with the same stream.
+  await render({ last: true });
+  expect(await page.evaluate(() => document.querySelector('figure').previousElementSibling.localName === 'h1'), 'it has moved');
+  const frames = () => page.evaluate(() => inside(app.element).video.getVideoPlaybackQuality().totalVideoFrames);
+  const before = await frames();
+  await until(async () => await frames() > before + 3, 'moved it goes on');
+  expect(await served.metric('viewers_total') === 1, 'with the same stream');
+
+  // Taken away it leaves; put there again it is another element, at the prop's view.
+  await render({ shown: false });
+  await until(async () => await served.metric('viewers') === 0, 'unmounted it leaves');
+  const gone = await page.evaluate(() => (globalThis.first = app.element).isConnected);
+  expect(!gone, 'it is off the page');
+  await render({ shown: true, eyes: 'side' });
+  await page.waitForFunction(() => app.element !== first && app.element.loaded, null, { timeout: patience });
+  await isAt(2, 'mounted again it is where the prop says');
+  expect(await page.evaluate(() => inside(app.element).twoEyes), 'with two eyes');
+  await render({ src: 'http://127.0.0.1:9/whep' });
+  await until(async () => (await told()).some(text => /^error \d/.test(text)), 'errors are heard');
+  await page.getByText('My own words').waitFor();
+  expect(!(await told()).some(text => /NaN|undefined/.test(text)), `details are typed: ${await told()}`);
+  const problems = page.problems.filter(text => !/ERR_UNSAFE_PORT|ERR_CONNECTION|Failed to load resource/.test(text));
+  expect(!problems.length, problems.join('; '));
+  await close(page, served);
   mine.close();
 }
 
@@ -335,4 +402,5 @@ await runTests([
   ['out of sight', outOfSight],
   ['events, pictures, poster and slots', eventsAndPictures],
   ['a WHEP player that knows nothing of us', barePlayer],
+  ['an application of React', application],
 ]);

@@ -5,8 +5,7 @@ import { once } from 'node:events';
 import { createInterface } from 'node:readline';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, serve, shown } from './harness.mjs';
-import { throughRelay } from './relay.mjs';
+import { close, launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, serve, shown, throughRelay } from './harness.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
 const browser = await launchBrowser();
@@ -152,8 +151,7 @@ async function motion(folder, loss = 0) {
   console.log(`# ${((after.frames - before.frames) / (after.time - before.time) * 1000).toFixed(1)} frames/s` +
     (relay ? `, ${relay.lost} of ${relay.lost + relay.passed} packets lost` : ''));
   relay?.close();
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // From the moment that the page is asked for until its first picture is on the screen, of a server and a browser that have done

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What the browser tests share: TAP, a running lf-serve, headless Chromium, and pictures compared.
 import { execFile, spawn } from 'node:child_process';
+import { createSocket } from 'node:dgram';
 import { once } from 'node:events';
 import { mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
+import { createServer } from 'node:http';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { extname, join, normalize } from 'node:path';
 import { createInterface } from 'node:readline';
 import { promisify } from 'node:util';
 import { chromium } from 'playwright-core';
@@ -174,6 +176,23 @@ export async function shown(page, frames = 1) {
   });
 }
 
+// A page that has shown so many frames.
+export async function openShown(browser, url, size, frames, options) {
+  const page = await openPage(browser, url, size, options);
+  await shown(page, frames);
+  return page;
+}
+
+export async function close(page, served) {
+  await page.context().close();
+  await served.stop();
+}
+// The same, of a page in which nothing went wrong.
+export async function closeClean(page, served) {
+  expect(!page.problems.length, page.problems.join('; '));
+  await close(page, served);
+}
+
 // Sets the view, waits for a picture that shows it, and returns the view's state.
 export async function setView(page, view) {
   return page.evaluate(async view => {
@@ -289,4 +308,63 @@ export async function truthOf(state, size, times = [0]) {
   const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
   await rm(out, { recursive: true });
   return truths;
+}
+
+// Other people's sites: pages and files from an origin of their own.
+const kTypes = { '.js': 'text/javascript', '.html': 'text/html', '.css': 'text/css' };
+
+// `pages`: texts by path. Other paths are files of `root`, if there is one. `host` is another origin than its namesake's.
+// `headers` are those of every answer.
+export async function site(pages, root, host = '127.0.0.1', headers = {}) {
+  const server = createServer(async (request, response) => {
+    const { pathname } = new URL(request.url, 'http://site');
+    try {
+      const text = pages[pathname] ?? (root && await readFile(join(root, normalize(pathname))));
+      if (text === null || text === undefined) throw new Error('not here');
+      response.setHeader('Content-Type', kTypes[extname(pathname)] ?? 'text/html');
+      for (const [name, value] of Object.entries(headers)) response.setHeader(name, value);
+      response.end(text);
+    } catch {
+      response.statusCode = 404;
+      response.end('not here');
+    }
+  });
+  await new Promise(done => server.listen(0, '127.0.0.1', done));
+  return { origin: `http://${host}:${server.address().port}`, close: () => server.close() };
+}
+
+// A network that is not as good as loopback, between a page and its lf-serve.
+// Packets of the page's next connection go through a relay that loses `relay.loss` of the media, both ways.
+export async function throughRelay(page) {
+  const relay = { loss: 0, passed: 0, lost: 0, close: () => sockets.forEach(socket => socket.close()) };
+  const sockets = [];
+  await page.route('**/whep?*', async route => {
+    const response = await route.fetch();
+    let body = await response.text();
+    const [, port] = body.match(/a=candidate:\S+ 1 UDP \d+ 127\.0\.0\.1 (\d+) typ host/i) ?? [];
+    if (port) body = body.replaceAll(`127.0.0.1 ${port} typ`, `127.0.0.1 ${await open(Number(port))} typ`);
+    await route.fulfill({ response, body });
+  });
+  // Two sockets: one that the browser takes for the server, one that the server takes for the browser.
+  async function open(server) {
+    const [near, far] = [createSocket('udp4'), createSocket('udp4')];
+    sockets.push(near, far);
+    let browser = 0;
+    const lost = packet => {
+      const media = packet[0] >= 128 && packet[0] < 192 && Math.random() < relay.loss;  // RFC 7983
+      relay[media ? 'lost' : 'passed']++;
+      return media;
+    };
+    near.on('message', (packet, { port }) => {
+      browser = port;
+      if (!lost(packet)) far.send(packet, server, '127.0.0.1');
+    });
+    far.on('message', packet => browser && !lost(packet) && near.send(packet, browser, '127.0.0.1'));
+    for (const socket of [near, far]) {
+      socket.bind(0, '127.0.0.1');
+      await once(socket, 'listening');
+    }
+    return near.address().port;
+  }
+  return relay;
 }

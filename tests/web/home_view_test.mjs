@@ -8,8 +8,8 @@
 // in the plane's picture, but for a border that video may blur into the dark.
 import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, expect, launchBrowser, makeFilm, makeRig, openPage, rendered, runTests, serve, shown, stateOf,
-  truthOf } from './harness.mjs';
+import { artefacts, closeClean, expect, launchBrowser, makeFilm, makeRig, openPage, rendered, runTests, serve,
+  shown, stateOf, truthOf } from './harness.mjs';
 
 const kWindows = [[1280, 720], [800, 480], [480, 640], [360, 640], [640, 360]];
 const kFilm = Array.from({ length: 30 }, (_, i) => i / 15);  // times of makeFilm()'s frames, seconds
@@ -118,9 +118,7 @@ async function homeView(folder, kind, [width, height], seconds) {
       seconds, step: kStep, patience: kPatience, enough: Math.max(...seen.plane.looks.map(({ psnr }) => psnr)) + kGain,
     });
     seen[mode] = await page.evaluate(watchVideo, { ...known, ...mode === 'plane' ? kPlane[kind] : looksOfAuto() });
-    expect(!page.problems.length, page.problems.join('; '));
-    await page.context().close();
-    await served.stop();
+    await closeClean(page, served);
   }
   const { plane, auto } = seen, name = `${kind} in ${width}x${height}`;
   for (const which of ['last', 'worst'])

@@ -7,7 +7,7 @@ import { get } from 'node:https';
 import { connect } from 'node:net';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
-import { expect, launchBrowser, makeFolder, makeRig, openPage, runTests, serve, setView, shown, until } from './harness.mjs';
+import { close, expect, launchBrowser, makeFolder, makeRig, openShown, runTests, serve, setView, until } from './harness.mjs';
 
 const run = promisify(execFile);
 const size = { width: 320, height: 240 };
@@ -46,8 +46,7 @@ function ask(url) {
 async function aPageOverHttps() {
   const served = await serve(...options);
   expect(served.url.startsWith('https://'), served.url);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 10);
+  const page = await openShown(browser, served.url, size, 10);
   await setView(page, { yaw: 2 });
   expect(await page.evaluate(() => isSecureContext), 'it is a secure context');
   expect(!page.problems.length, page.problems.join('; '));
@@ -59,11 +58,9 @@ async function aPageOverHttps() {
   for (const kind of ['pem', 'key']) await rename(file(`next.${kind}`), file(`server.${kind}`));
   await until(async () => (await ask(health)).serial === 2, `the new certificate:\n${served.said}`);
   await setView(page, { yaw: -2 });
-  const second = await openPage(browser, served.url, size);
-  await shown(second, 5);
+  const second = await openShown(browser, served.url, size, 5);
   await second.context().close();
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 async function stalledHandshakes() {
@@ -75,11 +72,9 @@ async function stalledHandshakes() {
     socket.on('error', () => {});
     stalled.push(socket);
   }
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 5);
+  const page = await openShown(browser, served.url, size, 5);
   for (const socket of stalled) socket.destroy();
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 await runTests([['a page over HTTPS', aPageOverHttps], ['stalled handshakes', stalledHandshakes]]);

@@ -15,7 +15,7 @@
 #include <string>
 #include <thread>
 
-#include "gst/sanitizer.h"
+#include "support/process.h"
 
 namespace lf::test {
 namespace {
@@ -23,12 +23,7 @@ namespace {
 using testing::HasSubstr;
 using testing::StartsWith;
 
-long resident_megabytes() {
-  std::ifstream statm("/proc/self/statm");
-  long size = 0, resident = 0;
-  statm >> size >> resident;
-  return resident * sysconf(_SC_PAGESIZE) >> 20;
-}
+long resident_megabytes() { return resident_kib() / 1024; }
 
 // The server on this thread, asked by another one.
 class IdentifyServerTest : public testing::Test {

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // A camera that fails is out of service: lf-serve goes on, and so does who watches.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "base/json_value.h"
 #include "gst/camera_files.h"
+#include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
-#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
@@ -20,6 +22,7 @@ namespace lf::test {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class LfServeCameras : public testing::Test {
  protected:
@@ -56,7 +59,7 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
             '\x5a');
   std::ofstream(files_.path("damaged.mkv"), std::ios::binary) << film;
   // Larger than what readers keep of a file.
-  const Launched launched = gst_launch(
+  const Outcome launched = gst_launch(
       "videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
       "! jpegenc quality=100 ! matroskamux ! filesink location=" +
       files_.path("emptied.mkv"));
@@ -221,6 +224,90 @@ TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
   EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: needs --nodes"));
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output,
               HasSubstr("--focus-near: must be nearer than --focus-far"));
+}
+
+// A file with a secret.
+class KeyFile : public TempFile {
+ public:
+  explicit KeyFile(char character) : TempFile(std::vector<uint8_t>(40, static_cast<uint8_t>(character))) {
+    chmod(path().c_str(), 0600);
+  }
+};
+
+// lf-serve with the cameras of another host, under a key.
+class LfServeNodes : public testing::Test {
+ protected:
+  void start_host(const std::string& rig, const KeyFile& key) {
+    host_ = launch("lfnodesink name=n rig=" + rig + " listen=127.0.0.1:" + std::to_string(there_) +
+                   " answers=127.0.0.1:" + std::to_string(here_) + " key-file=" + key.path());
+    ASSERT_TRUE(host_);
+    ASSERT_NE(gst_element_set_state(host_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  }
+  void stop_host() {
+    if (host_) gst_element_set_state(host_.get(), GST_STATE_NULL);
+    host_.reset();
+  }
+  void TearDown() override { stop_host(); }
+  // What the host counts of requests.
+  uint64_t requests(const char* field) {
+    const ElementPtr gate(gst_bin_get_by_name(GST_BIN(host_.get()), "requests0_gate"));
+    return stat(gate.get(), field);
+  }
+  std::vector<std::string> options(const KeyFile& key) const {
+    return {"--nodes", "127.0.0.1:" + std::to_string(there_) + ":127.0.0.1:" + std::to_string(here_), "--key-file",
+            key.path()};
+  }
+  static double camera_bytes(const Served& served) { return std::stod(served.metric("camera_bytes_total")); }
+
+  const int there_ = free_port(SOCK_DGRAM), here_ = free_port(SOCK_DGRAM);
+  const KeyFile key_{'k'}, other_{'o'};
+  ElementPtr host_;
+};
+
+TEST_F(LfServeNodes, ServeThoseWhoHaveTheirKey) {
+  Served served(options(key_));
+  ASSERT_NE(served.url(), "") << served.said();
+  start_host(served.rig(), key_);
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(becomes([&] { return requests("passed") > 5 && camera_bytes(served) > 0; }));
+  EXPECT_EQ(requests("forged"), 0u);
+  stop_host();
+  start_host(served.rig(), other_);
+  EXPECT_TRUE(becomes([&] { return requests("forged") > 5; }));
+  EXPECT_EQ(requests("passed"), 0u);
+  EXPECT_EQ(served.stop(), 0);
+}
+
+// Who it is that does not answer, and that it does again.
+TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
+  Served served(options(key_));
+  ASSERT_NE(served.url(), "") << served.said();
+  const std::string name = "127.0.0.1:" + std::to_string(there_), metric = "node_silent{node=\"" + name + "\"}";
+  start_host(served.rig(), key_);
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(becomes([&] { return camera_bytes(served) > 0 && served.metric(metric) == "0"; }));
+  EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not answer")));
+  stop_host();
+  EXPECT_TRUE(becomes([&] { return served.metric(metric) == "1"; }));
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " does not answer\n") != std::string::npos; }));
+  start_host(served.rig(), key_);
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " answers again\n") != std::string::npos; }));
+  EXPECT_EQ(served.metric(metric), "0");
+}
+
+TEST_F(LfServeNodes, AnswerToAPortThatNobodyElseHas) {
+  Served served(options(key_)), second(options(key_));
+  ASSERT_NE(served.url(), "") << served.said();
+  EXPECT_EQ(second.stop(), 1);
+  EXPECT_THAT(second.said(), HasSubstr("UDP port " + std::to_string(here_) + ": "));
+}
+
+TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
+  const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
+  EXPECT_EQ(served.url(), "");
+  EXPECT_THAT(served.said(), HasSubstr("/nowhere/key: can't be read"));
 }
 
 }  // namespace

@@ -3,8 +3,8 @@
 // said of them without. `browser.sh BUILD looks.mjs` writes them to BUILD/tests/web/looks.
 import { mkdir, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, picture, runTests, serve, settled, shown, stateOf,
-  truthOf, until } from './harness.mjs';
+import { artefacts, close, compare, expect, launchBrowser, makeRig, newPage, openPage, openShown, picture,
+  runTests, serve, settled, shown, stateOf, truthOf, until } from './harness.mjs';
 
 const kWindows = [[1280, 720], [800, 480], [390, 844], [844, 390], [320, 480], [2560, 1440]];
 const folder = join(artefacts, 'looks');
@@ -135,8 +135,7 @@ async function errors() {
   await second.getByRole('button', { name: 'Try again' }).click();
   await page.context().close();
   await shown(second, 5);
-  await second.context().close();
-  await served.stop();
+  await close(second, served);
 }
 
 // As a server of this kind says them.
@@ -153,16 +152,14 @@ async function waiting() {
     await says(page, words);
     await shoot(page, 'state', what);
   }
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // Two eyes, and the element without controls, with its button.
 async function modes() {
   const served = await serve(...rig);
   for (const eyes of ['side', 'anaglyph']) {
-    const page = await openPage(browser, new URL(`#eyes=${eyes}`, served.url).href, { width: 800, height: 480 });
-    await shown(page, 40);
+    const page = await openShown(browser, new URL(`#eyes=${eyes}`, served.url).href, { width: 800, height: 480 }, 40);
     await page.mouse.move(300, 200);
     await shoot(page, 'state', eyes);
     if (eyes === 'side') await page.evaluate(() => document.querySelector('lightfield-viewer').pause());

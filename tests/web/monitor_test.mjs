@@ -2,7 +2,7 @@
 // The panel that tells how well the cameras fit together, in headless Chromium.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, expect, launchBrowser, makeRig, openPage, patience, runTests, serve, shown, until } from './harness.mjs';
+import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, patience, runTests, serve, until } from './harness.mjs';
 
 const kTurned = 6;  // of 5 x 5: an inner one
 const folder = await makeRig('5x5');
@@ -15,17 +15,10 @@ const turns = page => page.evaluate(() => inside().monitor.report?.turns ?? 0);
 
 async function open(...options) {
   const served = await serve('--rig', file, '--connects', '100', '--focus', '2.2', ...options);
-  const page = await openPage(browser, new URL('#x=0.02&y=0.01', served.url).href, { width: 800, height: 500 });
-  await shown(page, 5);
+  const page = await openShown(browser, new URL('#x=0.02&y=0.01', served.url).href, { width: 800, height: 500 }, 5);
   await page.waitForFunction(() => inside().statistics.monitored !== undefined, null, { timeout: patience });
   await page.keyboard.press('m');
   return { served, page };
-}
-
-async function close({ served, page }) {
-  expect(!page.problems.length, page.problems.join('; '));
-  await page.context().close();
-  await served.stop();
 }
 
 async function namesTheBadOne() {
@@ -53,7 +46,7 @@ async function namesTheBadOne() {
   await page.screenshot({ path: join(artefacts, 'monitor.png') });
   await page.keyboard.press('m');
   expect(await page.evaluate(() => inside().monitor.box.hidden), 'm hides it');
-  await close(viewer);
+  await closeClean(viewer.page, viewer.served);
 }
 
 async function ofGoodCamerasNoneStandsOut() {
@@ -62,7 +55,7 @@ async function ofGoodCamerasNoneStandsOut() {
   await until(async () => await turns(viewer.page) > 60, 'two rounds');
   const said = await words(viewer.page);
   expect(said.includes('none stands out') && said.includes('the viewer’s plane'), said);
-  await close(viewer);
+  await closeClean(viewer.page, viewer.served);
 }
 
 async function nothingThatDoesNothing() {
@@ -72,7 +65,7 @@ async function nothingThatDoesNothing() {
   await page.keyboard.press('m');
   expect(await page.evaluate(() => inside().monitor.box.hidden), 'a panel of nothing');
   expect(Number.isNaN(await viewer.served.metric('monitor_bytes_total')), 'metrics of what is not done');
-  await close(viewer);
+  await closeClean(viewer.page, viewer.served);
 }
 
 await runTests([

@@ -1,18 +1,61 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "serve/offer.h"
-
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
 #include <cstring>
 #include <ctime>
 #include <random>
 
-#include "gst/sanitizer.h"
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+
+#include "base/text.h"
+#include "serve/offer.h"
+#include "support/process.h"
 #include "web/offers.h"
 
 namespace lf::serve {
 namespace {
+
+TEST(IceServers, StunAndTurnWithAPassword) {
+  const IceServers none, servers({"stun:stun.example.org", "turn:[2001:db8::1]:443?transport=tcp"}, "me pa:ss/word\n");
+  EXPECT_TRUE(none.empty());
+  EXPECT_EQ(none.links(0), "");
+  EXPECT_EQ(servers.links(0),
+            "<stun:stun.example.org>; rel=\"ice-server\", <turn:[2001:db8::1]:443?transport=tcp>; rel=\"ice-server\"; "
+            "username=\"me\"; credential=\"pa:ss/word\"; credential-type=\"password\"");
+  const std::vector<std::string> expected = {"stun://stun.example.org:3478",
+                                             "turn://me:pa%3Ass%2Fword@[2001:db8::1]:443?transport=tcp"};
+  EXPECT_EQ(servers.for_webrtcbin(0), expected);
+}
+
+TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
+  const IceServers servers(
+      {"stun:192.0.2.1", "turn:192.0.2.2:443?transport=tcp", "turn:[2001:db8::1]", "turn:localhost", "turn:[nowhere"},
+      "me word");
+  testing::internal::CaptureStdout();
+  const std::set<std::string> found = servers.relays();
+  EXPECT_NE(testing::internal::GetCapturedStdout().find("turn:[nowhere: "), std::string::npos);
+  EXPECT_TRUE(found.contains("192.0.2.2"));
+  EXPECT_TRUE(found.contains("2001:db8::1"));
+  EXPECT_TRUE(found.contains("127.0.0.1") || found.contains("::1"));
+  EXPECT_FALSE(found.contains("192.0.2.1"));
+}
+
+// The password is the HMAC-SHA1 of the time, as `openssl dgst -sha1 -hmac secret -binary | base64` makes it.
+TEST(IceServers, ASecretMakesPasswordsThatEnd) {
+  const IceServers servers({"turn:turn.example.org"}, "secret\n");
+  EXPECT_EQ(servers.links(1000000000 - IceServers::kLifetime),
+            "<turn:turn.example.org>; rel=\"ice-server\"; username=\"1000000000\"; "
+            "credential=\"7XgaE+myt0a/Q2fC/cMCn+tSTUs=\"; credential-type=\"password\"");
+  EXPECT_NE(servers.links(1), servers.links(2));
+}
+
+TEST(IceServers, WhatCouldEndAHeaderIsNone) {
+  for (const char* wrong : {"", "stun", "stun:", "http://example.org", "stun:a b", "stun:a>;", "stun:a?transport=udp",
+                            "turn:a?transport=sctp", "turn:a?x", "turn:u:p@host"})
+    EXPECT_THROW(IceServers({wrong}, "a b"), Error) << wrong;
+  EXPECT_THROW(IceServers({"turn:example.org"}, ""), Error);
+  EXPECT_THROW(IceServers({"turn:example.org"}, "a b c"), Error);
+  EXPECT_THROW(IceServers({"turn:example.org"}, "a b\""), Error);
+}
 
 using test::browser_offer;
 using test::kFallsBehind;

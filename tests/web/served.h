@@ -11,10 +11,11 @@
 #include <thread>
 #include <vector>
 
-#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
+#include "support/process.h"
 #include "support/temp_dir.h"
 
 namespace lf::test {
@@ -34,10 +35,7 @@ class Served {
   // `edit` may give the cameras other sources.
   explicit Served(const std::vector<std::string>& options = {}, const std::function<void(Rig&)>& edit = {}) {
     Rig rig = scene_rig(2, 2, 64, 48);
-    for (Camera& camera : rig.cameras) {
-      camera.image = camera.name + ".png";
-      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
-    }
+    save_photographs(rig, dir_, 0, 1);
     if (edit) edit(rig);
     save_rig(rig, dir_ / "rig.json");
     std::vector<std::string> words = {LF_TOOLS_DIR "/lf-serve", "--rig", dir_ / "rig.json", "--port", "0"};

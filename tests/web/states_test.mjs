@@ -2,10 +2,10 @@
 // What the page says and does while there is no picture, and how it comes by one; and links.
 import { readdir, readFile, truncate, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { compare, expect, launchBrowser, makeFilm, makeRig, newPage, openPage, picture, runTests, serve, setView, settled, shown, source,
-  stateOf, until } from './harness.mjs';
+import { artefacts, close, compare, expect, launchBrowser, makeFilm, makeRig, newPage, openPage, openShown,
+  picture, runTests, serve, settled, setView, shown, source, stateOf, until } from './harness.mjs';
 
-const { serversIn, serversInLinks } = await import(join(source, 'web/src/ice.js'));
+const { serversIn, serversInLinks } = await import(join(source, 'web/src/connection.js'));
 const folder = await makeRig('4x4');
 const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
@@ -44,8 +44,7 @@ async function filming() {
   refusals.push(null);
   await shown(page, 5);
   expect(!await page.getByRole('status').isVisible(), 'then there is a picture');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // Who comes back with the ticket keeps the place.
@@ -68,8 +67,7 @@ async function queue() {
   await page.setViewportSize({ width: 320, height: 240 });
   await until(() => asked.length > before, 'another stream');
   expect(!asked.at(-1).searchParams.has('ticket'), 'another stream has none');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 async function refusedForEver() {
@@ -81,16 +79,14 @@ async function refusedForEver() {
   expect(await page.getByRole('button', { name: 'Try again' }).textContent() === 'Try again', 'it waits for nothing');
   await page.waitForTimeout(1500);
   expect(asked.length === 1, 'and does not ask again');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // The server is away and comes back: message, button, and the same view again.
 async function awayAndBack() {
   let served = await serve(...rig);
   const { port } = new URL(served.url);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 5);
+  const page = await openShown(browser, served.url, size, 5);
   await setView(page, { yaw: 2, 'focus-distance': 3 });
   const told = page.evaluate(() => new Promise(done => {
     const began = performance.now();
@@ -108,8 +104,7 @@ async function awayAndBack() {
     return Math.abs(view.yaw - 2) < 1e-6 && view.focusDistance === 3;
   }, 'with its view');
   await until(async () => !await page.getByRole('status').isVisible(), 'the message goes');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // Cameras that are on other hosts, where there is nobody.
@@ -120,16 +115,14 @@ async function silentHosts() {
   await says(page, /Camera hosts 1 and 2 of 2 do not answer/);
   await until(() => ports.every(port => served.said.includes(`cameras: 127.0.0.1:${port} does not answer`)), 'the log names them');
   expect(await page.evaluate(() => document.querySelector('lightfield-viewer').connected), 'the server is not at fault');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // All cameras fail: who watches keeps the picture, and is told what is waited for.
 async function noCamera() {
   const film = await makeFilm('2x2'), files = (await readdir(film)).filter(name => name.endsWith('.mkv'));
   const served = await serve('--rig', join(film, 'rig.json'));
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 20);
+  const page = await openShown(browser, served.url, size, 20);
   const films = await Promise.all(files.map(name => readFile(join(film, name))));
   // One alone is told beside the picture, which goes on.
   await truncate(join(film, files[0]));
@@ -148,8 +141,7 @@ async function noCamera() {
   expect(served.said.match(/No camera works any more: /g).length === 1, `the log says it once: ${served.said}`);
   await Promise.all(files.map((name, i) => writeFile(join(film, name), films[i])));
   await until(async () => !await page.getByRole('status').isVisible(), 'the message goes');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // Another link in an open tab; the token stays in the address, and in the tab where it was typed.
@@ -157,8 +149,7 @@ async function linksAndTokens() {
   const token = join(folder, 'token');
   await writeFile(token, 'sesame', { mode: 0o600 });
   const served = await serve(...rig, '--token-file', token);
-  const page = await openPage(browser, new URL('#token=sesame&yaw=1', served.url).href, size);
-  await shown(page, 5);
+  const page = await openShown(browser, new URL('#token=sesame&yaw=1', served.url).href, size, 5);
   await until(async () => Math.abs((await stateOf(page)).yaw - 1) < 1e-6, 'the link sets the view');
   await page.evaluate(() => location.hash = '#token=sesame&yaw=-2&x=0.01');
   await until(async () => Math.abs((await stateOf(page)).yaw + 2) < 1e-6, 'so does another one');
@@ -181,8 +172,7 @@ async function linksAndTokens() {
   await typed.getByRole('button', { name: 'Share' }).press('Enter');
   await until(() => /focus-distance=/.test(typed.url()), 'the address is the link');
   expect(!typed.url().includes('sesame'), 'a token that was typed is in no link');
-  await typed.context().close();
-  await served.stop();
+  await close(typed, served);
 }
 
 // Servers that an attribute or the answer names. Those of the answer are used where there is no other way.
@@ -223,15 +213,13 @@ async function iceServers() {
   await page.evaluate(() => document.querySelector('lightfield-viewer').setAttribute('ice-servers', 'stun:b.example'));
   await until(async () => !await page.getByRole('status').isVisible(), 'an attribute that is right');
   expect(/b\.example/.test(await page.evaluate(() => JSON.stringify(globalThis.gathered.at(-1)))), 'is used');
-  await page.context().close();
-  await served.stop();
+  await close(page, served);
 }
 
 // A border gives way under the pointer, and springs back.
 async function elastic() {
   const served = await serve(...rig);
-  const page = await openPage(browser, served.url, size);
-  await shown(page, 10);
+  const page = await openShown(browser, served.url, size, 10);
   const home = await stateOf(page), moved = () => page.evaluate(() => inside().elastic.box.style.transform);
   await page.mouse.move(200, 200);
   await page.mouse.down();
@@ -266,7 +254,69 @@ async function elastic() {
   }, 'it glides');
   await settled(page);
   expect((await stateOf(page)).x < held, 'on the way that it was on');
-  await page.context().close();
+  await close(page, served);
+}
+
+// axe-core finds nothing to complain about: the page and each of its overlays and states, light and dark.
+const axe = await readFile(join(artefacts, 'node_modules/axe-core/axe.min.js'), 'utf8');
+const kTags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
+
+async function check(page, what) {
+  const { violations, incomplete, passes } = await page.evaluate(tags => axe.run(document, { runOnly: tags }), kTags);
+  // Of elements with text axe-core is not sure that a label which their role does not allow is ignored.
+  const unsure = incomplete.filter(({ id }) => id === 'aria-prohibited-attr');
+  const told = [...violations, ...unsure].map(({ id, nodes }) => `${id}: ${nodes.map(({ target, failureSummary }) => `${target} ${failureSummary}`).join('; ')}`);
+  console.log(`# ${what}: ${passes.length} rules pass`);
+  expect(passes.length > 10, `${what}: only ${passes.length} rules apply`);
+  expect(!told.length, `${what}: ${told.join('\n')}`);
+}
+
+async function overlays(colorScheme) {
+  const token = join(folder, 'token');
+  await writeFile(token, 'sesame', { mode: 0o600 });
+  const served = await serve('--rig', join(folder, 'rig.json'), '--token-file', token, '--monitor', '1', '--connects', '100');
+  for (const size of [{ width: 1280, height: 720 }, { width: 390, height: 844 }]) {
+    const page = await newPage(browser, size, { colorScheme, before: axe, bypassCSP: true });
+    const name = what => `${what}, ${colorScheme}, ${size.width} x ${size.height}`;
+    await page.goto(served.url);
+    await page.getByLabel('Token').waitFor();
+    await check(page, name('a field for the token'));
+    await page.getByLabel('Token').fill('wrong');
+    await page.getByLabel('Token').press('Enter');
+    await until(async () => /is wrong/.test(await page.getByRole('status').textContent()), 'a wrong token');
+    await check(page, name('a wrong token'));
+    await page.getByLabel('Token').fill('sesame');
+    await page.getByLabel('Token').press('Enter');
+    await shown(page, 5);
+    await page.mouse.move(200, 200);
+    await check(page, name('first look'));
+    await page.waitForFunction(() => inside().statistics.monitored);
+    for (const [key, what] of [['c', 'cameras'], ['i', 'figures'], ['m', 'quality'], ['?', 'help']]) {
+      await page.focus('lightfield-viewer video');
+      await page.keyboard.press(key);
+      await page.waitForTimeout(300);
+      await check(page, name(what));
+      if (what === 'help') {
+        const link = await page.getByRole('link', { name: 'All cameras, live' }).getAttribute('href');
+        expect(link === new URL('cameras.html', served.url).href, `a link to all cameras: ${link}`);
+      }
+      await page.keyboard.press(key);
+    }
+    await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
+    await check(page, name('paused'));
+    await page.evaluate(() => document.querySelector('lightfield-viewer').play());
+    await page.route('**/whep?*', route => route.fulfill({ status: 503, contentType: 'application/problem+json',
+      headers: { 'Retry-After': '100' }, body: '{"status":503,"reason":"filming","progress":0.3}' }));
+    await page.evaluate(() => inside().stream.again());
+    await page.getByRole('progressbar').waitFor();
+    await check(page, name('filming'));
+    await page.unroute('**/whep?*');
+    await page.route('**/whep?*', route => route.abort());
+    await page.evaluate(() => inside().stream.again());
+    await page.getByRole('button', { name: /Try again \(/ }).waitFor();
+    await check(page, name('no server'));
+    await page.context().close();
+  }
   await served.stop();
 }
 
@@ -280,4 +330,6 @@ await runTests([
   ['links and tokens', linksAndTokens],
   ['ICE servers', iceServers],
   ['borders and glides', elastic],
+  ['axe-core, dark', () => overlays('dark')],
+  ['axe-core, light', () => overlays('light')],
 ]);

@@ -10,7 +10,7 @@
 #include <regex>
 #include <stdexcept>
 
-#include "gst/sanitizer.h"
+#include "support/process.h"
 
 namespace lf::test {
 namespace {

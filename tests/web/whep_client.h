@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "gst/sanitizer.h"
+#include "support/process.h"
 
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 

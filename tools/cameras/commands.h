@@ -3,7 +3,7 @@
 
 #include "command_line.h"
 
-// The steps of lf-rig that open cameras, NAME_command.cc: each adds its subcommand, which sets `status`, the program's
+// The steps of lf-rig that open cameras: each adds its subcommand, which sets `status`, the program's
 // exit status, where something is wrong that is no error of the program's. What goes wrong else is thrown as lf::Error.
 void add_doctor_command(cli::App& app, int& status);
 void add_identify_command(cli::App& app);  // runs until a signal comes

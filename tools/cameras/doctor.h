@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "cameras/links.h"
-#include "quality/frame_times.h"
-#include "rig/camera_controls.h"
+#include "quality/camera_monitor.h"
 #include "rig/rig.h"
+#include "rig/rig_json.h"
 
 namespace lf::cameras {
 
@@ -50,7 +50,7 @@ struct Exam {
 struct ExamOptions {
   double seconds = 4;    // seconds that cameras are watched, once they give frames
   double patience = 10;  // seconds in which cameras must begin to give frames
-  bool trusted = false;  // the rig may run any element, see rig/rig_trust.h
+  bool trusted = false;  // the rig may run any element, see rig/source_security.h
   int fps = 0;           // frames per second that devices are asked for; 0: as they have it
   std::function<void(const std::vector<LinkLoad>&)> on_plan = {};  // told what links will carry, before cameras open
   std::function<void(double)> on_progress = {};  // how much of the watching is done, 0..1; on the caller's thread
@@ -65,14 +65,14 @@ Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const Exam
 std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraExam>& cameras, int fps);
 std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExam>& cameras);
 
-// What is wrong with the cameras, and what helps. In doctor_findings.cc.
+// What is wrong with the cameras, and what helps.
 std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam);
 
 // What helps where a camera does not work and that is why, in the light field's words or those of its source: of a film
 // or still another thing than of what is plugged in.
 std::string remedy_of(const Camera& camera, const std::string& problem);
 
-// A line for each link. `when`: "as planned" or "measured". doctor_page.cc, as what follows
+// A line for each link. `when`: "as planned" or "measured".
 std::string links_of(const std::vector<LinkLoad>& loads, const char* when);
 // A page for people, without what was planned: healthy cameras of a large array are one line.
 std::string page_of(const Rig& rig, const Exam& exam);

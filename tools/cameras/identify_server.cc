@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/error.h"
-#include "serve/http_reply.h"
+#include "base/text.h"
+#include "serve/http.h"
 
 namespace lf::cameras {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "serve/access.h"
-#include "serve/connections.h"
+#include "serve/http.h"
 
 namespace lf::cameras {
 

@@ -15,7 +15,7 @@
 #include <optional>
 #include <regex>
 
-#include "rig/bin_description.h"
+#include "rig/source_security.h"
 
 namespace lf::cameras {
 namespace {

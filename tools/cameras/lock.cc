@@ -7,12 +7,9 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "cameras/doctor.h"
-#include "cameras/frame_picture.h"
 #include "cameras/rig_cameras.h"
-#include "cameras/temporary_rig.h"
-#include "rig/camera_controls.h"
 #include "rig/rig_json.h"
 
 namespace lf::cameras {

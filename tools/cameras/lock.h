@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "rig/rig.h"
 
 namespace lf::cameras {
@@ -19,7 +19,7 @@ struct LockOptions {
   double settle = 4;            // seconds that automatic controls get, and pictures after a change
   double patience = 10;         // seconds until cameras give frames
   std::string path = {};        // file that the rig was read from
-  bool trusted = false;         // the rig may run any element, see rig/rig_trust.h
+  bool trusted = false;         // the rig may run any element, see rig/source_security.h
   std::optional<double> mains;  // hertz of the mains: exposures become whole half-waves, against flicker
 };
 

@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/error.h"
-#include "cameras/frame_picture.h"
-#include "image/jpeg_bytes.h"
+#include "base/text.h"
+#include "cameras/rig_cameras.h"
+#include "image/image_file.h"
 
 namespace lf::cameras {
 namespace {

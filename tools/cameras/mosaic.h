@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "image/image.h"
-#include "quality/wave_finder.h"
+#include "quality/camera_monitor.h"
 #include "rig/rig.h"
 
 namespace lf::cameras {

@@ -1,15 +1,47 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "cameras/rig_cameras.h"
 
-#include <gst/app/gstappsink.h>
-
 #include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <set>
+#include <span>
 #include <utility>
+#include <vector>
 
-#include "base/error.h"
+#include <gst/app/gstappsink.h>
+#include <gst/gst.h>
+#include <gst/video/video.h>
+#include <nlohmann/json.hpp>
+#include <unistd.h>
+
+#include "base/text.h"
+#include "jpeg/jpeg_frame.h"
+#include "rig/rig_json.h"
+#include "rig/source_security.h"
 
 namespace lf::cameras {
 namespace {
+
+Image rgb_of_jpeg(GstBuffer* buffer) {
+  auto bytes = std::make_shared<std::vector<uint8_t>>(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, bytes->data(), bytes->size());
+  std::string reason;
+  const std::shared_ptr<JpegFrame> frame = JpegFrame::open(bytes, std::span<const uint8_t>(*bytes), &reason);
+  if (!frame || !frame->ensure({0, 0, frame->width(), frame->height()}, &reason)) throw Error(reason);
+  const ImageView view = frame->view();
+  Image image(PixelFamily::kI420, view.width, view.height);
+  for (int plane = 0; plane < 3; plane++) {
+    const int width = plane ? chroma_size(view.width) : view.width,
+              height = plane ? chroma_size(view.height) : view.height;
+    for (int y = 0; y < height; y++)
+      std::memcpy(image.plane(plane) + static_cast<ptrdiff_t>(y) * width, view.plane[plane] + y * view.stride[plane],
+                  static_cast<size_t>(width));
+  }
+  return to_rgb(image);
+}
 
 constexpr char kCaptureTime[] = "timestamp/x-lightfield-capture";
 constexpr GstClockTime kStep = GST_SECOND / 20;
@@ -41,6 +73,87 @@ std::string format_of(GstPad* pad) {
 }
 
 }  // namespace
+
+Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
+  if (!caps || !buffer) throw Error("a frame without caps");
+  if (gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg")) return rgb_of_jpeg(buffer);
+  GstVideoInfo from, to;
+  GstVideoFrame in, out;
+  if (!gst_video_info_from_caps(&from, caps) || !gst_video_frame_map(&in, &from, buffer, GST_MAP_READ))
+    throw Error("a frame that can't be read");
+  gst_video_info_set_format(&to, GST_VIDEO_FORMAT_RGB, static_cast<guint>(from.width), static_cast<guint>(from.height));
+  // A converter does not change rates, nor what is interlaced.
+  to.fps_n = from.fps_n;
+  to.fps_d = from.fps_d;
+  to.interlace_mode = from.interlace_mode;
+  GstBuffer* converted = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&to), nullptr);
+  gst_video_frame_map(&out, &to, converted, GST_MAP_WRITE);
+  GstVideoConverter* converter = gst_video_converter_new(&from, &to, nullptr);
+  Image image(PixelFamily::kRgb, from.width, from.height);
+  if (converter) {
+    gst_video_converter_frame(converter, &in, &out);
+    for (int y = 0; y < from.height; y++)
+      std::memcpy(image.pixel(0, y),
+                  static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&out, 0)) +
+                      static_cast<ptrdiff_t>(y) * GST_VIDEO_FRAME_PLANE_STRIDE(&out, 0),
+                  3 * static_cast<size_t>(from.width));
+    gst_video_converter_free(converter);
+  }
+  gst_video_frame_unmap(&out);
+  gst_video_frame_unmap(&in);
+  gst_buffer_unref(converted);
+  if (!converter) throw Error("a frame in a format that can't be converted");
+  return image;
+}
+
+GreyPicture small_grey_of(GstSample* sample, int smaller) {
+  GstVideoInfo info;
+  GstVideoFrame frame;
+  GstCaps* caps = gst_sample_get_caps(sample);
+  if (!caps || !gst_video_info_from_caps(&info, caps) ||
+      !gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ))
+    throw Error("a frame that can't be read");
+  GreyPicture picture{info.width / smaller, info.height / smaller, {}};
+  picture.samples.reserve(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
+  // Luma, or the mean of red, green and blue: lights have colours.
+  const int components = GST_VIDEO_INFO_IS_RGB(&info) ? 3 : 1;
+  const int count = smaller * smaller * components;
+  for (int y = 0; y < picture.height; y++)
+    for (int x = 0; x < picture.width; x++) {
+      int sum = 0;
+      for (int c = 0; c < components; c++) {
+        const int step = GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c);
+        const auto* row = static_cast<const uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&frame, c)) +
+                          static_cast<ptrdiff_t>(y) * smaller * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) +
+                          static_cast<ptrdiff_t>(x) * smaller * step;
+        for (int v = 0; v < smaller; v++, row += GST_VIDEO_FRAME_COMP_STRIDE(&frame, c))
+          for (int u = 0; u < smaller; u++) sum += row[u * step];
+      }
+      picture.samples.push_back(static_cast<uint8_t>(sum / count));
+    }
+  gst_video_frame_unmap(&frame);
+  return picture;
+}
+
+bool is_jpeg(GstSample* sample) {
+  GstCaps* caps = gst_sample_get_caps(sample);
+  return caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
+}
+
+std::vector<uint8_t> bytes_of(GstSample* sample) {
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  std::vector<uint8_t> bytes(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, bytes.data(), bytes.size());
+  return bytes;
+}
+
+double brightness_of(const Image& rgb) {
+  uint64_t sum = 0;
+  for (size_t i = 0; i + 2 < rgb.data().size(); i += 3)
+    sum += 299u * rgb.data()[i] + 587u * rgb.data()[i + 1] + 114u * rgb.data()[i + 2];
+  const double pixels = static_cast<double>(rgb.data().size()) / 3;
+  return pixels > 0 ? static_cast<double>(sum) / 1000 / pixels : 0;
+}
 
 // A camera that is open.
 struct RigCameras::One {
@@ -201,4 +314,137 @@ std::string name_of(const Camera& camera) {
   return std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
 }
 
+TemporaryRig::TemporaryRig(Rig rig, const nlohmann::json& original, const std::string& path, bool trusted) {
+  require_trust(rig, path, trusted);
+  std::string pattern = (std::filesystem::temp_directory_path() / "lf-rig-XXXXXX").string();
+  if (!mkdtemp(pattern.data())) throw Error(pattern + ": can't be made");
+  directory_ = pattern;
+  relocate(rig, directory_);
+  save_rig(rig, this->path(), &original);
+  rig_ = std::make_shared<const Rig>(load_rig(this->path()));
+}
+
+TemporaryRig::~TemporaryRig() {
+  std::error_code ignored;
+  std::filesystem::remove_all(directory_, ignored);
+}
+
 }  // namespace lf::cameras
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string text_in(GstDevice* device, std::initializer_list<const char*> fields) {
+  std::string text;
+  if (GstStructure* properties = gst_device_get_properties(device)) {
+    for (const char* field : fields)
+      if (const char* value = gst_structure_get_string(properties, field); value && text.empty()) text = value;
+    gst_structure_free(properties);
+  }
+  return text;
+}
+
+// The link among those of ports that leads to the device; "" without one.
+std::string port_of(const std::string& device, const std::string& by_path) {
+  std::error_code error;
+  const fs::path real = fs::canonical(device, error);
+  if (error) return "";
+  std::set<std::string> links;
+  for (const fs::directory_entry& entry : fs::directory_iterator(by_path, error))
+    if (fs::canonical(entry.path(), error) == real && !error) links.insert(entry.path().string());
+  return links.empty() ? "" : *links.begin();  // one device may be named by USB 2 and USB 3
+}
+
+// A value as it stands in a line of elements.
+std::string value_text(const GValue* value) {
+  if (G_VALUE_HOLDS_STRING(value)) {
+    g_autofree gchar* escaped = g_strescape(g_value_get_string(value), nullptr);
+    return "\"" + std::string(escaped) + "\"";
+  }
+  g_autofree gchar* text = gst_value_serialize(value);
+  return text ? text : "";
+}
+
+// The device's element with what is set otherwise than in one that is just made, as gst-device-monitor-1.0 prints it.
+// "" where there is none.
+std::string element_of(GstDevice* device) {
+  GstElement* element = gst_device_create_element(device, nullptr);
+  if (!element) return "";
+  gst_object_ref_sink(element);
+  std::string line;
+  GstElementFactory* factory = gst_element_get_factory(element);
+  GstElement* plain = factory ? gst_element_factory_create(factory, nullptr) : nullptr;
+  if (plain) {
+    gst_object_ref_sink(plain);
+    line = GST_OBJECT_NAME(factory);
+    guint count = 0;
+    g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element), &count);
+    for (guint i = 0; i < count; i++) {
+      constexpr auto kBoth = G_PARAM_READWRITE;
+      if ((specs[i]->flags & kBoth) != kBoth || g_str_equal(specs[i]->name, "name") ||
+          g_str_equal(specs[i]->name, "parent"))
+        continue;
+      GValue set = G_VALUE_INIT, usual = G_VALUE_INIT;
+      g_object_get_property(G_OBJECT(element), specs[i]->name, &set);
+      g_object_get_property(G_OBJECT(plain), specs[i]->name, &usual);
+      if (gst_value_compare(&set, &usual) != GST_VALUE_EQUAL &&
+          !(G_VALUE_HOLDS_STRING(&set) && !g_value_get_string(&set)))
+        if (const std::string text = value_text(&set); !text.empty())
+          line += std::string(" ") + specs[i]->name + "=" + text;
+      g_value_unset(&set);
+      g_value_unset(&usual);
+    }
+    gst_object_unref(plain);
+  }
+  gst_object_unref(element);
+  // One word would be the name of a file.
+  return line.empty() || line.find('=') != std::string::npos ? line : line + " ! identity";
+}
+
+bool is_screen(GstDevice* device) {
+  g_autofree gchar* kind = gst_device_get_device_class(device);
+  return std::strstr(kind, "Screen") || std::strstr(kind, "Monitor");
+}
+
+}  // namespace
+
+std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
+  std::vector<VideoDevice> devices;
+  std::set<std::string> paths;  // several providers may know one device
+  GstDeviceMonitor* monitor = gst_device_monitor_new();
+  gst_device_monitor_add_filter(monitor, "Video/Source", nullptr);
+  if (gst_device_monitor_start(monitor)) {
+    GList* list = gst_device_monitor_get_devices(monitor);
+    for (GList* item = list; item; item = item->next) {
+      GstDevice* device = GST_DEVICE(item->data);
+      if (is_screen(device)) continue;
+      VideoDevice found;
+      // v4l2src and PipeWire each have their own name for it.
+      if (const std::string path = text_in(device, {"device.path", "api.v4l2.path"}); !path.empty()) {
+        if (!paths.insert(path).second) continue;
+        const std::string port = port_of(path, by_path);
+        found.source = "v4l2://" + (port.empty() ? path : port);
+        found.stable = !port.empty();
+      } else {
+        found.source = element_of(device);
+        found.stable = found.source.find('=') != std::string::npos;
+      }
+      if (found.source.empty()) continue;
+      g_autofree gchar* name = gst_device_get_display_name(device);
+      found.name = name ? name : "";
+      if (const std::string serial = text_in(device, {"device.serial", "serial", "device.serial-number"});
+          !serial.empty())
+        found.name += ", serial " + serial;
+      devices.push_back(found);
+    }
+    g_list_free_full(list, gst_object_unref);
+    gst_device_monitor_stop(monitor);
+  }
+  gst_object_unref(monitor);
+  std::ranges::stable_sort(devices, lf::natural_less, &VideoDevice::source);
+  devices.erase(
+      std::unique(devices.begin(), devices.end(), [](const auto& a, const auto& b) { return a.source == b.source; }),
+      devices.end());
+  return devices;
+}

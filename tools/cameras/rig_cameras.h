@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -11,9 +9,27 @@
 #include <string>
 #include <vector>
 
+#include <gst/gst.h>
+#include <nlohmann/json_fwd.hpp>
+
+#include "image/image.h"
+#include "image/image_file.h"
 #include "rig/rig.h"
 
 namespace lf::cameras {
+
+// The picture of a frame of lfcamsrc, raw or JPEG, as RGB. Throws Error for what can't be read. Any thread.
+Image rgb_of(GstBuffer* buffer, GstCaps* caps);
+inline Image rgb_of(GstSample* sample) { return rgb_of(gst_sample_get_buffer(sample), gst_sample_get_caps(sample)); }
+
+// A raw frame in grey, `smaller` times as narrow and as low: the mean of so many pixels in a square, rounded down where
+// there are fewer. Throws Error for what can't be read. Any thread.
+GreyPicture small_grey_of(GstSample* sample, int smaller);
+bool is_jpeg(GstSample* sample);
+std::vector<uint8_t> bytes_of(GstSample* sample);
+
+// Mean brightness, 0..255, of a picture that is RGB.
+double brightness_of(const Image& rgb);
 
 // A frame of a camera, in the thread that brings it.
 struct CameraFrame {
@@ -30,7 +46,7 @@ class RigCameras {
   struct Options {
     std::vector<CameraIndex> cameras;  // indices of the cameras to open; empty: all
     bool decode = true;                // JPEG is decoded; else it comes as it is
-    bool trusted = false;              // the rig may run any element, see rig/rig_trust.h
+    bool trusted = false;              // the rig may run any element, see rig/source_security.h
     int fps = 0;                       // asked of devices, frames per second; 0: as they have it
   };
   using OnFrame = std::function<void(const CameraFrame&)>;
@@ -74,4 +90,35 @@ class RigCameras {
 // "3 (cam_00_03)".
 std::string name_of(const Camera& camera);
 
+// A rig file for as long as it lives, since cameras are opened by files. Files that the rig names are found from there.
+class TemporaryRig {
+ public:
+  // `original`: what else the cameras have, such as their controls (rig/rig_json.h). `path`: the file that the rig was
+  // read from. Its sources must be trusted (rig/source_security.h), because the copy belongs to this user in any case.
+  // Throws Error.
+  TemporaryRig(Rig rig, const nlohmann::json& original, const std::string& path, bool trusted);
+  ~TemporaryRig();
+  TemporaryRig(const TemporaryRig&) = delete;
+
+  std::string path() const { return directory_ + "/rig.json"; }
+  std::shared_ptr<const Rig> rig() const { return rig_; }
+
+ private:
+  std::string directory_;
+  std::shared_ptr<const Rig> rig_;
+};
+
 }  // namespace lf::cameras
+
+// A camera that is plugged in.
+struct VideoDevice {
+  std::string name;     // the name that people know the camera by
+  std::string source;   // what a rig has as source: a URI, or elements
+  bool stable = false;  // the source means the same camera after a restart, or what else has been plugged in
+};
+
+// What GstDeviceMonitor finds under Video/Source, by whatever provider (v4l2, libcamera, Aravis, ...), in the order of
+// the sources' numbers, each once. Sources: of V4L2 the link in `by_path` to the device's port on this machine
+// (v4l2:///dev/v4l/by-path/...), else /dev/video0, which changes; of others their element with the properties that name
+// the device. Screens, and what makes no element, are left out. gst_init() comes first.
+std::vector<VideoDevice> find_video_devices(const std::string& by_path = "/dev/v4l/by-path");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "control_message.h"
+#include "serve/control_message.h"
 
 #include <gst/video/video.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/text.h"
 
 namespace lf::serve {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "eye.h"
+#include "serve/eye.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "wire/request_codec.h"
-#include "wire/request_layout.h"
 
 namespace lf::serve {
 namespace {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "light_field.h"
-#include "limits.h"
+#include "serve/light_field.h"
+#include "serve/limits.h"
 #include "view/view_request.h"
 
 namespace lf::serve {

@@ -1,22 +1,85 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <libsoup/soup.h>
-
+#include <array>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 
-#include "access.h"
-#include "certificate.h"
-#include "connections.h"
-#include "http_reply.h"
-#include "rate_limit.h"
-#include "sessions.h"
-#include "whep.h"
+#include <gio/gio.h>
+#include <libsoup/soup.h>
+
+#include "serve/access.h"
+#include "serve/http.h"
+#include "serve/limits.h"
+#include "serve/offer.h"
+#include "serve/sessions.h"
 
 namespace lf::serve {
+
+// The TLS certificate of a server, from two PEM files that may be replaced while the server runs. Not thread-safe.
+class Certificate {
+ public:
+  // Throws Error naming the file that can't be used. The key file must be closed to other users.
+  Certificate(std::string certificate_file, std::string key_file);
+  ~Certificate() { g_object_unref(certificate_); }
+  Certificate(const Certificate&) = delete;
+
+  GTlsCertificate* get() const { return certificate_; }  // borrowed until reload() or the end of this
+  // Reads the files again if they have changed since they were read last. Returns whether there is another
+  // certificate. Throws Error if the files can't be used: the certificate stays as it was, until they change again.
+  bool reload();
+
+ private:
+  // What tells two versions of a file apart. Links are followed, because renewing often replaces a link.
+  using Version = std::array<int64_t, 4>;
+  static Version version_of(const std::string& path);
+
+  const std::string certificate_file_, key_file_;
+  std::array<Version, 2> read_;
+  GTlsCertificate* certificate_;
+};
+
+// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/web-interface.md), behind whoever has looked at
+// origin and token. On the main thread alone.
+class Whep {
+ public:
+  struct Options {
+    std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
+    IceServers ice;
+    std::set<std::string> relays;  // addresses of relays, whose candidates are taken
+    std::string media_address;     // the only address of this machine that video comes from, or ""
+  };
+  struct Client {
+    std::string address;  // address of the client, as text
+    std::string prefix;   // the path that a proxy has put before ours, or ""
+  };
+
+  Whep(Options options, const Limits& limits, Refusals& refusals);
+
+  // Answers requests to /whep.
+  void endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions);
+  // Answers requests to /whep/NAME.
+  void session(SoupServerMessage* message, const std::string& name, Sessions& sessions);
+  // Answers OPTIONS; `trusted`: the client has shown the token.
+  void options(SoupServerMessage* message, bool trusted);
+
+ private:
+  void refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why);
+  // Nothing where it was refused.
+  std::optional<Wish> wish(SoupServerMessage* message, const Client& client, GHashTable* query);
+  bool seat(SoupServerMessage* message, const Client& client, const Wish& wish, const char* ticket, Sessions& sessions);
+  void open(SoupServerMessage* message, const Client& client, Offer offer, const Wish& wish, Sessions& sessions);
+  void link(SoupServerMessage* message);
+
+  Options options_;
+  Limits limits_;
+  Refusals& refusals_;
+  AddressLimit connects_;
+};
 
 struct ServerOptions {
   std::string address = "127.0.0.1";

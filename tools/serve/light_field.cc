@@ -1,61 +1,45 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "light_field.h"
+#include "serve/light_field.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "common/day_clock.h"
-#include "launch.h"
-#include "log.h"
-#include "rig/rig_trust.h"
-#include "wire/bytes.h"
+#include "rig/source_security.h"
+#include "serve/pipelines.h"
+#include "serve/process.h"
 
 namespace lf::serve {
 namespace {
 
 constexpr char kRequestCaps[] = "application/x-lightfield-request,framerate=(fraction)0/1";
-constexpr char kRtpCaps[] = "application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-ANSWER";
-constexpr int kReceiveBuffer = 8388608;  // a burst of answers
-
-// The same place in requests and answers (lib/wire/spec.md). Nothing for what is too short to be one.
-std::optional<uint32_t> view_of(GstBuffer* unit) {
-  guint8 bytes[4];
-  if (gst_buffer_extract(unit, 12, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
-  return wire::Reader(bytes).get<uint32_t>();
-}
 
 double now() { return static_cast<double>(g_get_monotonic_time()) * 1e-6; }
 
-std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling,
-                        const std::string& renderer) {
-  constexpr char kSink[] = "appsink sync=false async=false enable-last-sample=false name=answers";
+std::string launch_line(size_t hosts, const std::string& resampling, const std::string& renderer) {
   std::ostringstream line;
   line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
-       << kRequestCaps << "\" ! ";
+       << kRequestCaps << '"';
   // Answers don't leave the process, although the compositors are in pipelines of their own.
-  if (nodes.empty()) {
-    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling
-         << " renderer=" << renderer << " ! " << kSink << '0';
-    return line.str();
-  }
-  line << "rtplfpay ! lfrtpseal name=seal ! multiudpsink name=hosts sync=false async=false";
-  for (size_t i = 0; i < nodes.size(); i++)
-    line << " udpsrc name=udp" << i << " port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer
-         << " caps=\"" << kRtpCaps << "\" ! lfrtpgate name=gate" << i << " ! rtplfdepay ! " << kSink << i;
+  if (hosts == 0)
+    line << " ! lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling
+         << " renderer=" << renderer << " !";
+  for (size_t i = 0; i < std::max<size_t>(hosts, 1); i++)
+    line << " appsink name=answers" << i << " sync=false async=false enable-last-sample=false";
   return line.str();
 }
 
-// Answers come from who has the key, or, without one, from that host.
-void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, const std::string& key_file) {
-  const std::string number = std::to_string(index);
-  if (!node.answer_host.empty()) set_in(pipeline, ("udp" + number).c_str(), "address", node.answer_host.c_str());
-  if (key_file.empty())
-    set_in(pipeline, ("gate" + number).c_str(), "peers", (node.host + ",127.0.0.0/8,::1").c_str());
-  else
-    set_in(pipeline, ("gate" + number).c_str(), "key-file", key_file.c_str());
+void link(GstElement* from, GstElement* to) {
+  if (!gst_element_link(from, to))
+    throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
+}
+
+// Borrowed; there must be one.
+GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
+  return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline.get()), name.c_str())).get();
 }
 
 }  // namespace
@@ -67,54 +51,49 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
   array_ = std::make_shared<const ArrayInfo>(rig);
   if (local_) require_trust(array_->rig(), rig_, trusted_);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
-  pipeline_ = launch_pipeline(launch_line(nodes, resampling, renderer));
-  requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
+  pipeline_.reset(launch_pipeline(launch_line(nodes.size(), resampling, renderer)));
+  requests_ = GST_APP_SRC(child_of(pipeline_, "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
-  if (nodes.empty()) {
-    set_in(pipeline_, "cameras", "rig", rig.c_str(), "trusted", static_cast<gboolean>(trusted));
-    if (!record.empty()) set_in(pipeline_, "cameras", "record", record.c_str());
-    GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
+  if (local_) {
+    node_ = child_of(pipeline_, "cameras");
+    g_object_set(node_, "rig", rig.c_str(), "trusted", static_cast<gboolean>(trusted), nullptr);
+    if (!record.empty()) g_object_set(node_, "record", record.c_str(), nullptr);
     // Those that have gone count for a while.
-    g_object_set(node, "max-views", static_cast<guint>(2 * max_views), nullptr);
-    g_signal_connect(node, "element-added", G_CALLBACK(camera_added), this);
-    gst_object_unref(node);
+    g_autoptr(GstStructure) limits =
+        gst_structure_new("limits", "max-views", G_TYPE_UINT, static_cast<guint>(2 * max_views), nullptr);
+    g_object_set(node_, "limits", limits, nullptr);
+    g_signal_connect(node_, "element-added", G_CALLBACK(camera_added), this);
   } else {
-    GstElement* hosts = gst_bin_get_by_name(GST_BIN(pipeline_), "hosts");
-    for (const NodeAddress& node : nodes)
-      g_signal_emit_by_name(hosts, "add", node.host.c_str(), node.request_port, nullptr);
-    gst_object_unref(hosts);
-    if (!key_file.empty()) set_in(pipeline_, "seal", "key-file", key_file.c_str());
-    for (size_t i = 0; i < nodes.size(); i++) set_up_host(pipeline_, i, nodes[i], key_file);
+    hosts_ = std::make_unique<CameraHosts>(GST_BIN(pipeline_.get()), nodes, key_file);
+    link(GST_ELEMENT(requests_), hosts_->requests());
   }
   for (size_t i = 0; i < std::max<size_t>(nodes.size(), 1); i++) {
     answers_.push_back(std::make_unique<Answers>());
     answers_[i]->field = this;
     answers_[i]->node = i;
-    if (!local_) answers_[i]->name = nodes[i].host + ":" + std::to_string(nodes[i].request_port);
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), ("answers" + std::to_string(i)).c_str());
+    GstElement* sink = child_of(pipeline_, "answers" + std::to_string(i));
+    if (hosts_) link(hosts_->hosts()[i].answers, sink);
     GstAppSinkCallbacks callbacks = {};
     callbacks.new_sample = take_answer;
     gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, answers_[i].get(), nullptr);
-    gst_object_unref(sink);
   }
   // Hosts share the time of day; requests name the time of capture by it.
   clock_ = new_day_clock();
-  gst_pipeline_use_clock(GST_PIPELINE(pipeline_), clock_);
+  gst_pipeline_use_clock(GST_PIPELINE(pipeline_.get()), clock_);
 }
 
 LightField::~LightField() {
   if (watch_) g_source_remove(watch_);
-  gst_element_set_state(pipeline_, GST_STATE_NULL);
-  gst_object_unref(requests_);
-  gst_object_unref(pipeline_);
+  gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   gst_object_unref(clock_);
 }
 
 void LightField::start(std::function<void(const std::string&)> on_error) {
   const GstStateChangeReturn result = play();
-  GstBus* bus = gst_element_get_bus(pipeline_);
+  GstBus* bus = gst_element_get_bus(pipeline_.get());
   constexpr auto kWorthTelling = GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
   while (GstMessage* message = gst_bus_pop_filtered(bus, kWorthTelling)) {
+    message = with_port(message);
     const std::string text = text_of(message);
     const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
@@ -136,10 +115,10 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
 // Waits for the cameras in short steps, so that cancel() ends the wait.
 GstStateChangeReturn LightField::play() {
   constexpr GstClockTime kStep = 100 * GST_MSECOND, kLongest = 60 * GST_SECOND;
-  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
   GstStateChangeReturn result = GST_STATE_CHANGE_ASYNC;
   for (GstClockTime waited = 0; result == GST_STATE_CHANGE_ASYNC && waited < kLongest && !cancelled_; waited += kStep)
-    result = gst_element_get_state(pipeline_, nullptr, nullptr, kStep);
+    result = gst_element_get_state(pipeline_.get(), nullptr, nullptr, kStep);
   return result;
 }
 
@@ -159,7 +138,7 @@ bool LightField::has_cameras_of(const ArrayInfo& array) const {
 }
 
 void LightField::take_rig(std::shared_ptr<const ArrayInfo> array) {
-  if (local_) set_in(pipeline_, "cameras", "rig", rig_.c_str());
+  if (node_) g_object_set(node_, "rig", rig_.c_str(), nullptr);
   const std::lock_guard lock(mutex_);
   if (array->rig().cameras.size() != array_->rig().cameras.size() || array->hash() != array_->hash())
     mosaic_ = std::make_shared<cameras::Mosaic>(array->rig());
@@ -173,7 +152,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
     const std::lock_guard lock(mutex_);
     problem_.clear();
   }
-  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   take_rig(std::move(array));
   const GstStateChangeReturn result = play();
   std::unique_lock lock(mutex_);
@@ -181,7 +160,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
     problem_ = rig_ + ": the cameras do not start";
   const std::string problem = problem_;
   lock.unlock();
-  if (!problem.empty()) gst_element_set_state(pipeline_, GST_STATE_NULL);
+  if (!problem.empty()) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   restarting_ = false;
   if (!problem.empty()) throw Error(problem);
 }
@@ -247,23 +226,13 @@ std::string LightField::mosaic_state() {
   const std::lock_guard lock(state_mutex_);
   const double time = now();
   if (time - state_at_ < kEvery) return state_;
-  state_ = mosaic()->state(time, [this](uint32_t camera) { return problem_of(camera); }).dump();
+  state_ = mosaic()->state(time, [this](uint32_t camera) { return camera_problem(node_, camera); }).dump();
   state_at_ = time;
   return state_;
 }
 
-std::string LightField::problem_of(uint32_t camera) const {
-  GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
-  const std::string problem = camera_problem(node, camera);
-  gst_object_unref(node);
-  return problem;
-}
-
 void LightField::look_at_cameras() {
-  if (!local_) return;
-  GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
-  states_ = camera_states(node);
-  gst_object_unref(node);
+  if (node_) states_ = camera_states(node_);
 }
 
 void LightField::join(uint32_t view, OnAnswer on_answer) {

@@ -13,10 +13,11 @@
 #include <string>
 #include <vector>
 
-#include "array_info.h"
-#include "base/host_list.h"
-#include "camera_states.h"
+#include "base/text.h"
+#include "bins/rtp_link.h"
 #include "cameras/mosaic.h"
+#include "common/gst_pointers.h"
+#include "serve/array_info.h"
 
 namespace lf::serve {
 
@@ -30,9 +31,9 @@ class LightField {
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
   // Cameras in this process, sampled and rendered as lffragment's properties "resampling" and "renderer" say, or, where
-  // `nodes` has any, on those hosts, which share what is in `key_file` if there is one. Cameras in this process are
-  // recorded into the folder `record` ("": not). `max_views` bounds what is in flight. `trusted`: the rig may run any
-  // element (rig/rig_trust.h); other rigs are refused, also when they come later. Throws Error.
+  // `nodes` has any, on those hosts (CameraHosts, with `key_file`). Cameras in this process are recorded into the
+  // folder `record` ("": not). `max_views` bounds what is in flight. `trusted`: the rig may run any element
+  // (rig/source_security.h); other rigs are refused, also when they come later. Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
              const std::string& resampling, const std::string& renderer, const std::string& record, int max_views,
              bool trusted);
@@ -78,20 +79,18 @@ class LightField {
   // Numbers of the hosts, in the order in which they were named, that are asked and have not answered for kSilence.
   std::vector<size_t> silent_nodes() const;
   // "HOST:PORT" of a host.
-  const std::string& node_name(size_t node) const { return answers_[node]->name; }
+  const std::string& node_name(size_t node) const { return hosts_->hosts()[node].name; }
 
  private:
   struct Answers {
     LightField* field = nullptr;
     size_t node = 0;
-    std::string name;
     std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last
   };
   GstStateChangeReturn play();
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
   static void camera_added(GstBin* node, GstElement* child, gpointer self);
   std::shared_ptr<cameras::Mosaic> mosaic() const;
-  std::string problem_of(uint32_t camera) const;  // why the camera was lost; "" where nothing is known
   static GstBusSyncReply bus_sync(GstBus* bus, GstMessage* message, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
@@ -99,8 +98,10 @@ class LightField {
   std::shared_ptr<const ArrayInfo> array_;  // under the mutex, as is what follows
   std::shared_ptr<cameras::Mosaic> mosaic_;
   bool local_, trusted_;
-  GstElement* pipeline_ = nullptr;
-  GstAppSrc* requests_ = nullptr;
+  ElementPtr pipeline_;
+  GstAppSrc* requests_ = nullptr;       // borrowed from the pipeline
+  GstElement* node_ = nullptr;          // the cameras in this process, or null; borrowed from the pipeline
+  std::unique_ptr<CameraHosts> hosts_;  // null where the cameras are in this process
   GstClock* clock_ = nullptr;
   std::vector<std::unique_ptr<Answers>> answers_;
   guint watch_ = 0;

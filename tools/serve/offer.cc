@@ -1,16 +1,190 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "offer.h"
+#include "serve/offer.h"
 
+#include <algorithm>
 #include <array>
 #include <bitset>
+#include <cctype>
 #include <charconv>
+#include <cstring>
+#include <optional>
 #include <sstream>
 #include <string_view>
 
-#include "fingerprint.h"
-#include "playout_delay.h"
+#include <gio/gio.h>
+#include <glib.h>
+
+#include "base/text.h"
+#include "serve/process.h"
 
 namespace lf::serve {
+namespace {
+
+// Names, addresses, "[::1]" and a port: nothing that could end a header.
+bool is_host(const std::string& text) {
+  return !text.empty() &&
+         std::ranges::all_of(text, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-:[]", c)); });
+}
+
+bool is_word(const std::string& text) {
+  return !text.empty() &&
+         std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~' && c != '"' && c != '\\'; });
+}
+
+bool has_port(const std::string& host) {
+  const size_t colon = host.rfind(':');
+  return colon != host.npos && host.find(']', colon) == host.npos;
+}
+
+std::string hmac_sha1(const std::string& secret, const std::string& text) {
+  GHmac* hmac = g_hmac_new(G_CHECKSUM_SHA1, reinterpret_cast<const guchar*>(secret.data()), secret.size());
+  g_hmac_update(hmac, reinterpret_cast<const guchar*>(text.data()), static_cast<gssize>(text.size()));
+  guint8 digest[20];
+  gsize size = sizeof digest;
+  g_hmac_get_digest(hmac, digest, &size);
+  g_hmac_unref(hmac);
+  g_autofree gchar* base64 = g_base64_encode(digest, size);
+  return base64;
+}
+
+std::string escaped(const std::string& text) {
+  g_autofree gchar* result = g_uri_escape_string(text.c_str(), nullptr, FALSE);
+  return result;
+}
+
+}  // namespace
+
+IceServers::IceServers(const std::vector<std::string>& uris, const std::string& credentials) {
+  for (const std::string& uri : uris) {
+    const size_t colon = uri.find(':'), question = uri.find('?');
+    if (colon == uri.npos) throw Error("--ice-server " + uri + ": must be stun:HOST:PORT or turn:HOST:PORT");
+    Server server{uri.substr(0, colon), uri.substr(colon + 1, question == uri.npos ? question : question - colon - 1),
+                  question == uri.npos ? "" : uri.substr(question)};
+    const bool turn = server.scheme == "turn" || server.scheme == "turns";
+    const bool plain =
+        server.query.empty() || (turn && (server.query == "?transport=udp" || server.query == "?transport=tcp"));
+    if ((!turn && server.scheme != "stun") || !plain || !is_host(server.host))
+      throw Error("--ice-server " + uri + ": must be stun:HOST:PORT or turn:HOST:PORT, with ?transport=udp or tcp");
+    if (turn && credentials.empty()) throw Error("--ice-server " + uri + ": TURN needs --ice-credentials");
+    servers_.push_back(std::move(server));
+  }
+  std::istringstream words(credentials);
+  std::string first, second, third;
+  words >> first >> second >> third;
+  if (!third.empty() || (!first.empty() && !is_word(first)) || (!second.empty() && !is_word(second)))
+    throw Error("--ice-credentials: must be a user and a password, or one secret, without quotes");
+  if (second.empty())
+    secret_ = first;
+  else
+    fixed_ = {first, second};
+}
+
+// Of a secret: the user is the time until which the password is good.
+IceServers::Credentials IceServers::credentials(int64_t now) const {
+  if (secret_.empty()) return fixed_;
+  const std::string user = std::to_string(now + kLifetime);
+  return {user, hmac_sha1(secret_, user)};
+}
+
+std::string IceServers::links(int64_t now) const {
+  const auto [user, password] = credentials(now);
+  std::string links;
+  for (const auto& [scheme, host, query] : servers_) {
+    links += (links.empty() ? "<" : ", <") + scheme + ":" + host + query + ">; rel=\"ice-server\"";
+    if (scheme != "stun")
+      links += "; username=\"" + user + "\"; credential=\"" + password + "\"; credential-type=\"password\"";
+  }
+  return links;
+}
+
+std::set<std::string> IceServers::relays() const {
+  std::set<std::string> addresses;
+  for (const auto& [scheme, host, query] : servers_) {
+    if (scheme == "stun") continue;
+    g_autoptr(GError) error = nullptr;
+    g_autoptr(GResolver) resolver = g_resolver_get_default();
+    g_autoptr(GSocketConnectable) place = g_network_address_parse(host.c_str(), 3478, &error);
+    GList* found = place ? g_resolver_lookup_by_name(resolver, g_network_address_get_hostname(G_NETWORK_ADDRESS(place)),
+                                                     nullptr, &error)
+                         : nullptr;
+    if (error) say("--ice-server " + scheme + ":" + host + query + ": " + error->message);
+    for (GList* address = found; address; address = address->next) {
+      g_autofree gchar* text = g_inet_address_to_string(G_INET_ADDRESS(address->data));
+      addresses.insert(text);
+    }
+    g_resolver_free_addresses(found);
+  }
+  return addresses;
+}
+
+std::vector<std::string> IceServers::for_webrtcbin(int64_t now) const {
+  const auto [user, password] = credentials(now);
+  std::vector<std::string> uris;
+  for (const auto& [scheme, host, query] : servers_) {
+    const std::string place = host + (has_port(host) ? "" : scheme == "turns" ? ":5349" : ":3478");
+    uris.push_back(scheme == "stun" ? "stun://" + place
+                                    : scheme + "://" + escaped(user) + ":" + escaped(password) + "@" + place + query);
+  }
+  return uris;
+}
+
+namespace {
+
+std::string_view hash_name(std::string_view text) { return text.substr(0, text.find(' ')); }
+
+std::optional<GChecksumType> hash_of(std::string_view text) {
+  constexpr std::pair<std::string_view, GChecksumType> kHashes[] = {
+      {"sha-256", G_CHECKSUM_SHA256}, {"sha-384", G_CHECKSUM_SHA384}, {"sha-512", G_CHECKSUM_SHA512}};
+  const std::string_view name = hash_name(text);
+  for (const auto& [known, type] : kHashes)
+    if (name.size() == known.size() && g_ascii_strncasecmp(name.data(), known.data(), known.size()) == 0) return type;
+  return std::nullopt;
+}
+
+// The digits in lower case; nothing where they are not pairs with colons between them.
+std::optional<std::string> digits_of(std::string_view text) {
+  std::string_view value = text.substr(std::min(text.size(), hash_name(text).size() + 1));
+  std::string digits;
+  for (size_t i = 0; i < value.size(); i++) {
+    const auto c = static_cast<unsigned char>(value[i]);
+    if (i % 3 == 2 ? c != ':' : !std::isxdigit(c)) return std::nullopt;
+    if (i % 3 != 2) digits += static_cast<char>(std::tolower(c));
+  }
+  return digits;
+}
+
+// The bytes of the first certificate.
+std::string der_of(const std::string& pem) {
+  constexpr std::string_view kBegin = "-----BEGIN CERTIFICATE-----", kEnd = "-----END CERTIFICATE-----";
+  const size_t begin = pem.find(kBegin), end = pem.find(kEnd);
+  if (begin == pem.npos || end == pem.npos || end < begin) return "";
+  const std::string base64 = pem.substr(begin + kBegin.size(), end - begin - kBegin.size());
+  gsize size = 0;
+  g_autofree guchar* bytes = g_base64_decode(base64.c_str(), &size);
+  return {reinterpret_cast<const char*>(bytes), size};
+}
+
+}  // namespace
+
+FingerprintKind fingerprint_kind(std::string_view text) {
+  const auto hash = hash_of(text);
+  if (!hash) return hash_name(text).empty() ? FingerprintKind::kMalformed : FingerprintKind::kOfAnotherHash;
+  const auto digits = digits_of(text);
+  const auto size = static_cast<size_t>(2 * g_checksum_type_get_length(*hash));
+  return digits && digits->size() == size ? FingerprintKind::kKnown : FingerprintKind::kMalformed;
+}
+
+bool has_fingerprint(const std::string& certificate_pem, const std::set<std::string>& fingerprints) {
+  const std::string der = der_of(certificate_pem);
+  return !der.empty() && std::ranges::any_of(fingerprints, [&](const std::string& fingerprint) {
+    const auto hash = hash_of(fingerprint);
+    if (!hash) return false;
+    g_autofree gchar* digits =
+        g_compute_checksum_for_data(*hash, reinterpret_cast<const guchar*>(der.data()), der.size());
+    return digits_of(fingerprint) == std::string(digits);
+  });
+}
+
 namespace {
 
 constexpr char kMalformedFingerprint[] = "an a=fingerprint of the offer is malformed";

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "peer.h"
+#include "serve/peer.h"
 
 #define GST_USE_UNSTABLE_API
 #include <gst/webrtc/webrtc.h>
 
 #include <algorithm>
-#include <cstring>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
 
-#include "fingerprint.h"
-#include "goodbye.h"
-#include "launch.h"
-#include "playout_delay.h"
-#include "reception.h"
+#include "serve/offer.h"
+#include "serve/process.h"
 
 namespace lf::serve {
 namespace {
@@ -88,6 +87,65 @@ GstBuffer* needed_part(GstBuffer* compound) {
   gst_buffer_unref(compound);
   return rest;
 }
+
+// What a viewer's reports say of what it has received.
+struct Reception {
+  std::vector<ReceptionReport> reports;
+  double round_trip = 0;  // seconds
+};
+
+gboolean read_stats(GQuark, const GValue* value, gpointer data) {
+  Reception& received = *static_cast<Reception*>(data);
+  if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
+  const GstStructure* s = gst_value_get_structure(value);
+  GstWebRTCStatsType type;
+  GstStructure* source = nullptr;
+  if (!gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) ||
+      type != GST_WEBRTC_STATS_REMOTE_INBOUND_RTP ||
+      !gst_structure_get(s, "gst-rtpsource-stats", GST_TYPE_STRUCTURE, &source, nullptr))
+    return TRUE;
+  ReceptionReport report;
+  if (gst_structure_get(source, "rb-ssrc", G_TYPE_UINT, &report.ssrc, "rb-exthighestseq", G_TYPE_UINT, &report.highest,
+                        "rb-packetslost", G_TYPE_INT, &report.lost, nullptr))
+    received.reports.push_back(report);
+  gst_structure_free(source);
+  gst_structure_get_double(s, "round-trip-time", &received.round_trip);
+  return TRUE;
+}
+
+// Reads the reports out of the statistics that webrtcbin's get-stats gives.
+Reception read_reception(const GstStructure* stats) {
+  Reception received;
+  gst_structure_foreach(stats, read_stats, &received);
+  return received;
+}
+
+// Waits until the end of a DTLS connection has left: another thread sends it, which must not be stopped before.
+class Goodbye {
+ public:
+  static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
+    guint8 type = 0;
+    if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
+      (*static_cast<std::shared_ptr<Goodbye>*>(data))->note();
+    return GST_PAD_PROBE_OK;
+  }
+  void wait() {
+    constexpr std::chrono::milliseconds kLongest{250};
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, kLongest, [this] { return has_left_; });
+  }
+
+ private:
+  void note() {
+    const std::lock_guard lock(mutex_);
+    has_left_ = true;
+    changed_.notify_all();
+  }
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool has_left_ = false;
+};
 
 }  // namespace
 

@@ -11,10 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "offer.h"
-#include "packet_loss.h"
-#include "rate_limit.h"
-#include "rtcp_filter.h"
+#include "serve/adaptation.h"
+#include "serve/limits.h"
+#include "serve/offer.h"
 
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "sessions.h"
+#include "serve/sessions.h"
 
 #include <malloc.h>
 
@@ -7,8 +7,7 @@
 #include <cstdio>
 #include <random>
 
-#include "launch.h"
-#include "log.h"
+#include "serve/process.h"
 
 namespace lf::serve {
 namespace {

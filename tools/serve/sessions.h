@@ -6,13 +6,11 @@
 #include <memory>
 #include <string>
 
-#include "departures.h"
-#include "light_field.h"
-#include "limits.h"
-#include "processor_load.h"
-#include "seats.h"
-#include "shedding.h"
-#include "viewer.h"
+#include "serve/adaptation.h"
+#include "serve/light_field.h"
+#include "serve/limits.h"
+#include "serve/process.h"
+#include "serve/viewer.h"
 
 namespace lf::serve {
 

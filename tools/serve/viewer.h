@@ -1,26 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/app/app.h>
-
 #include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
-#include "control_message.h"
-#include "eye.h"
-#include "light_field.h"
-#include "monitor_report.h"
-#include "pace.h"
-#include "peer.h"
-#include "quality_control.h"
-#include "rate_limit.h"
-#include "shedding.h"
+#include <gst/app/app.h>
+#include <nlohmann/json_fwd.hpp>
+
+#include "serve/adaptation.h"
+#include "serve/array_info.h"
+#include "serve/control_message.h"
+#include "serve/eye.h"
+#include "serve/light_field.h"
+#include "serve/limits.h"
+#include "serve/peer.h"
 
 namespace lf::serve {
 

@@ -1,12 +1,66 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: error).
-
-import { serversInLinks } from './ice.js';
+// How a viewer reaches its server: ICE servers, the bearer token, WHEP and the data channel "control".
 
 const kConnectTimeout = 15000;  // milliseconds
 const kDirect = 3000;           // milliseconds that it may take without ICE servers where the server has some
 const kGather = 1000;           // milliseconds that is waited for what ICE servers know
 const kRemembered = 256;        // requests
+
+// STUN and TURN servers, as attributes and the Link headers of WHEP name them.
+
+// "stun:stun.example.org turn:USER:PASSWORD@turn.example.org:3478?transport=udp", separated by white space; user and
+// password percent-encoded.
+export function serversIn(text) {
+  return (text ?? '').split(/\s+/).filter(Boolean).map(word => {
+    const [, scheme, user, password, host] = word.match(/^(stuns?|turns?):(?:([^:@]*):([^@]*)@)?(.+)$/) ?? [];
+    if (!scheme) throw new TypeError(`ice-servers: ${word} is not stun:HOST or turn:USER:PASSWORD@HOST`);
+    const secret = user && { username: decodeURIComponent(user), credential: decodeURIComponent(password) };
+    return { urls: `${scheme}:${host}`, ...secret };
+  });
+}
+
+// Of a Link header: <turn:turn.example.org>; rel="ice-server"; username="USER"; credential="PASSWORD", ...
+export function serversInLinks(header) {
+  const servers = [];
+  for (const [, urls, parameters] of (header ?? '').matchAll(/<([^>]*)>((?:\s*;\s*[\w-]+\s*=\s*(?:"(?:[^"\\]|\\.)*"|[^\s;,]+))*)/g)) {
+    const value = name => {
+      const [, quoted, bare] = parameters.match(new RegExp(`;\\s*${name}\\s*=\\s*(?:"((?:[^"\\\\]|\\\\.)*)"|([^\\s;,]+))`)) ?? [];
+      return quoted?.replace(/\\(.)/g, '$1') ?? bare;
+    };
+    if (value('rel') !== 'ice-server' || !/^(stun|turn)s?:/.test(urls)) continue;
+    const username = value('username'), credential = value('credential');
+    servers.push({ urls, ...username !== undefined && { username, credential } });
+  }
+  return servers;
+}
+
+// The bearer token: typed in, or of the attribute, or with `share` of the page's address. It never leaves the browser but as
+// a header.
+export class Token {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.typed = null;
+  }
+
+  get value() { return this.typed ?? this.viewer.given('token') ?? this.remembered ?? ''; }
+  get authorization() { return this.value ? { Authorization: `Bearer ${this.value}` } : {}; }
+
+  // One that was typed in. The page of the server, which has `share`, knows it until its tab is closed.
+  keep(token) {
+    this.typed = token;
+    try {
+      if (this.viewer.share.on) sessionStorage.setItem(this.key, token);
+    } catch { /* the page may have no storage */ }
+  }
+  get remembered() {
+    try {
+      return this.viewer.share.on ? sessionStorage.getItem(this.key) : null;
+    } catch {
+      return null;
+    }
+  }
+  get key() { return `lightfield-token ${this.viewer.stream.endpoint}`; }
+}
 
 // Made once: it is what takes long in a new connection.
 let certificate = null;
@@ -33,6 +87,7 @@ export class Refusal extends Error {
   }
 }
 
+// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: error).
 export class Connection extends EventTarget {
   constructor(video) {
     super();

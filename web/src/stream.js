@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The viewer's stream: begun, lost and begun again, waiting in the queue, and let go while nobody sees it.
 
-import { Connection, Refusal } from './connection.js';
-import { serversIn } from './ice.js';
+import { Connection, Refusal, serversIn } from './connection.js';
 
 const kLongest = 10;  // seconds from one try to the next
+const kNear = '200px';  // of the screen's border
+const kLeave = 500;     // milliseconds out of sight until that is told; coming back is told at once
 
 export class Stream {
   constructor(viewer) {
@@ -98,5 +99,33 @@ export class Stream {
     if (was) this.viewer.tell('disconnected', { reason: words });
     this.viewer.tell('error', { message: words, cause: message, status, reason, retryAfter: seconds });
     if (seconds !== Infinity) this.timer = setTimeout(() => this.connect(), 1000 * seconds);
+  }
+}
+
+// Whether anybody can see the element: it is on the screen, or nearly, in a tab that is not hidden.
+export class Sight {
+  // `changed` is called with true or false.
+  constructor(element, changed) {
+    this.element = element;
+    this.changed = changed;
+    this.near = false;
+    this.look = () => {
+      clearTimeout(this.timer);
+      if (this.near && !document.hidden) this.changed(true);
+      else this.timer = setTimeout(() => this.changed(false), kLeave);
+    };
+  }
+  watch() {
+    this.observer = new IntersectionObserver(entries => {
+      this.near = entries.at(-1).isIntersecting;
+      this.look();
+    }, { rootMargin: kNear });
+    this.observer.observe(this.element);
+    document.addEventListener('visibilitychange', this.look);
+  }
+  rest() {
+    clearTimeout(this.timer);
+    this.observer?.disconnect();
+    document.removeEventListener('visibilitychange', this.look);
   }
 }

@@ -2,24 +2,19 @@
 // The inside of the element: what it is made of, and how these parts know of each other.
 
 import { Bar } from './bar.js';
+import { Elastic, Vignette } from './border.js';
 import { Cameras } from './cameras.js';
+import { Token } from './connection.js';
 import { Controls } from './controls.js';
-import { Elastic } from './elastic.js';
 import { Figures } from './figures.js';
 import { Flight } from './flight.js';
 import { Headset, headsets } from './headset.js';
-import { makeStage } from './markup.js';
+import { makeStage, style } from './markup.js';
 import { Monitor } from './monitor.js';
 import { Notice } from './notice.js';
-import { Picture } from './picture.js';
-import { Share } from './share.js';
-import { Sight } from './sight.js';
-import { Anaglyph, kModes } from './stereo.js';
-import { Stream } from './stream.js';
-import { style } from './style.js';
-import { Token } from './token.js';
-import { numberIn, viewOf } from './view.js';
-import { Vignette } from './vignette.js';
+import { Anaglyph, kModes, Picture } from './picture.js';
+import { Sight, Stream } from './stream.js';
+import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
 const kOneEye = 1e-6;        // metres: the least distance to ask for; the server takes 0 for one eye

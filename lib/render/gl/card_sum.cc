@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "render/gl/block_sums.h"
 #include "render/gl/objects.h"
 #include "render/gl/sum_drawer.h"
+#include "render/gl/sums.h"
 
 namespace lf::gl {
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "base/byte_buffer.h"
-#include "base/rect.h"
+#include "base/maths.h"
+#include "base/memory.h"
 #include "image/image.h"
 #include "render/gl/context.h"
 #include "render/sum_planes.h"

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "base/rect.h"
+#include "base/maths.h"
 #include "base/worker_pool.h"
 #include "render/gl/context.h"
-#include "render/simd/band_data.h"
+#include "render/simd/sum_task.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 

@@ -4,19 +4,230 @@
 #include <concepts>
 #include <string_view>
 
-#include "base/number_text.h"
+#include "base/text.h"
 #include "image/correction.h"
 #include "render/camera_weights.h"
-#include "render/gl/adding_shader-inl.h"
-#include "render/gl/block_shader-inl.h"
-#include "render/gl/image_shader-inl.h"
-#include "render/gl/moment_shader-inl.h"
-#include "render/gl/picture_shader-inl.h"
-#include "render/gl/run_shader-inl.h"
-#include "render/gl/shader_rule-inl.h"
+#include "render/gl/sum_shader-inl.h"
 
 namespace lf::gl {
 namespace {
+
+// The compute shader of CardSum::draw(): what resolve() of composite/ does, row by row, an invocation does for four
+// pixels in a row (RGB), or for eight by two and their chroma.
+constexpr std::string_view kPicture = R"(
+precision highp float;
+precision highp int;
+layout(local_size_x = GROUP, local_size_y = GROUP) in;
+
+layout(std430, binding = RESULT) readonly buffer Sum { uint sum[]; }; // as BlockSum has it
+layout(std430, binding = PICTURE) writeonly buffer Picture { uint picture[]; };
+uniform uvec4 parts; // of the sum: pixels, chroma and lost weight; its draw
+uniform uint lost_rows; // of the sum
+uniform ivec2 origin, size, extent; // where the sum is in the view, and its size; the view's
+uniform uvec4 planes; // words of a row of the first plane, and of the others; where these begin
+uniform vec3 byte_levels; // gain, offset, chroma's gain
+uniform vec4 background; // and the weight that a pixel needs for not showing it
+uniform ivec4 channels; // RGB: first bits of red, green, blue and 255, -1: there is none; else w: Cb and Cr are in one
+
+bool is_in_sum(ivec2 at) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
+
+uint word_of(ivec2 at) { return uint(at.y) * (uint(size.x + 1) / 2u) + uint(at.x) / 2u; }
+
+float value(uint word, int n) { return float(bitfieldExtract(int(sum[word]), 16 * n, 16)); }
+
+// Of a pixel of the sum; 32768 is all of it.
+float lost_at(ivec2 at) {
+  if (sum[lost_rows + uint(at.y / 2)] != parts.w) return 0.0;
+  return float(bitfieldExtract(sum[parts.z + word_of(at)], 16 * (at.x & 1), 16));
+}
+
+// What sums are multiplied by for levels; 0: the background shows.
+float scale_of(float lost) {
+  float left = 32768.0 - lost;
+  return left >= background.w ? 256.0 / left : 0.0;
+}
+
+uint byte_of(float level) { return uint(clamp(level + 0.5, 0.0, 255.0)); }
+
+#ifdef RGB
+uint pixel_at(ivec2 at) {
+  vec3 colour = vec3(0.0);
+  if (is_in_sum(at)) {
+    float scale = scale_of(lost_at(at));
+    uint word = parts.x + 4u * word_of(at) + 2u * uint(at.x & 1);
+    colour = scale > 0.0 ? scale * vec3(value(word, 0), value(word, 1), value(word + 1u, 0)) : background.rgb;
+  }
+  uint pixel = byte_of(colour.r) << channels.r | byte_of(colour.g) << channels.g | byte_of(colour.b) << channels.b;
+  return channels.w >= 0 ? pixel | 255u << channels.w : pixel;
+}
+
+void main() {
+  ivec2 first = ivec2(4, 1) * ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(first, extent))) return;
+  uint pixels[4];
+  for (int i = 0; i < 4; i++) pixels[i] = first.x + i < extent.x ? pixel_at(first + ivec2(i, 0) - origin) : 0u;
+  uint words[4];
+  int count = channels.w >= 0 ? 4 : 3;
+  if (count == 4) {
+    for (int i = 0; i < 4; i++) words[i] = pixels[i];
+  } else {
+    words[0] = pixels[0] | pixels[1] << 24;
+    words[1] = pixels[1] >> 8 | pixels[2] << 16;
+    words[2] = pixels[2] >> 16 | pixels[3] << 8;
+    words[3] = 0u;
+  }
+  uint column = uint(first.x / 4 * count);
+  for (int i = 0; i < count; i++)
+    if (column + uint(i) < planes.x) picture[uint(first.y) * planes.x + column + uint(i)] = words[i];
+}
+#else
+// Pixels of a chroma sample: how many there are, what they have lost, and how many show the background.
+struct Block { float pixels, lost, hidden; };
+
+float luma_at(ivec2 at, inout Block block) {
+  block.pixels += 1.0;
+  float shown = 0.0;
+  if (is_in_sum(at)) {
+    float lost = lost_at(at), scale = scale_of(lost);
+    block.lost += min(lost, 32768.0);
+    if (scale == 0.0) block.hidden += 1.0;
+    shown = scale > 0.0 ? scale * value(parts.x + word_of(at), at.x & 1) : background.x;
+  }
+  return byte_levels.x * shown + byte_levels.y;
+}
+
+uvec2 chroma_at(ivec2 at, Block block) {
+  vec2 sums = vec2(0.0);
+  if (is_in_sum(at)) {
+    uint word = parts.y + word_of(ivec2(at.x, at.y / 2));
+    sums = vec2(value(word, 0), value(word, 1));
+  }
+  float scale = scale_of(block.lost / block.pixels), share = scale > 0.0 ? block.hidden / block.pixels : 1.0;
+  vec2 shown = mix(clamp(scale * sums, -128.0, 127.0), background.yz, share);
+  return uvec2(byte_of(128.0 + byte_levels.z * shown.x), byte_of(128.0 + byte_levels.z * shown.y));
+}
+
+void main() {
+  ivec2 group = ivec2(gl_GlobalInvocationID.xy), first = ivec2(8, 2) * group;
+  if (any(greaterThanEqual(first, extent))) return;
+  uint luma[4], chroma[2]; // words of two rows; of Cb and Cr, or of both
+  for (int i = 0; i < 4; i++) luma[i] = 0u;
+  chroma[0] = chroma[1] = 0u;
+  for (int n = 0; n < 4; n++) {
+    if (first.x + 2 * n >= extent.x) break;
+    Block block = Block(0.0, 0.0, 0.0);
+    for (int m = 0; m < 4; m++) {
+      ivec2 offset = ivec2(2 * n + (m & 1), m >> 1), at = first + offset;
+      if (any(greaterThanEqual(at, extent))) continue;
+      luma[2 * offset.y + offset.x / 4] |= byte_of(luma_at(at - origin, block)) << (8 * (offset.x & 3));
+    }
+    uvec2 both = chroma_at(first + ivec2(2 * n, 0) - origin, block);
+    if (channels.w != 0) {
+      chroma[n / 2] |= (both.x | both.y << 8) << (16 * (n & 1));
+    } else {
+      chroma[0] |= both.x << (8 * n);
+      chroma[1] |= both.y << (8 * n);
+    }
+  }
+  for (int j = 0; j < 2; j++)
+    for (int i = 0; i < 2; i++) {
+      uint column = uint(2 * group.x + i);
+      if (column < planes.x && first.y + j < extent.y)
+        picture[uint(first.y + j) * planes.x + column] = luma[2 * j + i];
+    }
+  uint row = uint(group.y) * planes.y;
+  if (channels.w != 0) {
+    for (int i = 0; i < 2; i++)
+      if (uint(2 * group.x + i) < planes.y) picture[planes.z + row + uint(2 * group.x + i)] = chroma[i];
+  } else {
+    picture[planes.z + row + uint(group.x)] = chroma[0];
+    picture[planes.w + row + uint(group.x)] = chroma[1];
+  }
+}
+#endif
+)";
+
+// The compute shader of BlockSums::add(): an invocation adds a word of one part of a sum, two samples, to where it
+// belongs in a larger sum, or clears one.
+constexpr std::string_view kAdding = R"(
+precision highp float;
+precision highp int;
+layout(local_size_x = GROUP, local_size_y = GROUP) in;
+
+layout(std430, binding = RESULT) buffer Result { uint result[]; };
+layout(std430, binding = PICTURE) readonly buffer Part { uint part[]; };
+uniform ivec2 size;   // of the part, words
+uniform uvec4 parts;  // the first word of the part, and words of its rows; where the first one goes, and words there
+uniform uvec4 planes; // kAdd, kAddLost or else to clear; of lost weight the word of the first row with loss; the draw
+
+const uint kAdd = 0u, kAddLost = 1u;
+
+void main() {
+  ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(at, size))) return;
+  uint to = parts.z + uint(at.y) * parts.w + uint(at.x);
+  if (planes.x > kAddLost) {
+    result[to] = 0u;
+    return;
+  }
+  uint more = part[parts.x + uint(at.y) * parts.y + uint(at.x)], before = result[to];
+  if (planes.x == kAdd) {
+    ivec2 a = ivec2(bitfieldExtract(int(before), 0, 16), int(before) >> 16);
+    ivec2 b = ivec2(bitfieldExtract(int(more), 0, 16), int(more) >> 16);
+    uvec2 sum = uvec2(clamp(a + b, -32768, 32767)) & 0xffffu;
+    result[to] = sum.x | sum.y << 16;
+  } else {
+    uvec2 a = uvec2(before & 0xffffu, before >> 16), b = uvec2(more & 0xffffu, more >> 16), sum = min(a + b, 0xffffu);
+    result[to] = sum.x | sum.y << 16;
+    if (result[to] != 0u) result[planes.y + uint(at.y) / 2u] = planes.w;
+  }
+}
+)";
+
+// The compute shader of CardPieces: divide_by_gain() and sharpen() of image/, in the same integers. An invocation makes
+// a word, a pixel of RGB or four samples of a plane.
+constexpr std::string_view kImage = R"(
+precision highp float;
+precision highp int;
+layout(local_size_x = GROUP, local_size_y = GROUP) in;
+
+layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
+uniform highp sampler2D card_image;
+uniform ivec2 origin, size, extent; // the first pixel that is wanted; the plane's size; words that are wanted
+uniform uvec4 parts;    // the first word, and words of a row
+uniform ivec4 channels; // the one that has the plane, -1: all; gain_factor(), 0: not divided; the value of no colour;
+                        // 1: sharpened
+
+ivec4 divided(ivec2 at) {
+  vec4 texel = texelFetch(card_image, clamp(at, ivec2(0), size - 1), 0);
+  ivec4 value = ivec4(floor(255.0 * (channels.x < 0 ? texel : vec4(texel[max(channels.x, 0)])) + 0.5));
+  if (channels.y == 0) return value;
+  ivec4 product = (128 * (value - channels.z) * channels.y) >> 16;
+  return clamp(((product + 16) >> 5) + channels.z, 0, 255);
+}
+
+uvec4 made(ivec2 at) {
+  ivec4 value = divided(at);
+  if (channels.w != 0) {
+    ivec4 around = divided(at - ivec2(1, 0)) + divided(at + ivec2(1, 0)) + divided(at - ivec2(0, 1)) +
+                   divided(at + ivec2(0, 1));
+    value = clamp(value + ((SHARPENING * (4 * value - around) + 128) >> 8), 0, 255);
+  }
+  return uvec4(value);
+}
+
+void main() {
+  ivec2 word = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(word, extent))) return;
+  uvec4 bytes;
+  if (channels.x < 0) {
+    bytes = made(origin + word);
+  } else {
+    for (int n = 0; n < 4; n++) bytes[n] = made(origin + ivec2(4 * word.x + n, word.y)).x;
+  }
+  result[parts.x + uint(word.y) * parts.y + uint(word.x)] = bytes.x | bytes.y << 8 | bytes.z << 16 | bytes.w << 24;
+}
+)";
 
 void define(std::string& text, std::string_view name, std::integral auto value) {
   text += "#define " + std::string(name) + " " + std::to_string(value) + "\n";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: where the nodes of a focal map lie in one camera's image, and what may be
-// interpolated between them.
+// Per target, see render_band.cc: where the nodes of a focal map lie in one camera's image, what may be interpolated
+// between them, in fixed point, and the positions of samples there.
 #if defined(LF_RENDER_SIMD_CELLS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_CELLS_INL_H_
 #undef LF_RENDER_SIMD_CELLS_INL_H_
@@ -14,8 +14,10 @@
 
 #include <hwy/highway.h>
 
-#include "render/simd/band_data.h"
-#include "render/simd/positions-inl.h"
+#include "render/simd/samples-inl.h"
+#include "render/simd/sum_task.h"
+#include "render/sum_renderer.h"
+
 
 // Inverse distance is bilinear between four nodes of the map, a cell. Positions along one side of it, t = 0..1 from p0
 // to p1, are p0 + t (p1 - p0) + t (1 - t) bend, where `bend` is what makes it exact in the middle. What is left:
@@ -213,6 +215,357 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
     }
   }
 }
+
+#if HWY_TARGET != HWY_SCALAR
+
+// A row of the view between two rows of nodes.
+struct CellRow {
+  explicit CellRow(float y)
+      : k(static_cast<int>((y - kBeforeCell) / kCell)), t((y - kBeforeCell) / kCell - static_cast<float>(k)) {}
+  int k;
+  float t;
+};
+
+// A pair of rows lies between the same two rows of nodes: the upper one at first_t(), the lower a quarter of a cell
+// below, and chroma in the middle of them.
+static_assert(kCell == 4 && kBandRows == 8);
+inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
+inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
+
+// Pixels that fixed point may be off by: nodes, steps and bends are rounded, both down and along.
+inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
+inline constexpr float kMostStep = kWindow - 1;  // pixels from node to node, and of bends: 16 is where 16 bits end
+
+// One coordinate of a half at a row of nodes: the nodes around it, and how positions bend between them.
+template <class D, class V = hn::Vec<D>>
+struct CellPiece {
+  CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
+      : node{hn::LoadU(d, even), hn::LoadU(d, odd), hn::LoadU(d, even + 1), hn::LoadU(d, odd + 1)},
+        bend{hn::LoadU(d, even_bend), hn::LoadU(d, odd_bend), hn::LoadU(d, even_bend + 1)} {}
+  // Bounds of the samples, the first of which is at 5/8 of the first cell and the last at 3/8 of the last one. They are
+  // NaN where any node is, which Min and Max may lose, or where steps are too large.
+  HWY_INLINE void bounds(D d, V& low, V& high) const {
+    const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
+    const V step0 = hn::Sub(node[1], node[0]), step1 = hn::Sub(node[2], node[1]), step2 = hn::Sub(node[3], node[2]);
+    const auto begin = hn::MulAdd(set(0.625f), step0, node[0]), end = hn::MulAdd(set(0.375f), step2, node[2]);
+    const auto bends = hn::Max(hn::Max(hn::Abs(bend[0]), hn::Abs(bend[1])), hn::Abs(bend[2]));
+    const auto most = hn::Max(hn::Max(hn::Abs(step0), hn::Abs(step1)), hn::Max(hn::Abs(step2), bends));
+    const auto sum = hn::Add(hn::Add(hn::Add(node[0], node[1]), hn::Add(node[2], node[3])),
+                             hn::Add(hn::Add(bend[0], bend[1]), bend[2]));
+    const auto good = hn::And(hn::Lt(most, set(kMostStep)), hn::Eq(sum, sum));
+    const auto slack = hn::IfThenElse(good, hn::Mul(set(kMostBend), bends), hn::NaN(d));
+    low = hn::Sub(hn::Min(hn::Min(begin, end), hn::Min(node[1], node[2])), slack);
+    high = hn::Add(hn::Max(hn::Max(begin, end), hn::Max(node[1], node[2])), slack);
+  }
+  V node[4], bend[3];
+};
+
+// Two values in fixed point, modulo 2^16, which `magic` brings to their place: see to_low_bits().
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE auto fixed_pair(D d, V low, V high, V magic) {
+  const hn::RebindToUnsigned<D> du;
+  const auto fixed = [&](V v) HWY_ATTR {
+    return hn::BitCast(du, hn::MulAdd(v, hn::Set(d, static_cast<float>(1 << kPositionBits)), magic));
+  };
+  return hn::Or(hn::And(fixed(low), hn::Set(du, 0xffff)), hn::ShiftLeft<16>(fixed(high)));
+}
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void store_fixed(D d, const V x[4], V magic_x, const V y[4], V magic_y, int16_t* to) {
+  hn::StoreInterleaved4(fixed_pair(d, x[0], x[1], magic_x), fixed_pair(d, x[2], x[3], magic_x),
+                        fixed_pair(d, y[0], y[1], magic_y), fixed_pair(d, y[2], y[3], magic_y),
+                        hn::RebindToUnsigned<D>(), reinterpret_cast<uint32_t*>(to));
+}
+
+// Makes the fixed-point nodes, and the bounds of samples, at row k of nodes.
+inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const int row = out.row(k);
+  constexpr float kTurn = 1 << (16 - kPositionBits);  // pixels after which fixed point begins anew
+  for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
+    const auto piece = [&](const CellNodes& nodes, const CellNodes& along) HWY_ATTR {
+      return CellPiece<decltype(d)>(d, nodes.even[row].data() + i, nodes.odd[row].data() + i, along.even[k].data() + i,
+                                    along.odd[k].data() + i);
+    };
+    const auto x = piece(out.x, work.along_x), y = piece(out.y, work.along_y);
+    const size_t at = out.entry(k, i);
+    const auto bounds = [&](const auto& of, std::vector<float>& to_low, std::vector<float>& to_high) HWY_ATTR {
+      hn::Vec<decltype(d)> low, high;
+      of.bounds(d, low, high);
+      hn::StoreU(low, d, to_low.data() + at);
+      hn::StoreU(high, d, to_high.data() + at);
+    };
+    bounds(x, out.low_x, out.high_x);
+    bounds(y, out.low_y, out.high_y);
+    const auto zero = hn::Zero(d), magic = hn::Set(d, kMagic);
+    // Positions count from near the first node: there are not bits enough for all of an image.
+    const auto near = [&](const auto& of) HWY_ATTR {
+      const auto turns = hn::Floor(hn::Mul(of.node[0], hn::Set(d, 1 / kTurn)));
+      return hn::NegMulAdd(turns, hn::Set(d, kTurn * (1 << kPositionBits)), magic);
+    };
+    store_fixed(d, x.node, near(x), y.node, near(y), out.nodes.data() + 8 * at);
+    const hn::Vec<decltype(d)> along_x[4] = {x.bend[0], x.bend[1], x.bend[2], zero};
+    const hn::Vec<decltype(d)> along_y[4] = {y.bend[0], y.bend[1], y.bend[2], zero};
+    store_fixed(d, along_x, magic, along_y, magic, out.along.data() + 8 * at);
+  }
+}
+
+// Makes the bends down, and the slack, of the cells below row k of nodes.
+inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
+  const hn::CappedTag<float, kBlock> d;
+  using V = hn::Vec<decltype(d)>;
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const int upper = out.row(k), lower = out.row(k + 1);
+  for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
+    V x[4], y[4];
+    const auto load = [&](const CellNodes& of, V to[4]) HWY_ATTR {
+      const float *const even = of.even[k].data() + i, *const odd = of.odd[k].data() + i;
+      to[0] = hn::LoadU(d, even);
+      to[1] = hn::LoadU(d, odd);
+      to[2] = hn::LoadU(d, even + 1);
+      to[3] = hn::LoadU(d, odd + 1);
+    };
+    load(work.down_x, x);
+    load(work.down_y, y);
+    const auto most = [&](const V of[4]) HWY_ATTR {
+      return hn::Max(hn::Max(hn::Abs(of[0]), hn::Abs(of[1])), hn::Max(hn::Abs(of[2]), hn::Abs(of[3])));
+    };
+    const auto sum = [&](const V of[4]) HWY_ATTR { return hn::Add(hn::Add(of[0], of[1]), hn::Add(of[2], of[3])); };
+    const auto step = [&](const CellNodes& of) HWY_ATTR {
+      const auto across = [&](const std::vector<float>* rows, size_t n) HWY_ATTR {
+        return hn::Abs(hn::Sub(hn::LoadU(d, rows[lower].data() + n), hn::LoadU(d, rows[upper].data() + n)));
+      };
+      return hn::Max(hn::Max(across(of.even, i), across(of.odd, i)),
+                     hn::Max(across(of.even, i + 1), across(of.odd, i + 1)));
+    };
+    const auto most_x = most(x), most_y = most(y);
+    const auto largest = hn::Max(hn::Max(most_x, most_y), hn::Max(step(out.x), step(out.y)));
+    const float *const even = work.doubt.even[k].data() + i, *const odd = work.doubt.odd[k].data() + i;
+    // NaN fails every comparison, but is lost in Max.
+    const auto doubt = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
+                               hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
+    const auto good = hn::And(hn::Lt(doubt, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
+    const auto slack = [&](V of) HWY_ATTR {
+      return hn::IfThenElse(good, hn::MulAdd(set(kMostBend), of, set(kCellSlack)), hn::NaN(d));
+    };
+    const size_t at = out.entry(k, i);
+    hn::StoreU(slack(most_x), d, out.slack_x.data() + at);
+    hn::StoreU(slack(most_y), d, out.slack_y.data() + at);
+    const auto magic = set(kMagic);
+    store_fixed(d, x, magic, y, magic, out.down.data() + 8 * at);
+  }
+}
+
+// Tells where the samples of a half are among the cells of a focal map: behind which node, and how far. A half has
+// eight samples of luma between four nodes, whose x and y take a lookup each, and four of chroma, whose x and y take
+// one together.
+struct CellTable {
+  // Bytes in the four nodes of x and four of y, in 16 bits: of the node before each sample and of the one after it.
+  alignas(16) uint8_t before[kBlock], after[kBlock];
+  alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t), 32768 = 1
+};
+enum class CellSamples { kLumaX, kLumaY, kChroma };
+
+constexpr CellTable make_cell_table(CellSamples samples) {
+  CellTable table{};
+  for (int i = 0; i < kHalf; i++) {
+    const bool chroma = samples == CellSamples::kChroma;
+    const float place = (chroma ? 2 * static_cast<float>(i % 4) + 0.5f : static_cast<float>(i)) + 2.5f;
+    const int node = static_cast<int>(place / kCell), of_y = samples == CellSamples::kLumaY || (chroma && i >= 4);
+    const float t = place / kCell - static_cast<float>(node);
+    table.t15[i] = static_cast<int16_t>(t * 32768);
+    table.bend15[i] = static_cast<int16_t>(t * (1 - t) * 32768);
+    for (int byte = 0; byte < 2; byte++) {
+      table.before[2 * i + byte] = static_cast<uint8_t>(8 * of_y + 2 * node + byte);
+      table.after[2 * i + byte] = static_cast<uint8_t>(8 * of_y + 2 * node + 2 + byte);
+    }
+  }
+  return table;
+}
+inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
+                           kLumaYCells = make_cell_table(CellSamples::kLumaY),
+                           kChromaCells = make_cell_table(CellSamples::kChroma);
+
+// Tables to interpolate inverse distances in 32 bits, four samples at a time, between a half's four nodes.
+struct InverseTable {
+  alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
+  alignas(32) float t[kHalf];
+};
+
+constexpr InverseTable make_inverse_table(bool chroma) {
+  InverseTable table{};
+  for (int i = 0; i < kHalf; i++) {
+    const float place = (chroma ? 2 * static_cast<float>(i) + 0.5f : static_cast<float>(i)) + 2.5f;
+    const int node = static_cast<int>(place / kCell), near = chroma && i >= kHalf / 2 ? node - 2 : node;
+    table.t[i] = place / kCell - static_cast<float>(node);
+    for (int byte = 0; byte < 4; byte++) {
+      table.before[4 * i + byte] = static_cast<uint8_t>(4 * near + byte);
+      table.after[4 * i + byte] = static_cast<uint8_t>(4 * near + 4 + byte);
+    }
+  }
+  return table;
+}
+inline constexpr InverseTable kLumaInverse = make_inverse_table(false), kChromaInverse = make_inverse_table(true);
+
+// The bytes of windows' origins, four of the first half's and four of the second's, that a half's nodes count from.
+struct OriginTable {
+  alignas(32) uint8_t at[2 * kBlock];
+};
+constexpr OriginTable make_origin_table() {
+  OriginTable table{};
+  for (int i = 0; i < 2 * kBlock; i++) table.at[i] = static_cast<uint8_t>(i / 16 * 4 + i % 16 / 8 * 2 + i % 2);
+  return table;
+}
+inline constexpr OriginTable kOrigins = make_origin_table();
+
+// The nodes of a block's halves above and below a pair of rows, and how the sides between them bend; vectors of eight
+// values have those of one half.
+struct CellsOfPair {
+  HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
+    const D16 d;
+    const int k = cell_of_pair(pair);
+    const size_t half = 2 * static_cast<size_t>(block), upper = 8 * cells.entry(k, half) + lane,
+                 lower = 8 * cells.entry(k + 1, half) + lane;
+    node = hn::LoadU(d, cells.nodes.data() + upper);
+    step = hn::Sub(hn::LoadU(d, cells.nodes.data() + lower), node);
+    bend = hn::LoadU(d, cells.along.data() + upper);
+    bend_step = hn::Sub(hn::LoadU(d, cells.along.data() + lower), bend);
+    down = hn::LoadU(d, cells.down.data() + upper);
+  }
+  V16 node, step, bend, bend_step, down;
+};
+
+// Interpolates the positions of the samples of one row of a pair; chroma's row is in the middle of the pair.
+struct CellsOfRow {
+  // `eighths`: how far the row is below the upper nodes, in eighths of a cell. `origin`: the windows' origins, for each
+  // node.
+  HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {
+    const D16 d;
+    const auto t = hn::Set(d, static_cast<int16_t>(eighths << 12));
+    const auto curve = hn::Set(d, static_cast<int16_t>(eighths * (8 - eighths) << 9));
+    const auto straight = hn::Add(hn::Sub(pair.node, origin), hn::MulFixedPoint15(pair.step, t));
+    node = hn::Add(straight, hn::MulFixedPoint15(pair.down, curve));
+    bend = hn::Add(pair.bend, hn::MulFixedPoint15(pair.bend_step, t));
+  }
+  HWY_INLINE V16 at(const CellTable& table) const {
+    const D16 d;
+    const hn::Repartition<uint8_t, D16> d8;
+    const auto look_up = [&](V16 in, const uint8_t* from) HWY_ATTR {
+      return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, in), hn::LoadDup128(d8, from)));
+    };
+    const auto before = look_up(node, table.before);
+    const auto bent = hn::MulFixedPoint15(look_up(bend, table.before), hn::LoadDup128(d, table.bend15));
+    const auto along = hn::MulFixedPoint15(hn::Sub(look_up(node, table.after), before), hn::LoadDup128(d, table.t15));
+    return hn::Add(hn::Add(before, along), bent);
+  }
+  V16 node, bend;
+};
+HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
+
+// Positions of the luma samples of a row of a pair, in their windows.
+HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
+                                       size_t lane) {
+  const D16 d;
+  const hn::Repartition<uint8_t, D16> d8;
+  const uint32_t* const from = cells.luma_origin.data() + (2 * pair + row) * ptrdiff_t{cells.pitch} + 2 * block;
+  const auto both = [&]() HWY_ATTR {
+    if constexpr (hn::MaxLanes(D16()) == kBlock) {
+      uint64_t origins;
+      std::memcpy(&origins, from, sizeof origins);
+      return hn::BitCast(d8, hn::Set(hn::Repartition<uint64_t, D16>(), origins));
+    } else {
+      return hn::BitCast(d8, hn::Set(hn::Repartition<uint32_t, D16>(), from[lane / kHalf]));
+    }
+  }();
+  const auto origin = hn::BitCast(d, hn::TableLookupBytes(both, hn::LoadU(d8, kOrigins.at)));
+  const CellsOfRow cell(of, first_eighths(pair) + 2 * row, origin);
+  return {cell.at(kLumaXCells), cell.at(kLumaYCells)};
+}
+// Positions of the chroma samples of a pair, in their windows. `of`: the nodes at `lane`.
+HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int block,
+                                         size_t lane) {
+  const D16 d;
+  const DU16 du;
+  const hn::Repartition<uint8_t, D16> d8;
+  const hn::Repartition<uint64_t, D16> d64;
+  const uint32_t from = cells.chroma_origin[pair * ptrdiff_t{cells.pitch} / 2 + block];
+  const auto both = hn::BitCast(d8, hn::Set(hn::Repartition<uint32_t, D16>(), from));
+  const auto origin = hn::BitCast(d, hn::TableLookupBytes(both, hn::LoadDup128(d8, kOrigins.at)));
+  const auto in_chroma = [&](const CellsOfPair& half) HWY_ATTR {
+    const V16 luma = CellsOfRow(half, first_eighths(pair) + 1, origin).at(kChromaCells);
+    return hn::BitCast(d64, hn::ShiftRight<1>(hn::BitCast(du, luma)));
+  };
+  const auto at = in_chroma(of);
+  if constexpr (hn::MaxLanes(D16()) == kBlock) {
+    return {hn::BitCast(d, hn::ConcatEven(d64, at, at)), hn::BitCast(d, hn::ConcatOdd(d64, at, at))};
+  } else {
+    const auto other = in_chroma(CellsOfPair(cells, pair, block, kHalf - lane));
+    const auto low = lane ? other : at, high = lane ? at : other;
+    return {hn::BitCast(d, hn::InterleaveLower(d64, low, high)), hn::BitCast(d, hn::InterleaveUpper(d64, low, high))};
+  }
+}
+
+// Positions of the samples of a block's pair of rows where no window holds them: two rows and, in I420, their chroma.
+inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, bool i420, Positions out[3]) {
+  const D16 d;
+  const hn::CappedTag<int32_t, kBlock> d32;
+  const hn::Rebind<uint16_t, decltype(d32)> du;
+  constexpr int kTo15 = 15 - kPositionBits;
+  const auto keep = [&](const FixedPositions& at, size_t lane, Positions& to) HWY_ATTR {
+    alignas(64) uint16_t whole[kBlock];
+    const auto split = [&](V16 v, int16_t* fraction, int32_t* to_whole) HWY_ATTR {
+      hn::Store(hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1))), d, fraction + lane);
+      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(DU16(), v)), DU16(), whole);
+      for (size_t i = 0; i < hn::Lanes(d); i += hn::Lanes(d32))
+        hn::Store(hn::PromoteTo(d32, hn::Load(du, whole + i)), d32, to_whole + lane + i);
+    };
+    split(at.x, to.fx, to.column);
+    split(at.y, to.fy, to.row);
+  };
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    const CellsOfPair of(cells, pair, block, lane);
+    for (int row = 0; row < 2; row++) keep(luma_between(cells, of, pair, row, block, lane), lane, out[row]);
+    if (i420) keep(chroma_between(cells, of, pair, block, lane), lane, out[2]);
+  }
+  const ptrdiff_t pitch = cells.pitch;
+  for (int half = 0; half < 2; half++) {
+    for (int row = 0; row < 2; row++)
+      out[row].corner[half] = cells.luma_corner[(2 * pair + row) * pitch + 2 * block + half];
+    out[2].corner[half] = cells.chroma_corner[pair * pitch / 2 + block];
+  }
+}
+
+// Inverse distances of a block's samples in a row, those of chroma twice over. `half`: the block's first one in the
+// view.
+inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t half, bool chroma, float* out) {
+  const hn::CappedTag<float, kHalf> d;
+  const hn::Repartition<uint8_t, decltype(d)> d8;
+  const InverseTable& table = chroma ? kChromaInverse : kLumaInverse;
+  const hn::FixedTag<float, 4> d4;
+  alignas(16) float nodes[2][4];  // the four nodes of each half
+  for (size_t k = 0; k < 2; k++) {
+    const auto between = [&](const std::vector<float>* rows) HWY_ATTR {
+      const auto upper = hn::LoadU(d4, rows[row.k].data() + half + k);
+      const auto lower = hn::LoadU(d4, rows[row.k + 1].data() + half + k);
+      return hn::MulAdd(hn::Set(d4, row.t), hn::Sub(lower, upper), upper);
+    };
+    hn::Store(hn::InterleaveLower(d4, between(inverse.even), between(inverse.odd)), d4, nodes[k]);
+  }
+  for (size_t lane = 0; lane < (chroma ? kHalf : kBlock); lane += hn::Lanes(d)) {
+    const size_t in_half = lane % kHalf;
+    // Four samples of chroma to a half, eight of luma.
+    auto four = hn::LoadDup128(d, nodes[chroma ? lane / 4 : lane / kHalf]);
+    if (chroma && hn::Lanes(d) > 4) four = hn::ConcatUpperLower(d, hn::LoadDup128(d, nodes[1]), four);
+    const auto look_up = [&](const uint8_t* at) HWY_ATTR {
+      return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, four), hn::LoadU(d8, at + 4 * in_half)));
+    };
+    const auto before = look_up(table.before);
+    const auto s = hn::MulAdd(hn::LoadU(d, table.t + in_half), hn::Sub(look_up(table.after), before), before);
+    hn::Store(s, d, out + lane);
+    if (chroma) hn::Store(s, d, out + kHalf + lane);
+  }
+}
+
+#endif
 
 }  // namespace lf::simd::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

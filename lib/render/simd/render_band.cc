@@ -4,20 +4,290 @@
 #define HWY_TARGET_INCLUDE "render/simd/render_band.cc"
 #include <hwy/foreach_target.h>
 // After foreach_target.h:
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <type_traits>
 
-#include "render/simd/band_data.h"
-#include "render/simd/parts-inl.h"
-#include "render/simd/plane-inl.h"
-#include "render/simd/sums-inl.h"
-#include "render/simd/surface-inl.h"
+#include "render/simd/cells-inl.h"
+#include "render/simd/placement-inl.h"
+#include "render/simd/samples-inl.h"
+#include "render/simd/sum_task.h"
 #include "render/simd/weights-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
+
+// One camera in one block of a band.
+struct Part {
+  const BlockWeights* weights;
+  const SlotBand* band;
+  int32_t block;    // among the band's
+  int32_t verdict;  // SlotBand::Verdict of the pair of rows
+};
+
+// A pair of rows of a block.
+struct PairPlace {
+  int pair;  // number of the pair in the band
+  int x, y;  // the block's and the band's first pixel
+  int out;   // the block's number in scratch
+};
+
+#if HWY_TARGET == HWY_SCALAR
+
+template <bool kSurface, bool kFlat>
+inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
+  for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
+  for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
+}
+
+// A machine without vectors goes the slow way everywhere.
+inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
+
+#else
+
+// The weight of chroma: the mean of its four pixels', 2^kBits = 1, for both planes. `upper`, `lower`: two rows of
+// weights.
+template <int kBits>
+HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
+  constexpr int kShift = 17 - kBits;  // takes the sum of four to their mean
+  const D16 d;
+  const DU16 du;
+  const hn::Repartition<uint32_t, D16> d32;
+  const auto half = [&](size_t i) HWY_ATTR {  // means of as many samples as a vector has 32-bit lanes
+    const auto rows = hn::Add(hn::BitCast(du, hn::Load(d, upper + i)), hn::BitCast(du, hn::Load(d, lower + i)));
+    const auto v = hn::BitCast(d32, rows);
+    const auto sum = hn::Add(hn::And(v, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(v));
+    return hn::DemoteTo(hn::Rebind<int16_t, decltype(d32)>(),
+                        hn::BitCast(hn::RebindToSigned<decltype(d32)>(),
+                                    hn::ShiftRight<kShift>(hn::Add(sum, hn::Set(d32, 1 << (kShift - 1))))));
+  };
+  if constexpr (hn::MaxLanes(D16()) == kBlock) {
+    const auto all = half(0);
+    return hn::Combine(d, all, all);
+  } else {
+    return hn::Combine(d, half(kChromaBlock), half(0));
+  }
+}
+
+// Chroma without its offset, times its weight.
+HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
+  return hn::MulFixedPoint15(hn::Sub(samples, hn::Set(D16(), 128 << kSumFractionBits)), weights);
+}
+
+// Rows that are prefetched ahead: cameras' rows are too far apart for the machine to see a pattern.
+inline constexpr int kPrefetchRows = 8;
+
+// The weighted samples of a part's pair of rows, lane..: two rows of luma, and chroma.
+struct WeightedPair {
+  V16 upper, lower, chroma;
+};
+template <bool kSurface, bool kTall>
+HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
+  const D16 d;
+  const SlotBand& band = *part.band;
+  const ImageView& image = band.slot->image;
+  const int upper = 2 * pair, lower = upper + 1;
+  const BlockWeights& weights = *part.weights;
+  const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
+  // Finds where the windows of luma's halves begin, row by row, and those of chroma.
+  const SurfaceBand& cells = band.surface;
+  const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
+  const ptrdiff_t cell = upper * ptrdiff_t{cells.pitch} + 2 * part.block,
+                  chroma_cell = pair * ptrdiff_t{cells.pitch} / 2 + part.block;
+  const auto luma_at = [&](int row, int half) HWY_ATTR {
+    if constexpr (kSurface) return image.plane[0] + cells.luma_corner[cell + row * ptrdiff_t{cells.pitch} + half];
+    const ptrdiff_t at = entry + row * band.pitch;
+    return image.plane[0] + band.luma.corner[at] + (half ? band.luma.window[at].half : 0);
+  };
+  const int32_t chroma_corner = kSurface ? cells.chroma_corner[chroma_cell] : band.chroma.corner[chroma_entry];
+  const uint8_t *const y0 = luma_at(0, 0), *const y1 = luma_at(1, 0);
+  const uint8_t *const cb = image.plane[1] + chroma_corner, *const cr = image.plane[2] + chroma_corner;
+  hwy::Prefetch(y0 + kPrefetchRows * stride);
+  hwy::Prefetch(y1 + kPrefetchRows * stride);
+  hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
+  hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
+  const auto sample = [&](auto steps, const FixedPositions& at, const uint8_t* low, const uint8_t* high,
+                          ptrdiff_t step) HWY_ATTR {
+    return sample_windows<decltype(steps)::value>(hn::BitCast(DU16(), at.x), at.y, low, high, step, lane);
+  };
+  constexpr std::integral_constant<int, kTall ? kTallSteps : kFlatSteps> kLuma;
+  constexpr std::integral_constant<int, kTall ? kTallChromaSteps : kFlatSteps> kChroma;
+  VU16 v0, v1, v2;
+  if constexpr (kSurface) {
+    const CellsOfPair of(cells, pair, part.block, lane);
+    v0 = sample(kLuma, luma_between(cells, of, pair, 0, part.block, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(kLuma, luma_between(cells, of, pair, 1, part.block, lane), y1, luma_at(1, 1), stride);
+    v2 = sample(kChroma, chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
+  } else {
+    const WindowPositions* const window = band.luma.window.data() + entry;
+    v0 = sample(kLuma, plane_between(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(kLuma, plane_between(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
+    const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
+    v2 = sample(kChroma, plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
+  }
+  const DU16 du;
+  // Takes half of the 256-fold samples, makes up for what was cut off, and weighs.
+  const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
+    const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
+    return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
+  };
+  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
+  return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
+          hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
+}
+
+// The weighted samples of any kind of part; kFlat: none has windows that are tall.
+template <bool kSurface, bool kFlat>
+HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
+  if constexpr (kSurface && !kFlat)
+    if (part.verdict == SlotBand::kTall) return weigh_windows<true, true>(part, pair, lane);
+  return weigh_windows<kSurface, false>(part, pair, lane);
+}
+
+// The hottest loop: the sum of `count` parts into scratch.
+template <bool kSurface, bool kFlat>
+inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
+  const D16 d;
+  const int upper = 2 * at.pair, lower = upper + 1;
+  alignas(64) int16_t chroma[kBlock];
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    auto sum_upper = hn::Zero(d), sum_lower = hn::Zero(d), sum_chroma = hn::Zero(d);
+    for (int i = 0; i < count; i++) {
+      const WeightedPair part = weigh_pair<kSurface, kFlat>(parts[i], at.pair, lane);
+      sum_upper = hn::Add(sum_upper, part.upper);
+      sum_lower = hn::Add(sum_lower, part.lower);
+      sum_chroma = hn::Add(sum_chroma, part.chroma);
+    }
+    hn::StoreU(sum_upper, d, scratch.sum[upper][0] + at.out * kBlock + lane);
+    hn::StoreU(sum_lower, d, scratch.sum[lower][0] + at.out * kBlock + lane);
+    hn::Store(sum_chroma, d, chroma + lane);
+  }
+  std::copy_n(chroma, kChromaBlock, scratch.sum[at.pair][1] + at.out * kChromaBlock);
+  std::copy_n(chroma + kChromaBlock, kChromaBlock, scratch.sum[at.pair][2] + at.out * kChromaBlock);
+}
+
+// What add_part() works with: two rows and their chroma.
+struct PairSamples {
+  bool any_lost = false;  // some weight is lost; else `lost` is not set
+  Positions at[3];
+  alignas(64) int16_t weight[2][kBlock];
+  alignas(64) int16_t lost[2][kBlock];
+};
+
+// Interpolates the positions of a pair of rows.
+inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
+  const SlotBand& band = *part.band;
+  if (surface) {
+    interpolate_cells(band.surface, pair, part.block, i420, out);
+    // The corner was told for Cb.
+    const ptrdiff_t cb = band.slot->image.stride[1], cr = band.slot->image.stride[2];
+    if (i420 && cb != cr) out[2].corner[1] = static_cast<int32_t>(out[2].corner[0] / cb * cr + out[2].corner[0] % cb);
+    return;
+  }
+  for (int r = 0; r < 2; r++)
+    interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
+  if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
+}
+
+// Inverse distances of the samples of a row of a block, which is at y of the band; those of chroma twice over.
+inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
+                         float* out) {
+  if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
+  map.inverse_row(place.x + (chroma ? 0.5 : 0), chroma ? 2 : 1, place.y + y, chroma ? kHalf : kBlock, out);
+  if (chroma) std::copy_n(out, kHalf, out + kHalf);
+}
+
+// Finds positions and weights of a pair of rows; false where rounding could decide on a sample.
+inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
+                         const CellNodes& inverse_nodes, PairSamples& out) {
+  const int upper = 2 * place.pair;
+  for (int r = 0; r < 2; r++) std::copy_n(part.weights->w[upper + r], kBlock, out.weight[r]);
+  const Slot& slot = *part.band->slot;
+  const bool i420 = task.family == PixelFamily::kI420;
+  const FocalMap* const map = task.plan->view().focus.map.get();
+  if (!project) {
+    interpolate_pair(part, place.pair, i420, map != nullptr, out.at);
+    return true;
+  }
+  std::fill_n(out.lost[0], 2 * kBlock, 0);
+  for (int i = 0; i < (i420 ? 3 : 2); i++) {
+    const bool chroma = i == 2;
+    const float y = static_cast<float>(upper) + (chroma ? 0.5f : static_cast<float>(i));
+    int16_t *const weight = chroma ? nullptr : out.weight[i], *const lost = chroma ? nullptr : out.lost[i];
+    const UnitTable& table = chroma ? kChromaTable : kLumaTable;
+    Sight sight;
+    if (map) {
+      alignas(64) float inverse[kBlock];
+      find_inverse(*map, inverse_nodes, place, y, chroma, inverse);
+      const float from_top = static_cast<float>(place.y - slot.rect.y0 / kBandRows * kBandRows) + y;
+      sight = project_positions(task, slot, slot.terms, chroma, static_cast<float>(kBlock * part.block), from_top,
+                                table, inverse, weight, lost, out.at[i]);
+    } else {
+      sight = project_positions(task, slot, terms_at(slot, place.x, place.y + y), chroma, 0, 0, table, nullptr, weight,
+                                lost, out.at[i]);
+    }
+    if (sight == Sight::kDoubtful) return false;
+    out.any_lost = out.any_lost || sight == Sight::kSome;
+  }
+  return true;
+}
+
+inline void add_samples(const int16_t* samples, const int16_t* weights, int16_t* sum) {
+  const D16 d;
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
+    const auto weighted = hn::MulFixedPoint15(hn::Load(d, samples + i), hn::Load(d, weights + i));
+    hn::StoreU(hn::Add(hn::LoadU(d, sum + i), weighted), d, sum + i);
+  }
+}
+
+inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
+  const D16 d;
+  const ImageView& image = slot.image;
+  alignas(64) int16_t values[kBlock];
+  for (int r = 0; r < 2; r++) {
+    gather_bytes(samples.at[r], image.plane[0], image.plane[0], image.stride[0], image.stride[0], values);
+    add_samples(values, samples.weight[r], scratch.sum[2 * place.pair + r][0] + place.out * kBlock);
+  }
+  gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d))
+    hn::Store(weigh_chroma(hn::Load(d, values + i), chroma_weights<15>(samples.weight[0], samples.weight[1])), d,
+              values + i);
+  for (int c = 0; c < 2; c++) {
+    int16_t* const sum = scratch.sum[place.pair][1 + c] + place.out * kChromaBlock;
+    for (int i = 0; i < kChromaBlock; i++) sum[i] = static_cast<int16_t>(sum[i] + values[c * kChromaBlock + i]);
+  }
+}
+
+inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
+  alignas(64) int16_t values[3][kBlock];
+  for (int r = 0; r < 2; r++) {
+    gather_pixels(samples.at[r], slot, values);
+    for (int c = 0; c < 3; c++)
+      add_samples(values[c], samples.weight[r], scratch.sum[2 * place.pair + r][c] + place.out * kBlock);
+  }
+}
+
+// Adds a part that can't be shuffled. False if some of its samples are in doubt: nothing was added.
+inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
+  const bool project = task.exact || part.verdict == SlotBand::kProject;
+  PairSamples samples;
+  if (!find_samples(task, part, project, place, scratch.inverse, samples)) return false;
+  scratch.any_lost = scratch.any_lost || samples.any_lost;
+  for (int r = 0; r < 2 && samples.any_lost; r++) {
+    uint16_t* const lost = scratch.lost[2 * place.pair + r] + place.out * kBlock;
+    for (int i = 0; i < kBlock; i++) lost[i] = static_cast<uint16_t>(lost[i] + samples.lost[r][i]);
+  }
+  if (task.family == PixelFamily::kI420)
+    add_i420(*part.band->slot, samples, place, scratch);
+  else
+    add_rgb(*part.band->slot, samples, place, scratch);
+  return true;
+}
+
+#endif
 
 inline void add_lost(const BlockWeights& weights, const PairPlace& at, Scratch& scratch) {
   const hn::CappedTag<uint16_t, kBlock> d;
@@ -167,38 +437,5 @@ void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch)
 void find_calm_rows(PixelFamily family, Slot& slot) { HWY_DYNAMIC_DISPATCH(FindCalmRows)(family, slot); }
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 
-void PlanePositions::resize(size_t n) {
-  node_x.resize(n);
-  node_y.resize(n);
-  window.resize(n);
-  corner.resize(n);
-  fetch.resize(n);
-}
-
-void CellNodes::resize(size_t n) {
-  for (auto& row : even) row.resize(std::max(row.size(), n));
-  for (auto& row : odd) row.resize(std::max(row.size(), n));
-}
-
-void CellWork::resize(size_t n) {
-  if (doubt.even[0].size() >= n) return;
-  for (CellNodes* nodes : {&along_x, &along_y, &down_x, &down_y, &doubt}) nodes->resize(n);
-}
-
-void SurfaceBand::resize(int blocks) {
-  constexpr int kLanes = 2 * kBlock;  // of any vector, twice: nodes to the right of the last half are looked at
-  const int wanted = (2 * blocks + kLanes - 1) / kLanes * kLanes + kLanes;
-  if (pitch >= wanted) return;
-  pitch = wanted;
-  const size_t halves = pitch, cells = halves * kCellRows, rows = halves * kBandRows;
-  for (CellNodes* of : {&x, &y, &z, &per_z}) of->resize(halves);
-  for (auto* of : {&low_x, &high_x, &low_y, &high_y, &slack_x, &slack_y}) of->resize(cells);
-  for (auto* of : {&nodes, &along, &down}) of->resize(8 * cells);
-  luma_corner.resize(rows);
-  luma_origin.resize(rows);
-  chroma_corner.resize(rows / 4);
-  chroma_origin.resize(rows / 4);
-  calm_pairs.resize(halves / 2);
-}
 }  // namespace lf::simd
 #endif

@@ -1,25 +1,200 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // bench-render: speed against error of every way to render a view, beside OpenCV.
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
-#include "base/error.h"
 #include "base/json_value.h"
-#include "bench/render/acceptance.h"
-#include "bench/render/access.h"
-#include "bench/render/budget.h"
-#include "bench/render/numerics.h"
-#include "bench/render/once.h"
-#include "bench/render/plan.h"
-#include "bench/render/plots.h"
+#include "base/text.h"
+#include "bench/render/measure.h"
+#include "bench/render/methods.h"
+#include "bench/render/rows.h"
+#include "bench/render/scene.h"
 #include "command_line.h"
+#include "composite/assembly.h"
+#include "node/camera_access.h"
+#include "node/request_renderer.h"
 #include "progress.h"
+#include "reference/float_renderer.h"
+#include "reference/numerics.h"
+#include "wire/answer_codec.h"
+#include "wire/command_codec.h"
+#include "wire/request_codec.h"
 
+// Its name is what callgrind is told to look for.
+extern "C" [[gnu::noinline]] void render_once(lf::bench::Method* method) {
+  method->render();
+  asm volatile("");  // no tail call: it would leave the function before the work
+}
+
+namespace lf::bench {
 namespace {
 
+bool print_case(const reference::HardCase& hard, const std::vector<reference::Subject>& subjects) {
+  const std::vector<reference::Measured> measured = measure(hard, subjects);
+  print_row(hard, measured);
+  bool all = true;
+  for (size_t i = 0; i < subjects.size(); i++) {
+    if (is_within(measured[i], subjects[i])) continue;
+    std::printf("  BEYOND the bounds of %s\n", subjects[i].name.c_str());
+    all = false;
+  }
+  return all;
+}
+
+// The table of the hard cases of numerical stability: what they leave of every renderer, beside its bounds. False if
+// one is broken: it is marked in the table.
+bool print_numerics() {
+  const std::vector<reference::Subject> subjects = reference::subjects();
+  const std::vector<reference::HardCase> cases = reference::hard_cases();
+  reference::print_heading(subjects);
+  bool all = true;
+  for (const reference::HardCase& hard : cases) all &= print_case(hard, subjects);
+  std::printf("in pictures of %d times as many rows and columns\n", reference::kEnlarged);
+  for (const reference::HardCase& hard : cases)
+    all &= print_case(reference::enlarged(hard, reference::kEnlarged), subjects);
+  return all;
+}
+
+struct Kind {
+  const char* name;
+  Access access;
+};
+constexpr Kind kKinds[] = {{"self", Access::kSelf}, {"warp", Access::kWarp}, {"pixels", Access::kPixels}};
+
+// One view by way of one kind of camera, step by step; every step takes what the one before it sent.
+class Round {
+ public:
+  Round(const Scene& scene, const Kind& kind, int quality)
+      : scene_(scene), kind_(kind), rig_(std::make_shared<const Rig>(scene.rig())) {
+    request_.view = scene.views().front();
+    request_.quality = static_cast<uint8_t>(quality);
+    request_.rig_hash = rig_->hash();
+    options_.codec = quality > 0 ? CodecChoice::kJpeg : CodecChoice::kRaw;
+    assembly_.set_rig(rig_);
+  }
+
+  void ask() {
+    asked_ = wire::encode_request(request_);
+    if (const CameraAccess* told = CameraAccess::of(kind_.access))
+      command_ = wire::encode_any_request(told->command(*rig_, scene_.mesh(), request_));
+  }
+
+  void answer() {
+    const auto request = wire::decode_any_request(command_.empty() ? asked_ : command_).value();
+    const auto plan = plan_request(*rig_, mesh_, request, scene_.cameras());
+    sources_.clear();
+    for (const CameraIndex camera : plan->cameras())
+      sources_.push_back({camera, &rig_->cameras[camera], scene_.image(camera, Pixels::kI420)});
+    wire::AnswerHeader header;
+    std::tie(header.view_width, header.view_height) = wire::view_size(request);
+    header.family = PixelFamily::kI420;
+    header.rig_hash = request_.rig_hash;
+    header.cameras = CameraRanges(scene_.cameras());
+    answer_ = renderer_.render({plan.get(), std::move(header)}, sources_, options_, scratch_, std::move(answer_)).bytes;
+  }
+
+  void compose() {
+    assembly_.begin(wire::decode_request(asked_).value());
+    assembly_.add(wire::parse_answer(answer_).value());
+    assembly_.finish(PixelFamily::kI420, false);
+    resolve_into(assembly_.picture(), picture_);
+  }
+
+  size_t asked_bytes() const { return asked_.size() + command_.size(); }
+  size_t answer_bytes() const { return answer_.size(); }
+  const Image& picture() const { return picture_; }
+
+ private:
+  const Scene& scene_;
+  const Kind kind_;
+  const std::shared_ptr<const Rig> rig_;
+  ViewRequest request_;
+  RenderOptions options_;
+  RequestRenderer renderer_;
+  ImageMemory scratch_;
+  std::vector<uint8_t> asked_, command_;
+  std::vector<Source> sources_;
+  ByteBuffer answer_;
+  MeshCache mesh_;
+  Assembly assembly_;
+  Image picture_;
+};
+
+// Processor time of this thread, of the shortest of some calls; nanoseconds.
+template <typename F>
+double shortest(int repeats, F call) {
+  const auto now = [] { return 1e9 * seconds(CLOCK_THREAD_CPUTIME_ID); };
+  constexpr double kEnough = 2e9 / 3;  // of three steps
+  double best = INFINITY, all = 0;
+  for (int i = 0; repeats > 0 ? i < repeats : i < 3 || all < kEnough; i++) {
+    const double begin = now();
+    call();
+    const double taken = now() - begin;
+    best = std::min(best, taken);
+    all += taken;
+  }
+  return best;
+}
+
+// The three random access cameras beside one another: bytes that travel to and from 64 cameras for a view of each size,
+// and what it costs at the viewer, at the cameras and at the compositor. `repeats` renderings each, of which the
+// shortest counts; 0: as many as fit two seconds.
+void print_access(const std::vector<std::pair<int, int>>& sizes, int cameras, int repeats) {
+  std::printf("%-18s %-10s %8s | %10s %10s | %12s | %12s %12s %12s | %6s %7s\n", "cameras", "view", "codec", "to them",
+              "from them", "asking, us", "cameras", "compositor", "together", "max", "PSNR");
+  std::printf("%-18s %-10s %8s | %10s %10s | %12s | %38s | %6s %7s\n", "", "", "", "bytes", "bytes", "",
+              "ns per pixel of the view", "error", "dB");
+  for (const auto& [width, height] : sizes) {
+    SceneOptions options;
+    options.array = {cameras, width, height};
+    const Scene scene(options);
+    for (const int quality : {0, 90})
+      for (const Kind& kind : kKinds) {
+        Round round(scene, kind, quality);
+        const double ask = shortest(repeats, [&] { round.ask(); });
+        const double answer = shortest(repeats, [&] { round.answer(); });
+        const double compose = shortest(repeats, [&] { round.compose(); });
+        const double pixels = static_cast<double>(width) * height;
+        const ExactQuality error = compare(round.picture(), scene.exact(PixelFamily::kI420));
+        const std::string size = std::to_string(width) + "x" + std::to_string(height);
+        std::printf("%-18s %-10s %8s | %10zu %10zu | %12.1f | %12.2f %12.2f %12.2f | %6.2f %7.1f\n", kind.name,
+                    size.c_str(), quality > 0 ? "jpeg 90" : "raw", round.asked_bytes(), round.answer_bytes(), ask / 1e3,
+                    answer / pixels, compose / pixels, (answer + compose) / pixels, error.max_error, error.psnr_db);
+        std::fflush(stdout);
+      }
+  }
+}
+
+// Renders one view of a fixed scene by the method of that label `times` times, inside a function "render_once" of which
+// a profiler counts instructions. Throws Error if there is no such method; the message names those that there are.
+void run_once(const std::string& name, const ArrayOptions& array, int times) {
+  SceneOptions options;
+  options.array = array;
+  options.most_filmed_pixels = 2.0 * options.array.width * options.array.height;  // a simulated processor is slow
+  MethodOptions all;
+  all.all = true;
+  std::string names;
+  for (const MethodKind& kind : methods(all)) {
+    if (label(kind.setting) != name) {
+      names += (names.empty() ? "" : ", ") + label(kind.setting);
+      continue;
+    }
+    const Scene scene(options);
+    const auto method = kind.make(scene, scene.views().front());
+    method->render();  // the first call also makes room and tables
+    for (int i = 0; i < times; i++) render_once(method.get());
+    return;
+  }
+  throw Error("no method \"" + name + "\"; there are " + names);
+}
+
 struct Options {
-  lf::bench::PlanOptions plan;
+  PlanOptions plan;
   std::vector<std::string> sizes;
   std::string json, plots;
   std::string method, size = "320x240";
@@ -29,8 +204,8 @@ struct Options {
 std::pair<int, int> size_of(const std::string& option, const std::string& text) {
   int width, height, end = 0;
   if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &end) != 2 || text[end] != 0 || width < 16 || height < 16 ||
-      width > lf::kMaxImageSize || height > lf::kMaxImageSize)
-    throw lf::Error(option + " " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
+      width > kMaxImageSize || height > kMaxImageSize)
+    throw Error(option + " " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
   return {width, height};
 }
 
@@ -42,14 +217,13 @@ std::vector<std::pair<int, int>> sizes_of(const Options& options) {
 
 void run(Options options) {
   options.plan.sizes = sizes_of(options);
-  if (!options.plots.empty()) lf::bench::require_gnuplot();
-  const std::vector<lf::bench::Configuration> plan = lf::bench::make_plan(options.plan);
-  std::vector<lf::bench::Row> rows;
+  if (!options.plots.empty()) require_gnuplot();
+  const std::vector<Configuration> plan = make_plan(options.plan);
+  std::vector<Row> rows;
   Progress progress("measuring", plan.size());
-  for (const lf::bench::Configuration& configuration : plan) {
-    const lf::bench::Scene scene(configuration.scene);
-    const std::vector<lf::bench::Row> some =
-        measure(scene, lf::bench::methods(configuration.methods), configuration.timing);
+  for (const Configuration& configuration : plan) {
+    const Scene scene(configuration.scene);
+    const std::vector<Row> some = measure(scene, methods(configuration.methods), configuration.timing);
     progress.finish();
     print_table(some);
     rows.insert(rows.end(), some.begin(), some.end());
@@ -58,13 +232,15 @@ void run(Options options) {
   progress.finish();
   print_pareto(rows);
   if (options.plan.full || options.plan.acceptance) print_acceptance(rows);
-  if (!options.json.empty()) lf::write_text_file(to_json(rows), options.json);
-  if (!options.plots.empty()) lf::bench::write_plots(rows, options.plots);
+  if (!options.json.empty()) write_text_file(to_json(rows), options.json);
+  if (!options.plots.empty()) write_plots(rows, options.plots);
 }
 
 }  // namespace
+}  // namespace lf::bench
 
 int main(int argc, char** argv) {
+  using namespace lf::bench;
   Options o;
   cli::App app(
       "Measures every way to render views of an array: time, bytes and error, beside OpenCV. Without options: 64 "
@@ -98,14 +274,14 @@ int main(int argc, char** argv) {
       if (!within) throw lf::Error("an error is beyond its bound");
     };
     if (*numerics) {
-      require(lf::bench::print_numerics());
+      require(print_numerics());
     } else if (*budget) {
-      require(lf::bench::print_budget());
+      require(print_budget());
     } else if (*access) {
-      lf::bench::print_access(sizes_of(o), o.plan.cameras.empty() ? 64 : o.plan.cameras.front(), o.plan.repeats);
+      print_access(sizes_of(o), o.plan.cameras.empty() ? 64 : o.plan.cameras.front(), o.plan.repeats);
     } else if (*once) {
       const auto [width, height] = size_of("--size", o.size);
-      lf::bench::run_once(o.method, {o.cameras, width, height}, o.times);
+      run_once(o.method, {o.cameras, width, height}, o.times);
     } else {
       run(o);
     }

@@ -7,7 +7,7 @@
 
 #include "bench/array.h"
 #include "image/image.h"
-#include "reference/float_still.h"
+#include "reference/float_renderer.h"
 #include "rig/mesh.h"
 
 namespace lf::bench {

@@ -8,7 +8,7 @@
 
 #include "image/image.h"
 #include "rig/mesh.h"
-#include "view/views_json.h"
+#include "view/view_path.h"
 
 namespace lf::focus {
 
@@ -43,5 +43,13 @@ Case scene_case();
 Case moving_case(double rate, int frames, double step);
 
 void add_faults(const Faults& faults, Case& c);
+
+// Small scenes that are hard for what finds focal surfaces, each for one reason; in front of the array of scene_rig(),
+// within the depths of the built-in scene.
+std::vector<std::string> world_names();
+// One of them by its name, seen from between the cameras. Throws Error if there is none of that name.
+Case world_case(const std::string& name, int views);
+// What any camera sees of one: four rays a pixel.
+Image film_world(const std::string& name, const Lens& lens, const Pose& pose, int width, int height);
 
 }  // namespace lf::focus

@@ -9,14 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
 #include "base/json_value.h"
+#include "base/text.h"
 #include "bench/chart.h"
-#include "bench/surface/acceptance.h"
 #include "bench/surface/cases.h"
 #include "bench/surface/measure.h"
-#include "bench/surface/speed_plot.h"
-#include "bench/surface/still_table.h"
+#include "bench/surface/report.h"
 #include "command_line.h"
 #include "image/image.h"
 #include "progress.h"

@@ -1,9 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "base/file.h"
-
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -13,7 +8,10 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
@@ -95,7 +93,8 @@ TEST(FileReplacement, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   chmod(dir.path().c_str(), 01777);
   constexpr uid_t kOther = 12345;
   if (lchown((dir / "cam0.png").c_str(), kOther, kOther) != 0) GTEST_SKIP() << "only root can give away a link";
-  EXPECT_ERROR(write_text_file("new", dir / "cam0.png"), "cam0.png: can't be written: it is a symbolic link of another");
+  EXPECT_ERROR(write_text_file("new", dir / "cam0.png"),
+               "cam0.png: can't be written: it is a symbolic link of another");
   EXPECT_EQ(read_text_file(dir / "victim"), "precious");
   chmod(dir.path().c_str(), 0755);
   write_text_file("new", dir / "cam0.png");
@@ -210,7 +209,6 @@ TEST(FolderUpdate, LeavesNoFolderThatItMadeInVain) {
   EXPECT_ERROR(FolderUpdate(dir / "file"), "file: can't be made");
 }
 
-}  // namespace
 TEST(FolderUpdate, MessagesNameTheFilesOfTheEnd) {
   EXPECT_EQ(without_staging("films/.new-c1a61b9962118843/a.mkv: full; films/.new-1/b.mkv"),
             "films/a.mkv: full; films/b.mkv");
@@ -220,11 +218,62 @@ TEST(FolderUpdate, MessagesNameTheFilesOfTheEnd) {
 TEST(FolderUpdate, AFolderInTheWayLeavesAllFiles) {
   const TempDir dir;
   dir.write("a.txt", "old");
-  std::filesystem::create_directories(dir / "b.txt");
+  fs::create_directories(dir / "b.txt");
   FolderUpdate update(dir.path());
   for (const char* name : {"a.txt", "b.txt"}) std::ofstream(update.staging() + "/" + name) << "new";
   EXPECT_THROW(update.commit(), Error);
   EXPECT_EQ(read_file(dir / "a.txt"), "old");
 }
 
+class SecretFile : public testing::Test {
+ protected:
+  void set_mode(mode_t mode) { ASSERT_EQ(chmod(path_.c_str(), mode), 0); }
+
+  const TempDir dir_;
+  const std::string path_ = dir_.write_secret("token", "open sesame\n");
+};
+
+TEST_F(SecretFile, IsReadAsItIs) {
+  for (const mode_t mode : {0600, 0400}) {
+    set_mode(mode);
+    EXPECT_EQ(read_secret_file(path_), "open sesame\n");
+  }
+}
+
+TEST_F(SecretFile, MustBeClosedToOtherUsers) {
+  for (const mode_t mode : {0640, 0620, 0610, 0604, 0602, 0644, 0666}) {
+    set_mode(mode);
+    EXPECT_ERROR(read_secret_file(path_), "chmod 600 " + path_) << std::oct << mode;
+  }
+}
+
+// A service may read a file of root by its group, as Debian's ssl-cert and systemd's credentials have it.
+TEST_F(SecretFile, MayBelongToAnotherUserAndBeReadByAGroup) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can give a file to another user";
+  ASSERT_EQ(chown(path_.c_str(), 65534, 65534), 0);
+  set_mode(0640);
+  EXPECT_EQ(read_secret_file(path_), "open sesame\n");
+  set_mode(0660);
+  EXPECT_ERROR(read_secret_file(path_), "chmod 600");
+  set_mode(0644);
+  EXPECT_ERROR(read_secret_file(path_), "chmod 600");
+}
+
+TEST_F(SecretFile, MustBeARegularFileOfLimitedSize) {
+  EXPECT_ERROR(read_secret_file(dir_ / "none"), "none: can't be read: No such file");
+  EXPECT_ERROR(read_secret_file(dir_.path()), "not a regular file");
+  EXPECT_ERROR(read_secret_file("/dev/zero"), "not a regular file");
+  ASSERT_EQ(mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  EXPECT_ERROR(read_secret_file(dir_ / "fifo"), "not a regular file") << "and is not waited for";
+  EXPECT_ERROR(read_secret_file(path_, 11), "at most 11 bytes");
+  EXPECT_EQ(read_secret_file(path_, 12).size(), 12u);
+}
+
+TEST(Secret, IsEmptyAfterWiping) {
+  std::string secret = "open sesame";
+  wipe(secret);
+  EXPECT_EQ(secret, "");
+}
+
+}  // namespace
 }  // namespace lf

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "scene/colour_faults.h"
+#include "scene/calibration_targets.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
 

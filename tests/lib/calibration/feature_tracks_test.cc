@@ -1,20 +1,105 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/feature_tracks.h"
-
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include <gtest/gtest.h>
 
+#include "calibration/feature_tracks.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
 
 namespace lf {
 namespace {
 
+double pattern(const Vec2& p) {
+  return 120 + 30 * std::sin(0.5 * p.x + 0.2 * p.y) + 25 * std::sin(0.31 * p.y - 0.2 * p.x + 1) +
+         20 * std::cos(0.4 * p.x + 0.45 * p.y);
+}
+
+SplineImage picture(const std::function<double(const Vec2&)>& value) {
+  Image image(PixelFamily::kRgb, 80, 60);
+  for (int y = 0; y < 60; y++)
+    for (int x = 0; x < 80; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(value(Vec2(x, y))));
+  return SplineImage(image);
+}
+
+// As another camera sees it: stretched by 8 %, sheared, turned a little, darker and of less contrast.
+constexpr Vec2 kPoint(38.3, 29.6), kThere(41.72, 27.18);
+double elsewhere(const Vec2& p) {
+  const Vec2 d = p - kThere;
+  return 0.8 * pattern(kPoint + Vec2(1.08 * d.x + 0.05 * d.y, -0.03 * d.x + 0.97 * d.y)) - 5;
+}
+
+TEST(Patch, IsFoundToHundredthsOfAPixelHoweverItIsWarped) {
+  const auto patch = Patch::cut(picture(pattern), kPoint);
+  ASSERT_TRUE(patch);
+  const SplineImage other = picture(elsewhere);
+  for (const Vec2& off : {Vec2(0, 0), Vec2(1, 0), Vec2(-0.7, 0.9)}) {
+    const auto match = patch->find(other, kThere + off);
+    ASSERT_TRUE(match);
+    EXPECT_LT(glm::length(match->point - kThere), 0.02);
+    EXPECT_GT(match->correlation, 0.999);
+  }
+}
+
+TEST(Patch, IsNotFoundWhereItIsNot) {
+  const auto patch = Patch::cut(picture(pattern), kPoint);
+  ASSERT_TRUE(patch);
+  const SplineImage other = picture([](const Vec2& p) { return 128 + 40 * std::sin(p.x * p.y * 0.01); });
+  const auto match = patch->find(other, Vec2(40, 30));
+  EXPECT_TRUE(!match || match->correlation < 0.8);
+  EXPECT_FALSE(patch->find(picture(pattern), Vec2(5, 30)));  // the image ends
+  EXPECT_FALSE(patch->find(picture([](const Vec2&) { return 100.0; }), Vec2(40, 30)));
+}
+
+TEST(Patch, NeedsSomethingToBeFoundBy) {
+  EXPECT_FALSE(Patch::cut(picture([](const Vec2&) { return 100.0; }), kPoint));
+  EXPECT_FALSE(Patch::cut(picture([](const Vec2& p) { return p.x < 38 ? 50.0 : 200.0; }), kPoint));  // along an edge
+  EXPECT_FALSE(Patch::cut(picture(pattern), Vec2(5, 30)));
+}
+
+double wave(double x, double y) { return 128 + 60 * std::sin(0.8 * x + 0.3) * std::cos(0.6 * y); }
+
+Image wave_picture() {
+  Image image(PixelFamily::kRgb, 40, 30);
+  for (int y = 0; y < 30; y++)
+    for (int x = 0; x < 40; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(wave(x, y)));
+  return image;
+}
+
+TEST(SplineImage, GoesThroughThePixels) {
+  const Image image = wave_picture();
+  const SplineImage spline(image);
+  for (int y = 1; y < 28; y++)
+    for (int x = 1; x < 38; x++) EXPECT_NEAR(spline.value(x, y), image.pixel(x, y)[0], 1e-2) << x << ' ' << y;
+}
+
+TEST(SplineImage, IsAsSharpBetweenPixelsAsOnThem) {
+  const SplineImage spline(wave_picture());
+  for (double y = 6; y < 24; y += 0.37)
+    for (double x = 6; x < 34; x += 0.41) {
+      EXPECT_NEAR(spline.value(x, y), wave(x, y), 1.5);  // bilinear interpolation is 7 off
+      const SplineImage::Sample s = spline.sample(x, y);
+      EXPECT_FLOAT_EQ(s.value, spline.value(x, y));
+      EXPECT_NEAR(s.dx, (spline.value(x + 0.01, y) - spline.value(x - 0.01, y)) / 0.02, 0.1);
+      EXPECT_NEAR(s.dy, (spline.value(x, y + 0.01) - spline.value(x, y - 0.01)) / 0.02, 0.1);
+    }
+}
+
+TEST(SplineImage, EndsWithItsImage) {
+  const SplineImage spline(wave_picture());
+  EXPECT_TRUE(spline.has(1, 1));
+  EXPECT_FALSE(spline.has(0.9, 5));
+  EXPECT_TRUE(spline.has(37.9, 27.9));
+  EXPECT_FALSE(spline.has(5, 28));
+}
+
 // A wall of soft random spots at z = 2, seen by each camera.
-Image picture(const Camera& camera) {
+Image wall_picture(const Camera& camera) {
   constexpr int kCells = 64;
   constexpr double kCell = 0.05;  // metres
   static const std::vector<double> values = [] {
@@ -54,7 +139,7 @@ TEST(FeatureTracks, FollowsCornersToHundredthsOfAPixel) {
     camera.pose.orientation = glm::normalize(Quat(1, normal(random) / 2, normal(random) / 2, normal(random) / 2));
   }
   std::vector<Image> images;
-  for (const Camera& camera : rig.cameras) images.push_back(picture(camera));
+  for (const Camera& camera : rig.cameras) images.push_back(wall_picture(camera));
   FeatureOptions options;
   options.references = 3;
   const Tracks tracks = track_features(nominal, images, options);

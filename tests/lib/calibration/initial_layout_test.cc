@@ -1,17 +1,98 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/initial_layout.h"
+#include <cmath>
+#include <random>
+#include <vector>
 
 #include <gtest/gtest.h>
 
-#include "calibration/position_errors.h"
+#include "calibration/initial_layout.h"
 #include "calibration/reconstruction.h"
 #include "calibration/simulator.h"
 
 namespace lf {
-
-// Arrays; rigs of other shapes are in pairs_layout_test.cc, single cameras in resection_test.cc.
-
 namespace {
+
+// How far the cameras in use are from where they truly are, once the best similarity has laid the scene over the truth:
+// metres in the truth's frame.
+std::vector<Vec3> position_errors(const Reconstruction& scene, const Rig& truth) {
+  std::vector<Pose> found, expected;
+  for (size_t i = 0; i < truth.cameras.size(); i++) {
+    if (!scene.cameras[i].used) continue;
+    found.push_back(scene.cameras[i].pose());
+    expected.push_back(truth.cameras[i].pose);
+  }
+  const Similarity s = align(found, expected);
+  std::vector<Vec3> errors;
+  for (size_t i = 0; i < found.size(); i++) errors.push_back(s(found[i]).position - expected[i].position);
+  return errors;
+}
+
+// The root of the mean squared length of what `part` leaves of each of them: all of it, or its share in a plane.
+template <typename Part>
+double root_mean_square(const std::vector<Vec3>& errors, const Part& part) {
+  double sum = 0;
+  for (const Vec3& error : errors) sum += glm::dot(part(error), part(error));
+  return std::sqrt(sum / static_cast<double>(errors.size()));
+}
+
+// Sights of random points by a 4x4 array whose cameras are turned a little, a share of them replaced.
+std::vector<ColumnSight> make_sights(double missed, double mistaken, std::vector<Vec2>& centres) {
+  std::mt19937 random(3);
+  const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
+  std::vector<Vec2> turns;
+  for (int i = 0; i < 16; i++) {
+    centres.emplace_back(i % 4 - 1.5, i / 4 - 1.5);
+    turns.emplace_back(uniform(-0.02, 0.02), uniform(-0.02, 0.02));
+  }
+  std::vector<ColumnSight> sights;
+  for (uint32_t j = 0; j < 60; j++) {
+    const Vec2 direction(uniform(-0.3, 0.3), uniform(-0.3, 0.3));
+    const double disparity = uniform(0.02, 0.08);
+    for (uint32_t i = 0; i < 16; i++) {
+      if (uniform(0, 1) < missed) continue;
+      Vec2 uv = direction - centres[i] * disparity + turns[i];
+      if (uniform(0, 1) < mistaken) uv = {uniform(-0.4, 0.4), uniform(-0.3, 0.3)};
+      sights.push_back({i, j, uv});
+    }
+  }
+  return sights;
+}
+
+// The layout up to a scale that is the same for all.
+void expect_layout(const DisparityFactors& factors, const std::vector<Vec2>& centres, double tolerance) {
+  double cc = 0, cf = 0;
+  for (size_t i = 0; i < centres.size(); i++)
+    cc += glm::dot(factors.cameras[i].centre, factors.cameras[i].centre),
+        cf += glm::dot(factors.cameras[i].centre, centres[i]);
+  for (size_t i = 0; i < centres.size(); i++)
+    EXPECT_LE(glm::length(factors.cameras[i].centre * (cf / cc) - centres[i]), tolerance) << i;
+}
+
+TEST(DisparityFactorisation, ExactSightsGiveTheLayout) {
+  std::vector<Vec2> centres;
+  const auto factors = factorise_disparities(make_sights(0, 0, centres), 16, 60, 0.02);
+  expect_layout(factors, centres, 1e-2);
+  EXPECT_EQ(factors.inliers, 1);
+  for (const auto& column : factors.columns) EXPECT_GT(column.disparity, 0);
+}
+
+TEST(DisparityFactorisation, MissesAndMistakesDoNotMatter) {
+  std::vector<Vec2> centres;
+  const auto factors = factorise_disparities(make_sights(0.3, 0.15, centres), 16, 60, 0.02);
+  expect_layout(factors, centres, 0.05);
+  EXPECT_NEAR(factors.inliers, 0.85, 0.05);
+}
+
+TEST(DisparityFactorisation, ACameraThatSeesNothingIsUnknown) {
+  std::vector<Vec2> centres;
+  std::vector<ColumnSight> sights = make_sights(0, 0, centres);
+  std::erase_if(sights, [](const ColumnSight& s) { return s.camera == 5; });
+  const auto factors = factorise_disparities(sights, 16, 60, 0.02);
+  EXPECT_EQ(factors.cameras[5].inliers, 0);
+  EXPECT_EQ(factors.inliers, 1);
+}
+
+TEST(DisparityFactorisation, TooLittleGivesNothing) { EXPECT_EQ(factorise_disparities({}, 3, 4, 0.02).inliers, 0); }
 
 class InitialLayoutTest : public testing::Test {
  protected:
@@ -27,7 +108,7 @@ class InitialLayoutTest : public testing::Test {
   }
   // Root mean square across the array, of the pitch, by the best similarity.
   double error(const Reconstruction& scene) {
-    return sim::root_mean_square(sim::position_errors(scene, truth_), [](const Vec3& e) { return Vec2(e); }) / 0.06;
+    return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return Vec2(e); }) / 0.06;
   }
 
   const Rig truth_ = sim::make_array({.rows = 4, .columns = 4}, 1);
@@ -134,6 +215,66 @@ TEST_F(ResectionTest, NotFromAPointOrFromFew) {
   EXPECT_EQ(resect_cameras(scene_, watched_.tracks, 2), 0);
 }
 
-}  // namespace
+// Rigs that are no array: cameras around what they see.
+using sim::Around;
 
+class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>> {
+ protected:
+  PairsLayoutTest() {
+    sim::PathOptions path;
+    path.shape = sim::PathOptions::Shape::kBall;
+    path.near = 0.5, path.bar = std::get<1>(GetParam());
+    path.missed = 0.3, path.outliers = 0.1;
+    tracks_ = sim::watch(truth_, path, 2).tracks;
+  }
+  // Root mean square, metres, by the best similarity.
+  double error(const Reconstruction& scene) {
+    return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return e; });
+  }
+  Reconstruction with_lenses_about_right() {
+    Reconstruction scene = make_scene(tracks_, {});
+    for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 600;
+    return scene;
+  }
+
+  const Rig truth_ = sim::make_rig_around(std::get<0>(GetParam()), 14, 1);
+  Tracks tracks_;
+};
+
+TEST_P(PairsLayoutTest, AveragedPairs) {
+  Reconstruction scene = with_lenses_about_right();
+  EXPECT_EQ(layout_from_averages(scene, tracks_, 8), 14);
+  EXPECT_LE(error(scene), 0.1);
+}
+
+TEST_P(PairsLayoutTest, FromOnePair) {
+  Reconstruction scene = with_lenses_about_right();
+  EXPECT_EQ(layout_from_a_pair(scene, tracks_, 8), 14);
+  EXPECT_LE(error(scene), 0.1);
+}
+
+TEST_P(PairsLayoutTest, SolvedFromThere) {
+  const Solution solution = solve_tracks(tracks_, {});
+  EXPECT_EQ(solution.start, "averaged pairs");
+  for (const CameraState& camera : solution.scene.cameras) EXPECT_TRUE(camera.used);
+  EXPECT_LE(error(solution.scene), 0.03);
+  EXPECT_NEAR(solution.sigma, 0.2, 0.02);
+}
+
+INSTANTIATE_TEST_SUITE_P(Rigs, PairsLayoutTest,
+                         testing::Combine(testing::Values(Around::kRing, Around::kDome, Around::kAnywhere),
+                                          testing::Values(0, 0.3)));
+
+TEST(PairsLayout, NothingWhereCamerasShareTooLittle) {
+  const Rig truth = sim::make_rig_around(Around::kRing, 4, 1);
+  sim::PathOptions path;
+  path.shape = sim::PathOptions::Shape::kBall;
+  path.near = 0.5, path.positions = 8;
+  const Tracks tracks = sim::watch(truth, path, 2).tracks;
+  Reconstruction scene = make_scene(tracks, {});
+  EXPECT_EQ(layout_from_averages(scene, tracks, 8), 0);
+  EXPECT_EQ(layout_from_a_pair(scene, tracks, 8), 0);
+}
+
+}  // namespace
 }  // namespace lf

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calibration/simulator.h"
-#include "scene/lights.h"
+#include "scene/calibration_targets.h"
 #include "support/expect_error.h"
 
 namespace lf {

@@ -1,66 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/report.h"
+#include <cmath>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/text.h"
+#include "calibration/multiview_geometry.h"
+#include "calibration/report.h"
 #include "calibration/simulator.h"
 
 namespace lf {
 namespace {
-
-class PlacementTest : public testing::Test {
- protected:
-  // A solution without errors, in a frame and a scale of its own.
-  void SetUp() override {
-    sim::PathOptions path;
-    path.bar = 0.3;
-    const sim::Watched watched = sim::watch(truth_, path, 2);
-    tracks_ = watched.tracks;
-    solution_.scene = sim::true_scene(truth_, watched, {});
-    const Similarity moved{1, glm::angleAxis(1.0, Vec3(0, 0.6, 0.8)), {1, 2, 3}};
-    for (CameraState& camera : solution_.scene.cameras) camera.set_pose(moved(camera.pose()));
-  }
-  double distance(const Similarity& s, size_t a, size_t b) {
-    return glm::length(s(solution_.scene.cameras[a].pose()).position - s(solution_.scene.cameras[b].pose()).position);
-  }
-  const Rig truth_ = sim::make_array({}, 1);
-  Tracks tracks_;
-  Solution solution_;
-  const double true_distance_ = glm::length(truth_.cameras[3].pose.position - truth_.cameras[60].pose.position);
-};
-
-TEST_F(PlacementTest, EachScale) {
-  PlacementOptions bar, pitch, known;
-  bar.bar_length = 0.3;
-  pitch.pitch = 0.06;
-  known.distance = {3, 60, true_distance_};
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, bar).world_from_scene, 3, 60), true_distance_, 1e-9);
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, known).world_from_scene, 3, 60), true_distance_, 1e-9);
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, pitch).world_from_scene, 3, 60), true_distance_, 0.03);
-  EXPECT_EQ(place_solution(solution_, tracks_, {}, {}).scale_from, "");
-  known.distance->a = 99;
-  EXPECT_THROW(place_solution(solution_, tracks_, {}, known), Error);
-}
-
-TEST_F(PlacementTest, TheFrameOfThePriorRig) {
-  SolveOptions options;
-  options.prior = truth_;
-  const Rig rig = make_rig(solution_, tracks_, options, place_solution(solution_, tracks_, options, {}));
-  for (size_t i = 0; i < rig.cameras.size(); i++)
-    EXPECT_LE(glm::length(rig.cameras[i].pose.position - truth_.cameras[i].pose.position), 1e-9);
-  EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
-}
-
-TEST_F(PlacementTest, AFrameOfItsOwnLooksAlongZ) {
-  const Rig rig = make_rig(solution_, tracks_, {}, place_solution(solution_, tracks_, {}, {}));
-  Vec3 mean(0, 0, 0);
-  for (const Camera& camera : rig.cameras) mean += camera.pose.position / static_cast<double>(rig.cameras.size());
-  EXPECT_LE(glm::length(mean), 1e-9);
-  EXPECT_GE(rig.cameras[0].pose.forward().z, 0.99);
-  EXPECT_GE(rig.cameras[0].pose.right().x, 0.99);
-}
 
 // Two cameras side by side that look along z, and four lights 2 m away; the last was found by nobody.
 class ReportTest : public testing::Test {
@@ -162,6 +113,135 @@ TEST_F(ReportTest, NothingFoundIsNoDivisionByZero) {
   EXPECT_EQ(report["unplaced"], 8);
 }
 
-}  // namespace
+constexpr double kBar = 0.3;  // metres
+constexpr uint64_t kArrays = 6;
 
+sim::ArrayOptions small_array() {
+  sim::ArrayOptions options;
+  options.rows = options.columns = 3;
+  return options;
+}
+
+struct Solved {
+  Rig truth;
+  Solution solution;
+  Placement placement;
+};
+
+Solved solve(uint64_t seed, double bar) {
+  Solved s{sim::make_array(small_array(), seed), {}, {}};
+  sim::PathOptions path;
+  path.bar = bar;
+  const Tracks tracks = sim::watch(s.truth, path, seed + 100).tracks;
+  SolveOptions options;
+  // What is said of the model's errors holds where the model is right.
+  options.distortion = DistortionModel{2, false};
+  s.solution = solve_tracks(tracks, options);
+  PlacementOptions placement;
+  if (bar > 0) placement.bar_length = bar;
+  s.placement = place_solution(s.solution, tracks, options, placement);
+  return s;
+}
+
+// With a bar: solved once for all tests.
+const std::vector<Solved>& arrays() {
+  static const std::vector<Solved> all = [] {
+    std::vector<Solved> list;
+    for (uint64_t seed = 1; seed <= kArrays; seed++) list.push_back(solve(seed, kBar));
+    return list;
+  }();
+  return all;
+}
+
+const SoftMode* find(const std::vector<SoftMode>& modes, const std::string& code) {
+  for (const SoftMode& mode : modes)
+    if (mode.code == code) return &mode;
+  return nullptr;
+}
+
+TEST(SoftModes, DepthIsWhatOneLightDoesNotTell) {
+  const Solved one = solve(1, 0);
+  const Solved& bar = arrays()[0];
+  const auto loose = soft_modes(one.solution, one.placement), firm = soft_modes(bar.solution, bar.placement);
+  ASSERT_TRUE(find(loose, "depth") && find(firm, "depth"));
+  EXPECT_TRUE(find(loose, "depth")->is_soft());
+  EXPECT_FALSE(find(firm, "depth")->is_soft());
+  EXPECT_LT(find(firm, "depth")->sigma, 0.5 * find(loose, "depth")->sigma);
+  for (const char* code : {"gaze", "toe-in", "bow", "proportions", "places", "directions"})
+    EXPECT_TRUE(find(firm, code)) << code;
+  // Softest first.
+  for (size_t i = 1; i < loose.size(); i++)
+    EXPECT_GE(loose[i - 1].sigma / loose[i - 1].limit, loose[i].sigma / loose[i].limit);
+}
+
+TEST(SoftModes, TheFocalLengthsErrIsAsLargeAsForetold) {
+  double squares = 0;
+  for (const Solved& s : arrays()) {
+    double error = 0;
+    for (size_t i = 0; i < 9; i++) {
+      const double f = s.truth.cameras[i].lens.fx();
+      error += (s.solution.scene.cameras[i].lens_terms()[kF] / f - 1) / 9;
+    }
+    squares += std::pow(100 * error / find(soft_modes(s.solution, s.placement), "depth")->sigma, 2) / kArrays;
+  }
+  EXPECT_GT(std::sqrt(squares), 0.4);
+  EXPECT_LT(std::sqrt(squares), 2);
+}
+
+// Points 1.5 m away, seen without noise by all cameras but one, predicted in that one.
+double squared_transfer(const Solved& s) {
+  double sum = 0, count = 0;
+  for (size_t of = 0; of < 9; of++)
+    for (const Vec2& place : {Vec2(160, 120), Vec2(80, 60), Vec2(240, 168)}) {
+      const Camera& camera = s.truth.cameras[of];
+      const Vec3 direction = camera.pose.rotation() * Vec3(*camera.lens.unproject(place), 1);
+      const Vec3 point = camera.pose.position + direction * ((1.5 - camera.pose.position.z) / direction.z);
+      Tracks tracks;
+      std::vector<uint32_t> seen;
+      for (uint32_t i = 0; i < 9; i++)
+        if (const auto pixel = s.truth.cameras[i].lens.project(s.truth.cameras[i].pose.camera_from_world(point))) {
+          if (i != of) seen.push_back(static_cast<uint32_t>(tracks.observations.size()));
+          tracks.observations.push_back({i, 0, 0, *pixel});
+        }
+      const auto predicted = triangulate(s.solution.scene.cameras, tracks, seen, 4);
+      if (!predicted) continue;
+      TargetState target;
+      target.kind = TargetState::Kind::kPoint;
+      for (int k = 0; k < 3; k++) target.v[k] = predicted->point[k];
+      const auto e = residual(s.solution.scene.cameras[of], target, tracks.observations[of]);
+      if (e) sum += glm::dot(*e, *e), count++;
+    }
+  return sum / count;
+}
+
+TEST(ProjectionErrors, AreAsLargeAsForetold) {
+  double seen = 0, foretold = 0;
+  for (const Solved& s : arrays()) {
+    seen += squared_transfer(s) / kArrays;
+    const auto errors = projection_errors(s.solution, s.placement);
+    ASSERT_GT(errors.size(), 5u);
+    double nearest = 1e9, squared = 0;
+    for (const ProjectionError& error : errors) {
+      EXPECT_GE(error.worst, error.middle);
+      if (std::abs(error.depth - 1.5) < nearest)
+        nearest = std::abs(error.depth - 1.5), squared = error.middle * error.middle;
+    }
+    foretold += squared / kArrays;
+  }
+  EXPECT_GT(std::sqrt(seen / foretold), 0.6);
+  EXPECT_LT(std::sqrt(seen / foretold), 1.7);
+}
+
+TEST(ProjectionErrors, ReachBeyondTheLights) {
+  const Solved& s = arrays()[1];
+  const LightRange range = light_range(s.solution, s.placement);
+  EXPECT_GT(range.near, 0.6);
+  EXPECT_LT(range.far, 3.4);
+  const auto errors = projection_errors(s.solution, s.placement);
+  ASSERT_FALSE(errors.empty());
+  EXPECT_LT(errors.front().depth, range.near);
+  EXPECT_GT(errors.back().depth, range.far);
+}
+
+}  // namespace
 }  // namespace lf

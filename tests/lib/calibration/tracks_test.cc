@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/tracks.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
+#include "calibration/tracks.h"
+#include "support/expect_error.h"
 #include "support/temp_dir.h"
 
 namespace lf {
@@ -57,6 +57,82 @@ TEST(MultiCamSelfCal, ErrorsNameThePlace) {
   expect_error(dir, "1 files *.rad for 2 cameras");
 }
 
-}  // namespace
+using testing::HasSubstr;
 
+std::string file_with(const std::string& bar, const std::string& positions) {
+  return R"({"format": "lightfield-tracks", "version": 1, "bar": )" + bar + R"(,
+    "cameras": [{"id": 7, "width": 320, "height": 240}, {"id": 9, "width": 320, "height": 240}],
+    "positions": [)" +
+         positions + "]}";
+}
+
+TEST(TracksJson, WhatIsWrittenIsReadAgain) {
+  const Tracks tracks = parse_tracks(
+      file_with("true", R"({"observations": [[9, 1.25, -0.5, 1], [7, 3, 4, 0]]}, {"observations": []})"), "t.json");
+  EXPECT_EQ(tracks.num_positions, 2u);
+  ASSERT_EQ(tracks.observations.size(), 2u);
+  EXPECT_EQ(tracks.observations[0].camera, 1u);
+  EXPECT_EQ(tracks.observations[0].light, 1u);
+  EXPECT_EQ(tracks.observations[0].pixel, Vec2(1.25, -0.5));
+  const std::string text = tracks_to_json(tracks);
+  EXPECT_EQ(tracks_to_json(parse_tracks(text, "again")), text);
+}
+
+TEST(TracksJson, ErrorsNameThePlace) {
+  const auto expect_error = [](const std::string& text, const std::string& part) {
+    try {
+      parse_tracks(text, "t.json");
+      FAIL() << "no error: " << part;
+    } catch (const Error& e) {
+      EXPECT_THAT(e.what(), HasSubstr(part));
+    }
+  };
+  expect_error(file_with("false", R"({"observations": [[8, 1, 2]]})"), "t.json: positions[0].observations[0][0]: 8 is");
+  expect_error(file_with("false", R"({"observations": [[7, 1]]})"), "positions[0].observations[0]: must have 3");
+  expect_error(file_with("true", R"({"observations": [[7, 1, 2, 2]]})"), "positions[0].observations[0][3]: must be 0");
+  expect_error(file_with("1", ""), "bar: must be true or false");
+  expect_error(file_with("false", R"({"observations": [[7, 1, 2], [7, 1, 2]]})"), "camera 7 sees the same light twice");
+  expect_error(file_with("false", R"({"observations": [[7, 900, 2]]})"), "far outside of camera 7's image");
+}
+
+TEST(LightSights, ARoundTripKeepsThem) {
+  LightSights sights;
+  sights.bar = true;
+  sights.cameras = {{7, 320, 240, {{0, {}}, {0.0333, {{{12.34567, 200.5}, 0.0123, 801.25}, {{3, 4}, 0.5, 20}}}}},
+                    {2, 640, 480, {}}};
+  const auto back = parse_light_sights(light_sights_to_json(sights), "tracks.json");
+  ASSERT_TRUE(back);
+  EXPECT_TRUE(back->bar);
+  ASSERT_EQ(back->cameras.size(), 2u);
+  EXPECT_EQ(back->cameras[1].width, 640);
+  ASSERT_EQ(back->cameras[0].frames.size(), 2u);
+  EXPECT_TRUE(back->cameras[0].frames[0].sights.empty());
+  EXPECT_EQ(back->cameras[0].frames[1].time, 0.0333);
+  const Sight& sight = back->cameras[0].frames[1].sights[0];
+  EXPECT_NEAR(sight.pixel.x, 12.34567, 1e-4);
+  EXPECT_NEAR(sight.sigma, 0.0123, 1e-9);
+  EXPECT_NEAR(sight.brightness, 801.25, 0.1);
+}
+
+TEST(LightSights, TracksWithPositionsAreNone) {
+  EXPECT_FALSE(
+      parse_light_sights(R"({"format": "lightfield-tracks", "version": 1, "cameras": [], "positions": []})", "t"));
+}
+
+TEST(LightSights, MistakesAreNamedWithTheirPlace) {
+  const auto parse = [](const std::string& cameras) {
+    return parse_light_sights(R"({"format": "lightfield-tracks", "version": 1, "cameras": [)" + cameras + "]}",
+                              "t.json");
+  };
+  const std::string size = R"({"id": 1, "width": 320, "height": 240, "frames": )";
+  EXPECT_ERROR(parse(size + "[[0, [1, 2, 0.1]]]}"), "t.json: cameras[0].frames[0][1]: ");
+  EXPECT_ERROR(parse(size + "[[0, [1, 2, 0, 5]]]}"), "frames[0][1][2]: must be positive");
+  EXPECT_ERROR(parse(size + "[[0, [900, 2, 1, 5]]]}"), "is far outside of the camera's image");
+  EXPECT_ERROR(parse(size + "[[1], [1]]}"), "frames[1][0]: must be later than that of the frame before");
+  EXPECT_ERROR(parse(size + "[[]]}"), "frames[0]: must begin with its time");
+  EXPECT_ERROR(parse(size + "[]}, " + size + "[]}"), "cameras[1].id: 1 comes twice");
+  EXPECT_ERROR(parse(R"({"id": 1, "width": 320, "height": 240})"), "frames");
+}
+
+}  // namespace
 }  // namespace lf

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "composite/assembly.h"
+#include <cstdlib>
+#include <memory>
+#include <random>
 
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
+#include "composite/assembly.h"
+#include "lib/wire/wire_test.h"
 #include "scene/scene.h"
-#include "support/add_answer.h"
-#include "support/halves.h"
-#include "support/node_answer.h"
-#include "wire/answer_writer.h"
+#include "support/answers.h"
+#include "support/fragments.h"
+#include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/payload.h"
 
 namespace lf {
 namespace {
@@ -401,6 +403,126 @@ TEST_F(AssemblyTest, SumsOfTheWholeViewStayWhereTheyAre) {
     assembly_.release();
     EXPECT_EQ(bytes.use_count(), 1);
   }
+}
+
+constexpr int kSize = 400;
+
+Accumulator sum_of(std::span<const Fragment> fragments, PixelFamily family) {
+  Accumulator sum;
+  sum.reset(family, kSize, kSize);
+  for (const Fragment& fragment : fragments) EXPECT_TRUE(sum.add(fragment));
+  return sum;
+}
+
+void add_all(Accumulator& to, const ByteBuffer& answer) {
+  const std::optional<wire::AnswerView> view = wire::parse_answer(answer);
+  ASSERT_TRUE(view.has_value());
+  wire::FragmentDecoder decoder;
+  for (const wire::FragmentView& fragment : view->fragments) {
+    if (fragment.codec == wire::Codec::kRaw16)
+      EXPECT_TRUE(to.add(decoder.sums(fragment)));
+    else
+      EXPECT_TRUE(to.add(decoder.decode(fragment).value()));
+  }
+}
+
+int max_difference(const Image& a, const Image& b) {
+  int worst = 0;
+  for (size_t i = 0; i < a.data().size(); i++) worst = std::max(worst, std::abs(a.data()[i] - b.data()[i]));
+  return worst;
+}
+
+class PartialAnswer : public testing::TestWithParam<PixelFamily> {};
+
+// Two racks and a root against one compositor.
+TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
+  const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
+  std::vector<Fragment> all = wire::patterned_fragments(GetParam(), 30, 60, 44);
+  for (Fragment& fragment : all) {  // weights of a half and less, as where cameras overlap
+    for (uint8_t& value : fragment.pixels) value = static_cast<uint8_t>(value / 2);
+    for (uint8_t& value : fragment.lost) value /= 4;
+  }
+  const Image expected = sum_of(all, GetParam()).resolve();
+  const std::span<const Fragment> fragments = all;
+  const struct {
+    Coding coding;
+    int bound;  // levels of 255; what is lost is divided out, which enlarges it by a third at most
+  } rows[] = {{{wire::Codec::kRaw16, 0}, 0}, {{wire::Codec::kRaw, 0}, 2}, {{wire::Codec::kJpeg, 100}, 12}};
+  for (const auto& row : rows) {
+    // Of RGB, JPEG keeps no colour of single pixels.
+    if (row.coding.codec == wire::Codec::kJpeg && GetParam() == PixelFamily::kRgb) continue;
+    SCOPED_TRACE(static_cast<int>(row.coding.codec));
+    Accumulator root;
+    root.reset(GetParam(), kSize, kSize);
+    add_all(root, partial_answer(header, sum_of(fragments.first(13), GetParam()), row.coding, {}));
+    add_all(root, partial_answer(header, sum_of(fragments.subspan(13), GetParam()), row.coding, {}));
+    EXPECT_LE(max_difference(root.resolve(), expected), row.bound);
+  }
+}
+
+TEST_P(PartialAnswer, OfNothingHasNoFragments) {
+  const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
+  const ByteBuffer bytes = partial_answer(header, sum_of({}, GetParam()), {wire::Codec::kRaw16, 0}, {});
+  EXPECT_TRUE(wire::parse_answer(bytes).value().fragments.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Families, PartialAnswer, testing::Values(PixelFamily::kRgb, PixelFamily::kI420),
+                         [](const auto& info) { return info.param == PixelFamily::kRgb ? "Rgb" : "I420"; });
+
+class TrialAnswersTest : public testing::Test {
+ protected:
+  TrialAnswersTest() {
+    FocalMap map = FocalMap::for_view(16, 8);
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 9);
+    map.nearest = 1;
+    request_.view.width = 16;
+    request_.view.height = 8;
+    request_.view.focus.map = std::make_shared<FocalMap>(map);
+    request_.trials = {{Trial::Kind::kPlane, 1}, {Trial::Kind::kPlane, 2}};
+    request_.rig_hash = 5;
+  }
+  std::string add(const std::vector<Moments>& trials, std::optional<GainSum> gains = {}, uint64_t rig_hash = 5) {
+    const wire::MomentsHeader header{0, 0, rig_hash, 0, gains};
+    return add_moments(wire::encode_moments(header, trials), header, request_, answers_);
+  }
+  static Moments moments(int columns, int rows, uint16_t luma) {
+    Moments out;
+    out.reset(columns, rows);
+    for (uint16_t& weight : out.weight) weight = 100;
+    for (uint16_t& value : out.luma) value = luma;
+    return out;
+  }
+  ViewRequest request_;
+  ViewFocus::Answers answers_;
+};
+
+TEST_F(TrialAnswersTest, MomentsAddUp) {
+  EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}), "");
+  EXPECT_EQ(add({moments(4, 2, 1), moments(4, 2, 2)}), "");
+  ASSERT_EQ(answers_.moments.size(), 2u);
+  EXPECT_EQ(answers_.moments[0].luma[7], 11);
+  EXPECT_EQ(answers_.moments[1].luma[0], 22);
+  EXPECT_EQ(answers_.brightness.columns, 0);
+}
+
+TEST_F(TrialAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
+  const GainSum gains{.weight = 3, .log2 = -4};
+  EXPECT_NE(add({moments(2, 1, 10)}, gains), "") << "nobody asked";
+  request_.gains.ask = true;
+  EXPECT_EQ(add({moments(2, 1, 10)}, gains), "");
+  EXPECT_EQ(add({moments(2, 1, 5)}, gains), "");
+  EXPECT_EQ(answers_.brightness.luma[1], 15);
+  EXPECT_EQ(answers_.gains.weight, 6u);
+  EXPECT_TRUE(answers_.moments.empty());
+}
+
+TEST_F(TrialAnswersTest, WhatWasNotAskedForIsLeftOut) {
+  EXPECT_NE(add({moments(4, 2, 10)}), "") << "too few";
+  EXPECT_NE(add({moments(5, 2, 10), moments(5, 2, 10)}), "") << "another size";
+  EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}, {}, 6), "of another rig");
+  request_.view.focus.map = nullptr;
+  EXPECT_NE(add({moments(4, 2, 10), moments(4, 2, 20)}), "");
+  EXPECT_TRUE(answers_.moments.empty());
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "image/correction.h"
 #include "lib/focus/array_of_walls.h"
 

@@ -15,7 +15,7 @@
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "quality/quality.h"
-#include "reference/hard_cases.h"
+#include "reference/generators.h"
 #include "render/gl/sum_drawer.h"
 #include "scene/scene.h"
 
@@ -171,7 +171,7 @@ TEST(CardMoments, AreAdded) {
   EXPECT_TRUE(any);
 }
 
-// What follows from one camera's weight and luma follows from the card's, too: see wire/one_camera_moments.h.
+// What follows from one camera's weight and luma follows from the card's, too: see wire/moments_codec.h.
 TEST(CardMoments, OfOneCameraAreWhatItsWeightAndLumaSay) {
   const SmallArray array(-0.2);
   const Both both = moments_of(*array.job, {&array.sources[4], 1}, array.trials);

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "scene/scene.h"
 
 namespace lf {

@@ -7,9 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "lib/focus/every_target.h"
 #include "lib/focus/plain_choice.h"
 #include "reference/generators.h"
+#include "support/every_target.h"
 
 namespace lf {
 namespace moments_test {

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "base/percentiles.h"
+#include "base/maths.h"
 #include "focus/surface_choice.h"
 
 // choose_surface() a node after the other, as its comments say it.

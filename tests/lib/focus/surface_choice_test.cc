@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "lib/focus/every_target.h"
 #include "lib/focus/plain_choice.h"
 #include "reference/generators.h"
+#include "support/every_target.h"
 
 namespace lf {
 namespace surface_choice_test {

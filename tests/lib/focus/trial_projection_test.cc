@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "lib/focus/every_target.h"
 #include "lib/focus/random_rays.h"
+#include "support/every_target.h"
 
 namespace lf {
 namespace {

@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "focus/moments.h"
-#include "lib/focus/every_target.h"
 #include "lib/focus/random_rays.h"
 #include "reference/generators.h"
+#include "support/every_target.h"
 
 namespace lf {
 namespace {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "image/correction.h"
+#include "support/every_target.h"
 
 #include <algorithm>
 #include <cmath>
@@ -196,8 +197,7 @@ TEST(Sharpen, IsTheSameWithEveryInstructionSet) {
     const auto at = [&](int x, int y, int c) {
       return static_cast<int>(*(image.pixel(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1)) + c));
     };
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
+    test::on_every_target([&, width = width, height = height] {
       ByteBuffer memory;
       const ImageView sharp = sharpen(image.view(), {0, 0, width, height}, memory);
       for (int y = 0; y < height; y++)
@@ -207,10 +207,9 @@ TEST(Sharpen, IsTheSameWithEveryInstructionSet) {
             const int around = at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c);
             EXPECT_EQ(sharp.plane[0][3 * (y * width + x) + c],
                       std::clamp(v + ((19 * (4 * v - around) + 128) >> 8), 0, 255))
-                << hwy::TargetName(target) << ": " << x << ", " << y;
+                << x << ", " << y;
           }
-      hwy::SetSupportedTargetsForTest(0);
-    }
+    });
   }
 }
 

@@ -9,6 +9,8 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include "support/every_target.h"
+
 namespace lf::jpeg {
 namespace {
 
@@ -50,15 +52,12 @@ TEST_F(EveryTarget, AllTheSameAndCloseToTheDefinition) {
     idct(block.coefficient, block.last, first, 8);
     for (int i = 0; i < 64; i++) ASSERT_NEAR(first[i], exact(block, i % 8, i / 8), 1.0);
     hwy::SetSupportedTargetsForTest(0);
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
+    test::on_every_target([&] {
       uint8_t out[8 * 11];
       std::memset(out, 7, sizeof out);
       idct(block.coefficient, block.last, out, 11);
-      for (int i = 0; i < 88; i++)
-        ASSERT_EQ(out[i], i % 11 < 8 ? first[i / 11 * 8 + i % 11] : 7) << hwy::TargetName(target);
-    }
-    hwy::SetSupportedTargetsForTest(0);
+      for (int i = 0; i < 88; i++) ASSERT_EQ(out[i], i % 11 < 8 ? first[i / 11 * 8 + i % 11] : 7);
+    });
   }
 }
 
@@ -66,13 +65,11 @@ TEST_F(EveryTarget, ExtremesSaturate) {
   for (const int16_t value : {int16_t{32767}, int16_t{-32768}}) {
     Block block;
     for (unsigned k = 0; k < 64; k++) block.set(k, value);
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
+    test::on_every_target([&] {
       uint8_t out[64];
       idct(block.coefficient, block.last, out, 8);
-      EXPECT_EQ(out[0], value > 0 ? 255 : 0) << hwy::TargetName(target);
-    }
-    hwy::SetSupportedTargetsForTest(0);
+      EXPECT_EQ(out[0], value > 0 ? 255 : 0);
+    });
   }
 }
 

@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// In any view of any rig, the hard cases of numerical stability included, cameras that are told do what those do that
-// find out: to the last bit. Bound: 0.
-#include "node/camera_access.h"
+#include <numeric>
 
 #include <gtest/gtest.h>
 
 #include "lib/render/production.h"
+#include "node/camera_access.h"
+#include "node/request_renderer.h"
 #include "reference/float_renderer.h"
-#include "reference/hard_cases.h"
+#include "reference/generators.h"
 #include "render/camera_projection.h"
 #include "support/access_pictures.h"
+#include "support/expect_error.h"
+#include "wire/answer_codec.h"
+#include "wire/fragment_codec.h"
 
 namespace lf {
 namespace {
+
+// In any view of any rig, the hard cases of numerical stability included, cameras that are told do what those do that
+// find out: to the last bit. Bound: 0.
 
 using reference::Random;
 
@@ -90,7 +96,7 @@ void expect_same_pictures(const Rig& rig, const View& view, const std::vector<Im
   ViewRequest request;
   request.view = view;
   AccessPictures pictures(rig, request, images);
-  const AnswerTask::Options near{.in_process = true};
+  const RenderOptions near{.in_process = true};
   const Image self = pictures.picture(Access::kSelf, near);
   EXPECT_EQ(pictures.picture(Access::kWarp, near).data(), self.data());
   EXPECT_EQ(pictures.picture(Access::kPixels, near).data(), self.data());
@@ -120,6 +126,92 @@ TEST(Commands, MakeThePictureInTheHardCases) {
       expect_same_pictures(rig, view, test::i420_of(images));
     }
   }
+}
+
+Camera camera_of(int width, int height) {
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  return camera;
+}
+
+std::vector<uint8_t> counting(size_t n) {
+  std::vector<uint8_t> bytes(n);
+  std::iota(bytes.begin(), bytes.end(), uint8_t{0});
+  return bytes;
+}
+
+// What a node answers whose camera 5 shows an image, of which this part is asked for.
+RenderedAnswer pixel_answer(const Camera& camera, const ImageView& image, const Rect& rect, int quality = 0) {
+  Rig rig;
+  rig.cameras.assign(6, camera);
+  wire::PixelCommand command{{}, 4, 4, {{5, rect}}};
+  command.quality = static_cast<uint8_t>(quality);
+  const std::vector<CameraIndex> own{5};
+  const RequestPlan plan(rig, command, own);
+  const Source source{5, &rig.cameras[5], image};
+  const wire::AnswerHeader header{.view_width = 4, .view_height = 4, .family = image.family};
+  ImageMemory scratch;
+  return RequestRenderer().render({&plan, header}, {&source, 1}, {}, scratch);
+}
+
+TEST(PixelAnswer, HasThePixelsOfAnyLayout) {
+  const Camera camera = camera_of(9, 7);
+  const std::vector<uint8_t> bytes = counting(40 * 7);
+  for (const RgbLayout layout : {RgbLayout{}, RgbLayout{4, 2, 1, 0}, RgbLayout{4, 1, 2, 3}}) {
+    const ImageView image{PixelFamily::kRgb, 9, 7, layout, {bytes.data()}, {40}};
+    const Rect rect{2, 4, 9, 7};
+    const RenderedAnswer answer = pixel_answer(camera, image, rect);
+    EXPECT_EQ(answer.fragments, 1u);
+    const auto view = wire::parse_answer(answer.bytes);
+    ASSERT_TRUE(view);
+    const wire::FragmentView& fragment = view->fragments[0];
+    EXPECT_EQ(fragment.camera, 5u);
+    EXPECT_EQ(fragment.rect, rect);
+    for (int y = 0; y < 3; y++)
+      for (int x = 0; x < 7; x++) {
+        const uint8_t* pixel = &bytes[static_cast<size_t>(40 * (y + 4) + layout.pixel_stride * (x + 2))];
+        const uint8_t* out = &fragment.payload[static_cast<size_t>(3 * (7 * y + x))];
+        EXPECT_EQ(out[0], pixel[layout.r]);
+        EXPECT_EQ(out[1], pixel[layout.g]);
+        EXPECT_EQ(out[2], pixel[layout.b]);
+      }
+  }
+}
+
+TEST(PixelAnswer, ChromaHasNoOffset) {
+  const Camera camera = camera_of(9, 7);
+  Image image(PixelFamily::kI420, 9, 7);
+  image.data() = counting(image.data().size());
+  const RenderedAnswer answer = pixel_answer(camera, image.view(), {2, 4, 9, 7});
+  const auto view = wire::parse_answer(answer.bytes);
+  ASSERT_TRUE(view);
+  wire::FragmentDecoder decoder;
+  const FragmentPlanes planes = decoder.decode(view->fragments[0]).value();
+  EXPECT_EQ(planes.plane[0][0], image.plane(0)[4 * 9 + 2]);
+  EXPECT_EQ(planes.plane[1][1], static_cast<uint8_t>(image.plane(1)[2 * 5 + 2] - 128));
+  EXPECT_EQ(planes.plane[2][planes.stride[2]], static_cast<uint8_t>(image.plane(2)[3 * 5 + 1] - 128));
+}
+
+TEST(PixelAnswer, JpegComesInStrips) {
+  const Camera camera = camera_of(640, 480);
+  const Image image(PixelFamily::kI420, 640, 480);
+  const RenderedAnswer answer = pixel_answer(camera, image.view(), {0, 0, 640, 480}, 90);
+  EXPECT_GT(answer.fragments, 3u);
+  const auto view = wire::parse_answer(answer.bytes);
+  ASSERT_TRUE(view);
+  size_t rows = 0;
+  for (const wire::FragmentView& fragment : view->fragments) {
+    EXPECT_TRUE(fragment.codec == wire::Codec::kJpeg);
+    rows += static_cast<size_t>(fragment.rect.height());
+  }
+  EXPECT_EQ(rows, 480u);
+}
+
+TEST(PixelAnswer, RefusesImagesOfAnotherSize) {
+  const Camera camera = camera_of(10, 7);
+  const Image image(PixelFamily::kRgb, 9, 7);
+  EXPECT_ERROR(pixel_answer(camera, image.view(), {0, 0, 4, 4}), "its image has 9x7 pixels");
 }
 
 }  // namespace

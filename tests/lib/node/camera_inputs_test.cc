@@ -1,14 +1,277 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-//
-// Also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "node/camera_inputs.h"
+#include <atomic>
+#include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
-#include <thread>
+#include "node/camera_inputs.h"
 
 namespace lf {
 namespace {
+
+// The one place where streaming threads meet: also run under ThreadSanitizer (tests/sanitize.sh thread).
+
+using Mode = CameraFrames::Mode;
+using Pushed = CameraFrames::Pushed;
+
+CameraFrame frame(uint64_t time) {
+  CameraFrame frame;
+  frame.time = time;
+  return frame;
+}
+
+TEST(CameraFrames, TakesNothingWhileStopped) {
+  CameraFrames frames;
+  EXPECT_EQ(frames.push(frame(0)), Pushed::kStopped);
+  EXPECT_FALSE(frames.find(0, true));
+}
+
+TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  constexpr uint64_t kCount = 5000;
+  std::thread camera([&] {
+    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), Pushed::kTaken);
+    frames.end_stream();
+  });
+  for (uint64_t t = 0; t < kCount; t++) {
+    const std::optional<CameraFrame> found = frames.find(t * 10, true);
+    ASSERT_TRUE(found);
+    ASSERT_EQ(found->time, t * 10);
+    ASSERT_LE(frames.held(), CameraFrames::kFileFrames);
+  }
+  camera.join();
+}
+
+TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  std::atomic<uint64_t> pushed{0};
+  std::thread camera([&] {
+    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), Pushed::kTaken);
+  });
+  for (uint64_t t = 0; t < 100; t++) frames.advance(t);
+  camera.join();
+  EXPECT_EQ(pushed, 100u);
+  EXPECT_EQ(frames.find(99, true)->time, 99u);
+}
+
+TEST(CameraFrames, TheNewestFrameOfAFileIsTheOneThatStands) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  frames.push(frame(5));
+  for (int i = 0; i < 10; i++) EXPECT_EQ(frames.find(kNoTime, true)->time, 5u);
+}
+
+TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
+  for (const bool live : {false, true}) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(live);
+    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), Pushed::kTaken);
+    frames.lose_stream();
+    EXPECT_EQ(frames.find(19, true)->time, 10u) << "its own time";
+    EXPECT_FALSE(frames.find(20, true)) << "and nobody waits";
+    EXPECT_FALSE(frames.find(kNoTime, true));
+    frames.end_stream();
+    EXPECT_FALSE(frames.find(30, true)) << "no end makes it stand for ever";
+    frames.start_stream(live);
+    EXPECT_EQ(frames.push(frame(40)), Pushed::kTaken);
+    EXPECT_EQ(frames.find(40, true)->time, 40u);
+  }
+}
+
+TEST(CameraFrames, ACameraThatNeverCameIsNotWaitedForOnceItIsLost) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  std::thread loses([&] { frames.lose_stream(); });
+  EXPECT_FALSE(frames.find(0, true));
+  loses.join();
+}
+
+TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  EXPECT_FALSE(frames.find(100, false));
+}
+
+// A viewer that gives slow cameras time to deliver needs the frames of fast ones for as long.
+TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 33'000'000, kBack = 515'000'000;
+  for (uint64_t k = 0; k < 300; k++) {
+    ASSERT_EQ(frames.push(frame(k * kPeriod)), Pushed::kTaken);
+    if (k * kPeriod < kBack) continue;
+    const uint64_t wanted = k * kPeriod - kBack;
+    const std::optional<CameraFrame> found = frames.find(wanted, false);
+    ASSERT_TRUE(found);
+    if (k > 40) {
+      ASSERT_LE(time_between(found->time, wanted), kPeriod / 2) << k;
+    }
+    ASSERT_LE(frames.held(), kBack / kPeriod + 3);
+    ASSERT_EQ(frames.period(), kPeriod);
+    if (k != 299) continue;
+    const uint64_t before = wanted - kPeriod;  // as of an answer that is late by a frame
+    EXPECT_LE(time_between(frames.find(before, false)->time, before), kPeriod / 2);
+  }
+  for (uint64_t k = 300; k < 1000; k++) {  // it is forgotten when nobody looks back any more
+    frames.push(frame(k * kPeriod));
+    frames.find(k * kPeriod, false);
+  }
+  EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
+  frames.find(0, false);  // farther than is kept
+  frames.push(frame(1000 * kPeriod));
+  EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
+}
+
+// The longest capture delay of lf-serve.
+TEST(CameraFrames, LiveFramesAreKeptForRequestsThatLookTenSecondsBack) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 1'000'000'000 / 60, kBack = 10'000'000'000;
+  for (uint64_t k = 0; k < 2000; k++) {
+    frames.push(frame(k * kPeriod));
+    if (k * kPeriod < kBack) continue;
+    const uint64_t wanted = k * kPeriod - kBack;
+    const std::optional<CameraFrame> found = frames.find(wanted, false);
+    ASSERT_TRUE(found);
+    if (k > 1300) {
+      ASSERT_LE(time_between(found->time, wanted), kPeriod) << k;
+    }
+    ASSERT_LE(frames.held(), CameraFrames::kMostLiveFrames);
+  }
+}
+
+// All viewers would wait for a camera whose frames seem to be seconds apart.
+TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 66'000'000, kAway = 6'500'000'000;
+  for (uint64_t k = 0; k < 10; k++) frames.push(frame(k * kPeriod));
+  frames.lose_stream();
+  for (uint64_t k = 10; k < 20; k++) {
+    frames.push(frame(kAway + k * kPeriod));
+    EXPECT_EQ(frames.period(), kPeriod) << k;
+    EXPECT_GE(frames.mean_period(), frames.period()) << k;
+  }
+}
+
+TEST(CameraFrames, StoppingWakesBothSides) {
+  for (int i = 0; i < 50; i++) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(false);
+    std::thread camera([&] {
+      uint64_t t = 0;
+      while (frames.push(frame(t)) == Pushed::kTaken) t++;
+    });
+    std::thread requester([&] { frames.find(1'000'000'000'000, true); });
+    std::thread stopper([&] { frames.set_mode(Mode::kStopped); });
+    camera.join();
+    requester.join();
+    stopper.join();
+  }
+}
+
+TEST(CameraFrames, FinishingTellsTheCameraEos) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  std::atomic<Pushed> last{Pushed::kTaken};
+  std::thread camera([&] {
+    for (uint64_t t = 0; last == Pushed::kTaken; t++) last = frames.push(frame(t));
+  });
+  frames.set_mode(Mode::kFinished);
+  camera.join();
+  EXPECT_EQ(last, Pushed::kEnded);
+}
+
+// The next requester finds a camera that films now, even if all who asked before have ended.
+TEST(CameraFrames, LiveCamerasDoNotFinish) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  frames.set_mode(Mode::kFinished);
+  for (uint64_t t = 0; t < 10; t++) EXPECT_EQ(frames.push(frame(t)), Pushed::kTaken);
+  const auto found = frames.find(9, true);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->time, 9u);
+}
+
+// Frames are told apart, never opened.
+struct Compressed : CameraPicture {
+  int width() const override { return 8; }
+  int height() const override { return 8; }
+  bool is_compressed() const override { return true; }
+  bool takes_work(PixelFamily) const override { return true; }
+  std::shared_ptr<const ImageView> view(PixelFamily, const Rect&) override { return nullptr; }
+};
+CameraFrame compressed(uint64_t time, const std::shared_ptr<CameraPicture>& picture) {
+  CameraFrame f = frame(time);
+  f.picture = picture;
+  return f;
+}
+
+TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
+  for (const bool live : {false, true}) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(live);
+    const auto one = std::make_shared<Compressed>(), two = std::make_shared<Compressed>(),
+               three = std::make_shared<Compressed>();
+    frames.push(compressed(0, one));
+    frames.push(compressed(10, two));
+    EXPECT_EQ(frames.find(10, true)->picture, two);
+    ASSERT_EQ(frames.push_damaged(20), Pushed::kTaken);
+    const std::optional<CameraFrame> found = frames.find(20, true);
+    EXPECT_EQ(found->picture, two);
+    EXPECT_EQ(found->time, 10u) << "it is of another time, and says so";
+    ASSERT_EQ(frames.push(compressed(30, three)), Pushed::kTaken);
+    EXPECT_EQ(frames.find(30, true)->picture, three);
+    bool first = false;
+    const auto replaced = frames.replace_damaged(three.get(), &first);
+    ASSERT_TRUE(replaced);
+    EXPECT_EQ(replaced->picture, two);
+    EXPECT_TRUE(first);
+    EXPECT_EQ(frames.find(30, true)->picture, two) << "for all who ask from now on";
+    const auto again = frames.replace_damaged(three.get(), &first);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(again->picture, two) << "one that still had it";
+    EXPECT_FALSE(first);
+  }
+}
+
+TEST(CameraFrames, WithoutAFrameBeforeItADamagedOneIsNone) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  const auto picture = std::make_shared<Compressed>();
+  frames.push(compressed(0, picture));
+  EXPECT_FALSE(frames.replace_damaged(picture.get()));
+  EXPECT_FALSE(frames.find(0, true)->picture);
+}
+
+TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  frames.push(frame(3));
+  frames.end_stream();
+  frames.set_flushing(true);
+  EXPECT_EQ(frames.push(frame(4)), Pushed::kStopped);
+  frames.set_flushing(false);
+  EXPECT_EQ(frames.held(), 0u);
+  EXPECT_EQ(frames.push(frame(9)), Pushed::kTaken);
+  EXPECT_EQ(frames.find(9, true)->time, 9u);
+}
 
 std::shared_ptr<const Rig> rig_with(const std::vector<uint32_t>& ids) {
   Rig rig;

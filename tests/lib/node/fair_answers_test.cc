@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/worker_pool.h"
-#include "node/work_estimate.h"
+#include "node/node.h"
 
 namespace lf {
 namespace {

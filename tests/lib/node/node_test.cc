@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "node/node.h"
-
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include <gtest/gtest.h>
+
 #include "lib/focus/array_of_walls.h"
+#include "node/node.h"
 #include "render/gl/sum_drawer.h"
-#include "view/view_set.h"
+#include "view/view.h"
 
 namespace lf {
 namespace {
@@ -51,8 +50,8 @@ class NodeOfViews : public testing::Test {
     }
     node_.inputs().set_running(true);
     options_.live = live;
-    options_.codec = CodecChoice::kRaw16;
-    options_.resampling = Resampling::kSharpened;
+    options_.render.codec = CodecChoice::kRaw16;
+    options_.render.resampling = Resampling::kSharpened;
   }
 
   // A row of views of which one is too small to show what is sharpened, and one looks away.
@@ -96,7 +95,7 @@ class NodeOfViews : public testing::Test {
       EXPECT_EQ(together[i].answer.bytes, alone[i]) << i;
       EXPECT_EQ(together[i].warning, "");
     }
-    return options_.card ? options_.card->passes() : 0;
+    return options_.render.card ? options_.render.card->passes() : 0;
   }
 
   test::ArrayOfWalls walls_;
@@ -115,8 +114,8 @@ TEST_F(NodeOfViews, AnswersSeveralAsEachAlone) {
 
 TEST_F(NodeOfViews, AnswersSeveralOfAnAperture) {
   std::string why;
-  options_.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(options_.card) << why;
+  options_.render.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(options_.render.card) << why;
   start(true);
   std::vector<wire::AnyRequest> requests = set();
   for (wire::AnyRequest& request : requests)
@@ -154,8 +153,8 @@ TEST_F(NodeOfViews, AnswersSeveralWithoutAnyCamera) {
 TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsCard) {
   start(true);
   std::string why;
-  options_.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(options_.card) << why;
+  options_.render.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(options_.render.card) << why;
   // One has no map, so that what comes before and after it is in different passes; nothing is in the one that looks
   // away.
   EXPECT_EQ(expect_same(set()), 3u);
@@ -203,6 +202,53 @@ TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
   wire::AnyRequest any_time = requests[1];
   std::get<ViewRequest>(any_time).target_time = kNoTime;
   EXPECT_FALSE(Node::may_go_together(any_time, any_time)) << "each is of the newest frames";
+}
+
+using RequesterPtr = std::shared_ptr<Node::Requester>;
+
+TEST(ViewRequesters, EachViewKeepsItsOwn) {
+  const Node::Requester common;
+  ViewRequesters views(common);
+  const RequesterPtr three = views.of(3);
+  three->warned_of = 33;
+  EXPECT_EQ(views.of(4)->warned_of, 0u);
+  EXPECT_EQ(views.of(3), three);
+  EXPECT_EQ(three->cancelled, common.cancelled) << "one flag for all of them";
+  EXPECT_EQ(three->images, common.images);
+  views.clear();
+  EXPECT_EQ(views.of(3)->warned_of, 0u);
+}
+
+TEST(ViewRequesters, TheOneAskedForLongestAgoIsForgotten) {
+  ViewRequesters views{Node::Requester()};
+  for (uint32_t id = 0; id < 2 * ViewRequesters::kMostViews; id++) views.of(id)->warned_of = 1;
+  views.of(0);
+  views.of(1000);
+  EXPECT_EQ(views.of(0)->warned_of, 1u);
+  EXPECT_EQ(views.of(1)->warned_of, 0u);
+}
+
+TEST(ViewRequesters, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
+  ViewRequesters views{Node::Requester()};
+  views.of(1)->estimate.done(1000, 5000);
+  EXPECT_EQ(views.nanoseconds(1, 100), 500u);
+  EXPECT_EQ(views.nanoseconds(2, 100), 0u) << "not known";
+  views.of(2);
+  EXPECT_EQ(views.nanoseconds(2, 100), 0u);
+}
+
+// An answer may be left for those of any number of other views, and is taken up again.
+TEST(ViewRequesters, WhatIsInUseStaysWhenItIsForgotten) {
+  ViewRequesters views{Node::Requester()};
+  RequesterPtr held = views.of(1);
+  const std::weak_ptr<Node::Requester> watched = held;
+  held->warned_of = 11;
+  for (uint32_t id = 2; id < 2 + 3 * ViewRequesters::kMostViews; id++) views.of(id)->warned_of = id;
+  ASSERT_FALSE(watched.expired());
+  EXPECT_EQ(held->warned_of, 11u);
+  EXPECT_NE(views.of(1), held) << "forgotten all the same";
+  held.reset();
+  EXPECT_TRUE(watched.expired());
 }
 
 }  // namespace

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "quality/camera_monitor.h"
-
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <random>
 #include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "composite/still.h"
+#include "quality/camera_monitor.h"
 #include "quality/quality.h"
 #include "scene/scene.h"
 
@@ -162,6 +163,215 @@ TEST(CameraProbe, IsNeverLargerThanItsCamera) {
   EXPECT_EQ(make_probe(rig, 0, focused, {0}).predicted.out_of_service, CameraSet{0});
 }
 
-}  // namespace
+using Came = CameraTurns::Came;
 
+class CameraTurnsTest : public testing::Test {
+ protected:
+  CameraTurnsTest() {
+    shown_.view = {.width = 64, .height = 48, .lens = Lens::pinhole(50, 31.5, 23.5), .pose = {}, .focus = {}};
+    shown_.view.focus.plane = focal_plane_at(shown_.view.pose, kSceneMiddle);
+  }
+  CoveredPicture picture(const ViewRequest& probe, double gain = 1) const {
+    const View& view = probe.view;
+    CoveredPicture picture{render_scene({view.width, view.height, view.lens, view.pose}, 0), {}};
+    for (uint8_t& value : picture.rgb.data()) value = static_cast<uint8_t>(std::min(255., std::round(gain * value)));
+    picture.coverage.assign(static_cast<size_t>(view.width) * view.height, 1);
+    return picture;
+  }
+  // One turn of the next camera, whose own picture is that many times as bright.
+  Came turn(const CameraProbe& probe, double gain = 1) {
+    EXPECT_TRUE(turns_.expects(probe.seen));
+    EXPECT_EQ(turns_.take(probe.seen, picture(probe.seen, gain)), Came::kHalf);
+    EXPECT_TRUE(turns_.expects(probe.predicted));
+    return turns_.take(probe.predicted, picture(probe.predicted));
+  }
+
+  const Rig rig_ = scene_rig(3, 3, 80, 60);
+  ViewRequest shown_;
+  CameraTurns turns_;
+};
+
+TEST_F(CameraTurnsTest, LostProbesAreWaitedForAWhile) {
+  ASSERT_TRUE(turns_.next(rig_, shown_, 1));
+  for (unsigned i = 0; i < CameraTurns::kPatience; i++) EXPECT_FALSE(turns_.next(rig_, shown_, 1)) << i;
+  EXPECT_TRUE(turns_.next(rig_, shown_, 1));
+  turns_.lose();
+  EXPECT_TRUE(turns_.next(rig_, shown_, 1));
+}
+
+TEST_F(CameraTurnsTest, ProbesThatAreNotOfTheTurn) {
+  ViewRequest other;
+  EXPECT_FALSE(turns_.expects(other)) << "nothing is asked";
+  const auto probe = turns_.next(rig_, shown_, 1);
+  ASSERT_TRUE(probe);
+  other = probe->seen;
+  other.view.pose.position.x += 1;
+  EXPECT_FALSE(turns_.expects(other)) << "somebody else's";
+  EXPECT_TRUE(turns_.expects(probe->seen)) << "that changes nothing";
+  EXPECT_FALSE(turns_.expects(probe->predicted)) << "there is nothing to compare it with";
+  EXPECT_FALSE(turns_.expects(probe->seen)) << "the turn is over";
+  EXPECT_EQ(turns_.monitor()->turns(), 0u);
+}
+
+TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
+  turn(*turns_.next(rig_, shown_, 1));
+  EXPECT_EQ(turns_.monitor()->turns(), 1u);
+  EXPECT_TRUE(turns_.next(scene_rig(2, 2, 80, 60), shown_, 1));
+  EXPECT_EQ(turns_.monitor()->cameras(), 4u);
+  EXPECT_EQ(turns_.monitor()->turns(), 0u);
+}
+
+// The scene is known to the last bit here, so that all other cameras are predicted without any error.
+TEST_F(CameraTurnsTest, ADarkerCameraComesToBeSuspected) {
+  constexpr CameraIndex kDark = 4;
+  Came latest = Came::kTurn;
+  for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != Came::kOtherSuspects; i++) {
+    const auto probe = turns_.next(rig_, shown_, 1);
+    ASSERT_TRUE(probe);
+    latest = turn(*probe, probe->camera == kDark ? 0.8 : 1);
+  }
+  EXPECT_EQ(latest, Came::kOtherSuspects);
+  EXPECT_EQ(turns_.monitor()->suspects(),
+            std::vector<CameraMonitor::Suspect>({{kDark, CameraMonitor::Fault::kColour}}));
+}
+
+std::vector<double> even(double first, double period, int count) {
+  std::vector<double> times;
+  for (int i = 0; i < count; i++) times.push_back(first + period * i);
+  return times;
+}
+
+TEST(FrameTimes, EvenFramesHaveARateAndNothingElse) {
+  const FrameTimes times = measure_frame_times(even(1e5, 1 / 30.0, 90));
+  EXPECT_EQ(times.frames, 90u);
+  EXPECT_NEAR(times.rate(), 30, 1e-6);
+  EXPECT_NEAR(times.first, 1e5, 1e-8);
+  EXPECT_LT(times.jitter, 1e-8);
+  EXPECT_EQ(times.missing, 0u);
+  EXPECT_EQ(times.backwards, 0u);
+}
+
+TEST(FrameTimes, MissingFramesAreCountedAndDoNotChangeTheRate) {
+  std::vector<double> times = even(3, 0.04, 100);
+  times.erase(times.begin() + 60, times.begin() + 63);
+  times.erase(times.begin() + 10);
+  const FrameTimes measured = measure_frame_times(times);
+  EXPECT_EQ(measured.missing, 4u);
+  EXPECT_NEAR(measured.period, 0.04, 1e-9);
+}
+
+TEST(FrameTimes, JitterIsThatOfTheStamps) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 0.002);
+  std::vector<double> times = even(0, 1 / 15.0, 300);
+  for (double& time : times) time += noise(random);
+  const FrameTimes measured = measure_frame_times(times);
+  EXPECT_NEAR(measured.jitter, 0.002, 0.0003);
+  EXPECT_NEAR(measured.rate(), 15, 0.01);
+  EXPECT_EQ(measured.missing, 0u);
+}
+
+TEST(FrameTimes, TimesThatGoBackAreCountedAndLeftOut) {
+  std::vector<double> times = even(0, 0.1, 20);
+  times[10] = times[8];
+  const FrameTimes measured = measure_frame_times(times);
+  EXPECT_EQ(measured.backwards, 1u);
+  EXPECT_NEAR(measured.period, 0.1, 1e-9);
+  EXPECT_EQ(measured.missing, 1u) << "the frame came, but nobody knows when it was taken";
+}
+
+TEST(FrameTimes, FewFramesTellNothing) {
+  for (int count = 0; count < 3; count++) EXPECT_EQ(measure_frame_times(even(0, 0.1, count)).period, 0) << count;
+}
+
+TEST(Skew, IsThatOfTheCamerasWhereverTheirPhasesWrap) {
+  const double period = 0.04;
+  for (const double shift : {0.0, 0.013, 0.0199, 0.039}) {
+    const std::vector<FrameTimes> cameras = {measure_frame_times(even(shift, period, 50)),
+                                             measure_frame_times(even(shift + 0.004 + period, period, 50)),
+                                             measure_frame_times(even(shift - 0.004, period, 50))};
+    const Skew skew = measure_skew(cameras);
+    EXPECT_NEAR(skew.phase[0], 0, 1e-9) << shift;
+    EXPECT_NEAR(skew.phase[1], 0.004, 1e-9) << shift;
+    EXPECT_NEAR(skew.phase[2], -0.004, 1e-9) << shift;
+    EXPECT_NEAR(skew.spread, 0.008, 1e-9);
+    EXPECT_NEAR(skew.drift, 0, 1e-9);
+  }
+}
+
+TEST(Skew, LeavesOutOtherRatesAndTellsDrift) {
+  const std::vector<FrameTimes> cameras = {
+      measure_frame_times(even(0, 0.04, 50)), measure_frame_times(even(0, 0.040004, 50)), FrameTimes{},
+      measure_frame_times(even(0, 0.1, 50)), measure_frame_times(even(0.01, 0.04, 50))};
+  const Skew skew = measure_skew(cameras);
+  EXPECT_TRUE(std::isnan(skew.phase[2]));
+  EXPECT_TRUE(std::isnan(skew.phase[3]));
+  EXPECT_NEAR(skew.drift, 1e-4, 1e-9);
+  EXPECT_NEAR(skew.phase[4] - skew.phase[0], 0.01, 1e-4);
+  EXPECT_TRUE(measure_skew({}).phase.empty());
+}
+
+// Four cameras that look at one scene, with noise; parts are bright and dark in turn.
+class WaveTest : public testing::Test {
+ protected:
+  // What changes a camera's parts, for so many seconds.
+  template <typename Change>
+  void pass(double seconds, Change change) {
+    for (const double end = time_ + seconds; time_ < end; time_ += 0.2)
+      for (size_t camera = 0; camera < 4; camera++) {
+        std::vector<float> parts(48);
+        for (size_t i = 0; i < parts.size(); i++) parts[i] = (i % 2 ? 0.7f : 0.3f) + noise_(random_);
+        change(camera, parts);
+        finder_.see(camera, parts, time_);
+      }
+  }
+  static void nothing(size_t, std::vector<float>&) {}
+  std::mt19937 random_{1};
+  std::normal_distribution<float> noise_{0, 0.01f};
+  double time_ = 100;
+  WaveFinder finder_{4};
+};
+
+TEST_F(WaveTest, FindsTheCameraBehindTheHandUntilItGoes) {
+  pass(2, nothing);
+  EXPECT_EQ(finder_.found(), std::nullopt);
+  for (const size_t which : {2, 0}) {
+    pass(1, [=](size_t camera, std::vector<float>& parts) {
+      if (camera == which) std::fill(parts.begin(), parts.end(), 0.15f);
+    });
+    EXPECT_EQ(finder_.found(), which);
+    EXPECT_GT(finder_.change(which), 0.15);
+    pass(1, nothing);
+    EXPECT_EQ(finder_.found(), std::nullopt);
+  }
+}
+
+TEST_F(WaveTest, IsNotFooledByWhatAllSeeOrByLight) {
+  pass(2, nothing);
+  pass(1, [](size_t, std::vector<float>& parts) { std::fill(parts.begin(), parts.begin() + 24, 0.1f); });
+  EXPECT_EQ(finder_.found(), std::nullopt) << "somebody walks past";
+  pass(30, nothing);
+  pass(1, [](size_t camera, std::vector<float>& parts) {
+    for (float& part : parts) part += camera == 1 ? 0.1f : 0.f;
+  });
+  EXPECT_EQ(finder_.found(), std::nullopt) << "a camera's exposure";
+}
+
+TEST_F(WaveTest, WhatStaysBecomesUsual) {
+  const auto covered = [](size_t camera, std::vector<float>& parts) {
+    if (camera == 3) std::fill(parts.begin(), parts.end(), 0.1f);
+  };
+  pass(2, nothing);
+  pass(1, covered);
+  EXPECT_EQ(finder_.found(), 3u);
+  pass(60, covered);
+  EXPECT_EQ(finder_.found(), std::nullopt);
+}
+
+TEST(Wave, NobodyIsFoundWhereNobodyIs) {
+  EXPECT_EQ(WaveFinder(0).found(), std::nullopt);
+  EXPECT_EQ(WaveFinder(1).found(), std::nullopt);
+}
+
+}  // namespace
 }  // namespace lf

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
 

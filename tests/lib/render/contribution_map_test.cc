@@ -10,24 +10,13 @@
 #include "geometry/pose.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
+#include "support/rigs.h"
 
 namespace lf {
 
 namespace {
 
-Rig grid(int rows, int columns) {
-  Rig rig;
-  for (int i = 0; i < rows * columns; i++) {
-    Camera camera;
-    camera.id = static_cast<uint32_t>(i);
-    camera.width = camera.height = 64;
-    camera.lens = Lens::pinhole(60, 31.5, 31.5);
-    camera.pose.position = {0.1 * (i % columns), 0.1 * (i / columns), 0};
-    rig.cameras.push_back(camera);
-  }
-  rig.topology = {Topology::Type::kGrid, rows, columns, {}};
-  return rig;
-}
+Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 64, 64, 60); }
 
 // From behind the array: all faces are in sight, seen by 64x64 pixels.
 View from_behind(const Rig& rig, double distance) {

@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/focus_range.h"
+#include "support/rigs.h"
 
 #include <gtest/gtest.h>
 
 namespace lf {
 namespace focus_range_test {
 
-Rig grid(int rows, int columns) {
-  Rig rig;
-  for (int i = 0; i < rows * columns; i++) {
-    Camera camera;
-    camera.id = static_cast<uint32_t>(i);
-    camera.width = 160;
-    camera.height = 120;
-    camera.lens = Lens::pinhole(150, 79.5, 59.5);
-    camera.pose.position = {0.05 * (i % columns), 0.05 * (i / columns), 0};
-    rig.cameras.push_back(camera);
-  }
-  rig.topology = {Topology::Type::kGrid, rows, columns, {}};
-  return rig;
-}
+Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.05, 160, 120, 150); }
 
 // Random squares of 2 cm on two walls: z = 0.8 on the left, z = 2 on the right of x = 0.
 uint8_t wall(double x, double y) {

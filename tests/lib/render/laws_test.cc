@@ -14,8 +14,7 @@
 #include "reference/renderer.h"
 #include "render/ownership.h"
 #include "rig/rig_json.h"
-#include "support/camera_part.h"
-#include "support/rounded_sum.h"
+#include "support/fragments.h"
 
 namespace lf {
 namespace {

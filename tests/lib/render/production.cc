@@ -6,7 +6,7 @@
 #include "composite/accumulator.h"
 #include "composite/still.h"
 #include "image/image.h"
-#include "support/camera_part.h"
+#include "support/fragments.h"
 
 namespace lf::test {
 

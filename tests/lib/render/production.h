@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "image/image.h"
-#include "reference/float_still.h"
+#include "reference/float_renderer.h"
 #include "render/ownership.h"
 #include "render/sum_planes.h"
 #include "render/view_plan.h"

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "composite/rows.h"
+#include "composite/resolve.h"
 
 namespace lf {
 

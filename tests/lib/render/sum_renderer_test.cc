@@ -1,83 +1,160 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/sum_renderer.h"
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <numbers>
+#include <numeric>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <memory>
-
 #include <hwy/targets.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
-#include "lib/render/sum_errors.h"
-#include "reference/hard_cases.h"
+#include "reference/float_renderer.h"
+#include "reference/generators.h"
 #include "reference/renderer.h"
+#include "render/ownership.h"
+#include "render/sum_renderer.h"
+#include "scene/scene.h"
+#include "support/every_target.h"
 
 namespace lf {
 namespace {
 
 using reference::Random;
-using test::checkerboard, test::compare, test::depths, test::FloatSum, test::jittered_array, test::sources_of,
-    test::Sum, test::view_into, test::Worst;
+using test::depths, test::jittered_array, test::sources_of, test::Sum, test::view_into;
+
+// How far SumRenderer's sums are from those in exact arithmetic.
+
+Image checkerboard(Random& random, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  (void)random;
+  return image;
+}
+
+struct Worst {
+  double level = 0, chroma = 0, lost = 0;
+  int64_t pixels = 0;
+};
+
+// Sums of render_float() over the view, per plane: R, G, B or Y, Cb, Cr.
+struct FloatSum {
+  FloatSum(const Rig& rig, const test::Production& production, const std::vector<Image>& images) {
+    const View& view = production.plan.view();
+    const bool i420 = images.front().family() == PixelFamily::kI420;
+    width = view.width;
+    for (int c = 0; c < 3; c++) {
+      stride[c] = i420 && c > 0 ? chroma_size(width) : width;
+      plane[c].resize(static_cast<size_t>(stride[c]) * (i420 && c > 0 ? chroma_size(view.height) : view.height));
+    }
+    lost.resize(static_cast<size_t>(width) * view.height);
+    for (const CameraIndex i : production.plan.contributors()) {
+      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view());
+      if (!f) continue;
+      const Rect& rect = f->rect;
+      size_t from = 0;
+      for (int y = rect.y0; y < rect.y1; y++)
+        for (int x = rect.x0; x < rect.x1; x++, from++) {
+          lost[y * width + x] += f->lost[from];
+          for (int c = 0; c < 3 && !i420; c++) plane[c][y * width + x] += f->colour[3 * from + c];
+          if (i420) plane[0][y * width + x] += f->colour[from];
+        }
+      for (int c = 1; c < 3 && i420; c++)
+        for (int y = 0; y < chroma_size(rect.height()); y++)
+          for (int x = 0; x < chroma_size(rect.width()); x++, from++)
+            plane[c][(rect.y0 / 2 + y) * stride[c] + rect.x0 / 2 + x] += f->colour[from];
+    }
+  }
+  int width;
+  int stride[3];
+  std::vector<double> plane[3], lost;
+};
+
+// Beside render_float(), in sums that are not divided by what was lost.
+void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+             Coordinates coordinates, Worst& worst) {
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  const FloatSum expected(rig, production, images);
+  const OwnerRuns runs(production.plan, test::whole(view));
+  auto sources = sources_of(rig, production.plan, images);
+  const SumRenderer renderer(production.plan, runs, sources, family, coordinates);
+  const Rect& rect = renderer.rect();
+  if (rect.empty()) return;
+  Sum sum(family, rect);
+  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, sum.planes);
+  bool expect_lost = false;
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) {
+      worst.pixels++;
+      const double lost = expected.lost[y * view.width + x];
+      expect_lost = expect_lost || lost > 1e-4;
+      worst.lost = std::max(worst.lost, std::abs(sum.lost_weight(x, y) - lost));
+    }
+  EXPECT_TRUE(any_lost || !expect_lost);
+  for (int c = 0; c < 3; c++) {
+    const int shift = family == PixelFamily::kI420 && c > 0 ? 1 : 0;
+    for (int y = rect.y0 >> shift; y < (rect.y1 + shift) >> shift; y++)
+      for (int x = rect.x0 >> shift; x < (rect.x1 + shift) >> shift; x++) {
+        const int16_t value =
+            sum.planes.plane[c][(y - (rect.y0 >> shift)) * sum.planes.stride[c] + x - (rect.x0 >> shift)];
+        const double error = std::abs(value / 128.0 - expected.plane[c][y * expected.stride[c] + x]);
+        double& largest = shift ? worst.chroma : worst.level;
+        largest = std::max(largest, error);
+      }
+  }
+}
 
 constexpr Blending kNarrow{Blending::Kind::kAperture, 0.25, 0}, kWide{Blending::Kind::kAperture, 0.8, 0},
     kByAngle{Blending::Kind::kAngle, 0, 4};
 
+// The largest errors of four views, of pictures that are `hard` or smooth, are within the bound.
+void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard, bool mapped) {
+  Worst worst;
+  for (int trial = 0; trial < 4; trial++) {
+    Random random(trial);
+    const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+    const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+    View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+    if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+    const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+    compare(rig, view, images, family, coordinates, worst);
+  }
+  std::printf("%s %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+              family == PixelFamily::kI420 ? "I420" : "RGB ",
+              mapped                              ? "map"
+              : coordinates == Coordinates::kGrid ? "grid"
+                                                  : "exact",
+              hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
+  EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+  EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
+  EXPECT_LE(worst.lost, 1e-4);
+}
+
 TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
+  test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
-        for (const bool hard : {false, true}) {
-          Worst worst;
-          for (int trial = 0; trial < 4; trial++) {
-            Random random(trial);
-            const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
-            const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-            const View view = view_into(rig, side, width, height, random.small_rotation(0.2));
-            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
-            compare(rig, view, images, family, coordinates, worst);
-          }
-          std::printf("%-8s %s %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-                      hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
-                      coordinates == Coordinates::kGrid ? "grid" : "exact", hard ? "checkerboard" : "smooth",
-                      worst.level, worst.chroma, worst.lost, long(worst.pixels));
-          EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
-          EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
-          EXPECT_LE(worst.lost, 1e-4);
-        }
-    hwy::SetSupportedTargetsForTest(0);
-  }
+        for (const bool hard : {false, true}) expect_within_bound(family, coordinates, hard, false);
+  });
 }
 
 TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
+  test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (const bool hard : {false, true}) {
-        Worst worst;
-        for (int trial = 0; trial < 4; trial++) {
-          Random random(trial);
-          const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
-          const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-          View view = view_into(rig, side, width, height, random.small_rotation(0.2));
-          view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
-          const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
-          compare(rig, view, images, family, Coordinates::kGrid, worst);
-        }
-        std::printf("%-8s %s map   %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-                    hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
-                    hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
-        EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
-        EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
-        EXPECT_LE(worst.lost, 1e-4);
-      }
-    hwy::SetSupportedTargetsForTest(0);
-  }
+      for (const bool hard : {false, true}) expect_within_bound(family, Coordinates::kGrid, hard, true);
+  });
 }
 
 // The yardstick of the above beside the reference.
@@ -125,8 +202,7 @@ TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
 
 // All ways to blend: tens of cameras a pixel add up as well as three do.
 TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
+  test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const Blending blending : {kNarrow, kWide, kByAngle}) {
         Worst worst;
@@ -140,16 +216,14 @@ TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
           const auto images = images_of(rig, random, reference::smooth_image);
           compare(rig, view, images, family, trial == 2 ? Coordinates::kExact : Coordinates::kGrid, worst);
         }
-        std::printf("%-8s %s kind %d %.1f m: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-                    hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
-                    static_cast<int>(blending.kind), blending.aperture, worst.level, worst.chroma, worst.lost,
-                    long(worst.pixels));
+        std::printf("%s kind %d %.1f m: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+                    family == PixelFamily::kI420 ? "I420" : "RGB ", static_cast<int>(blending.kind), blending.aperture,
+                    worst.level, worst.chroma, worst.lost, long(worst.pixels));
         EXPECT_LE(worst.level, 0.15);
         EXPECT_LE(worst.chroma, 0.15);
         EXPECT_LE(worst.lost, 1e-4);
       }
-    hwy::SetSupportedTargetsForTest(0);
-  }
+  });
 }
 
 // 64 cameras of white and of the strongest colours overflow nothing, and two nodes' sums add up to the sum of both.
@@ -193,6 +267,235 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
           }
         }
     }
+}
+
+// An image whose planes end where memory does or, `at_front`, begin where it does.
+class GuardedImage {
+ public:
+  GuardedImage(const ImageView& from, bool at_front) : view_(from) {
+    const bool i420 = from.family == PixelFamily::kI420;
+    for (int c = 0; c < (i420 ? 3 : 1); c++) {
+      const int rows = c > 0 ? chroma_size(from.height) : from.height;
+      const int width = c > 0 ? chroma_size(from.width) : i420 ? from.width : 3 * from.width;
+      const size_t page = static_cast<size_t>(sysconf(_SC_PAGESIZE)), size = static_cast<size_t>(rows) * width;
+      const size_t pages = (size + page - 1) / page * page;
+      auto* const memory = static_cast<uint8_t*>(
+          mmap(nullptr, pages + 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+      EXPECT_NE(static_cast<void*>(memory), MAP_FAILED);
+      memory_.push_back({memory, pages + 2 * page});
+      uint8_t* const plane = memory + page + (at_front ? 0 : pages - size);
+      for (int y = 0; y < rows; y++) std::copy_n(from.plane[c] + y * from.stride[c], width, plane + y * width);
+      mprotect(memory, page, PROT_NONE);
+      mprotect(memory + page + pages, page, PROT_NONE);
+      view_.plane[c] = plane;
+      view_.stride[c] = width;
+    }
+  }
+  GuardedImage(const GuardedImage&) = delete;
+  GuardedImage& operator=(const GuardedImage&) = delete;
+  ~GuardedImage() {
+    for (const auto& [memory, size] : memory_) munmap(memory, size);
+  }
+  const ImageView& view() const { return view_; }
+
+ private:
+  ImageView view_;
+  std::vector<std::pair<uint8_t*, size_t>> memory_;
+};
+
+// Views that see all of the cameras' borders, at several scales.
+TEST(SumRenderer, ReadsNothingOutsideOfImages) {
+  test::on_every_target([] {
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (int trial = 0; trial < 12; trial++) {
+        Random random(trial);
+        const int width = trial % 2 ? 93 : 96, height = trial % 2 ? 71 : 72;
+        const Rig rig = jittered_array(random, 3, width, height, trial % 3 == 0 ? 0 : -0.1);
+        View view = view_into(rig, 3, width, height, random.small_rotation(0.1));
+        view.lens = Lens::pinhole(width * random.uniform(0.6, 1.4), (width - 1) / 2.0, (height - 1) / 2.0);
+        if (trial % 4) view.focus.map = depths(random, view, FocalMap::kFinestStep, trial % 4 == 3);
+        const Mesh mesh = build_mesh(rig);
+        const test::Production production(rig, mesh, view);
+        const auto rgb = images_of(rig, random, reference::noise_image);
+        const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+        const std::vector<Source> sources = sources_of(rig, production.plan, images);
+        for (const bool at_front : {false, true}) {
+          std::vector<std::unique_ptr<GuardedImage>> guarded;
+          std::vector<Source> all = sources;
+          for (Source& source : all) {
+            guarded.push_back(std::make_unique<GuardedImage>(source.image, at_front));
+            source.image = guarded.back()->view();
+          }
+          const SumRenderer renderer(production.plan, production.owners.runs(), all, family);
+          Sum sum(family, renderer.rect());
+          renderer.render_rows(renderer.rect().y0, renderer.rect().y1, sum.planes);
+        }
+      }
+  });
+}
+
+// Sums of views that see their cameras' pixels larger or smaller than the cameras do, turned in any way.
+
+class SumScales : public testing::Test {
+ protected:
+  void TearDown() override {
+    hwy::SetSupportedTargetsForTest(0);
+    std::printf("level error %.3f, chroma %.3f\n", worst_.level, worst_.chroma);
+  }
+  // A view of its own for each number n. `scale`: pixels of a camera from pixel to pixel; `turn`: of the view, radians.
+  void check(int n, Random& random, double scale, double turn, bool mapped) {
+    hwy::SetSupportedTargetsForTest(targets_[static_cast<size_t>(n) % targets_.size()]);
+    const Rig rig = jittered_array(random, kSide, kWidth, kHeight, n % 5 ? 0 : -0.25);
+    View view = view_into(rig, kSide, random.integer(60, 150), random.integer(40, 100),
+                          Quat(std::cos(turn / 2), 0, 0, std::sin(turn / 2)) * random.small_rotation(0.05));
+    view.lens = Lens::pinhole(1.25 * kWidth / scale, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
+    view.pose.position.z = random.uniform(-0.1, 0);
+    if (mapped) view.focus.map = depths(random, view, FocalMap::kFinestStep, n % 8 > 5);
+    const auto images = images_of(rig, random, reference::smooth_image);
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb}) {
+      Worst worst;
+      compare(rig, view, images, family, Coordinates::kGrid, worst);
+      EXPECT_LE(std::max(worst.level, worst.chroma), 0.15)
+          << "scale " << scale << ", view " << n << ", turned by " << turn << (mapped ? ", map" : ", plane")
+          << (family == PixelFamily::kI420 ? ", I420" : ", RGB");
+      EXPECT_LE(worst.lost, 1e-4) << "scale " << scale << ", view " << n;
+      worst_.level = std::max(worst_.level, worst.level);
+      worst_.chroma = std::max(worst_.chroma, worst.chroma);
+    }
+  }
+
+ private:
+  static constexpr int kSide = 3, kWidth = 160, kHeight = 120;
+  const std::vector<int64_t> targets_ = hwy::SupportedAndGeneratedTargets();
+  Worst worst_;
+};
+
+// `LF_SCALES`: how many scales.
+TEST_F(SumScales, AreAllWithinTheBound) {
+  const char* const asked = std::getenv("LF_SCALES");
+  const int scales = asked ? std::atoi(asked) : 250;
+  constexpr double kLeast = 0.15, kLargest = 6;
+  for (int n = 0; n < scales; n++) {
+    Random random(n);
+    const double scale = kLeast * std::pow(kLargest / kLeast, (n + random.uniform(0, 1)) / scales);
+    check(n, random, scale, (n % 3 ? 0.02 : std::numbers::pi) * random.uniform(-1, 1), n % 4 > 1);
+  }
+}
+
+// At the end of what 16 bits hold of a block's width.
+TEST_F(SumScales, TwoPixelsForOneAre) {
+  for (int n = 0; n < 40; n++) {
+    Random random(n);
+    check(n, random, random.uniform(1.9, 2.1), 0, false);
+  }
+}
+
+std::vector<Rect> tiles_of(const RenderJob& job, PixelFamily family, size_t spare_pixels) {
+  return sum_tiles(job.plan(), job.runs(), job.cameras(), family, spare_pixels);
+}
+
+size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
+
+size_t total(const std::vector<Rect>& tiles) {
+  size_t sum = 0;
+  for (const Rect& tile : tiles) sum += area(tile);
+  return sum;
+}
+
+// Which pixels one of the cameras has a weight in.
+std::vector<bool> weighted(const test::Production& production, const std::vector<CameraIndex>& cameras) {
+  const View& view = production.plan.view();
+  std::vector<bool> out(static_cast<size_t>(view.width) * view.height);
+  for (const auto& own : production.own_weights())
+    if (std::ranges::binary_search(cameras, own.camera))
+      for (size_t i = 0; i < out.size(); i++)
+        if (own.weight[i] != 0) out[i] = true;
+  return out;
+}
+
+TEST(SumTiles, HoldEveryPixelOnce) {
+  for (int trial = 0; trial < 24; trial++) {
+    SCOPED_TRACE(trial);
+    Random random(trial);
+    const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
+    View view = view_into(rig, 5, trial % 3 == 1 ? 157 : 160, trial % 3 == 2 ? 119 : 120, random.small_rotation(0.3));
+    if (trial % 4 == 2) view.lens = Lens(LensModel::kSimpleRadial, {200, 79.5, 59.5, -0.1});
+    if (trial % 4 == 3) view.blending = Blending{Blending::Kind::kAperture, 0.1, 0};
+    std::vector<CameraIndex> own;
+    for (CameraIndex camera = 0; camera < rig.cameras.size(); camera++)
+      if (random.uniform(0, 1) < (trial % 2 ? 0.1 : 0.4)) own.push_back(camera);
+    const Mesh mesh = build_mesh(rig);
+    const RenderJob job(rig, mesh, view, own);
+    const std::vector<bool> wanted = weighted({rig, mesh, view}, own);
+    size_t before = SIZE_MAX;
+    for (const size_t spare : {size_t{0}, size_t{300}, size_t{5000}}) {
+      const std::vector<Rect> tiles = tiles_of(job, PixelFamily::kI420, spare);
+      std::vector<int> there(wanted.size());
+      for (const Rect& tile : tiles) {
+        EXPECT_FALSE(tile.empty());
+        EXPECT_EQ(tile, chroma_aligned(tile, view));
+        EXPECT_EQ(intersect(tile, job.runs().region()), tile);
+        for (int y = tile.y0; y < tile.y1; y++)
+          for (int x = tile.x0; x < tile.x1; x++) there[static_cast<size_t>(y) * view.width + x]++;
+      }
+      for (size_t i = 0; i < wanted.size(); i++) {
+        ASSERT_LE(there[i], 1) << i;
+        if (wanted[i]) {
+          ASSERT_EQ(there[i], 1) << i % view.width << ", " << i / view.width;
+        }
+      }
+      EXPECT_TRUE(std::ranges::is_sorted(tiles, {}, &Rect::y0));
+      EXPECT_LE(tiles.size(), before) << "what may be spared makes fewer of them";
+      before = tiles.size();
+    }
+  }
+}
+
+TEST(SumTiles, OneCameraSendsLessThanItsBounds) {
+  Random random(3);
+  const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
+  const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
+  const std::vector<CameraIndex> own{12};
+  const RenderJob job(rig, build_mesh(rig), view, own);
+  const Rect bounds = CameraCorners(job.plan(), 12).owned(job.runs(), job.plan().camera_rect(12));
+  const std::vector<Rect> tight = tiles_of(job, PixelFamily::kRgb, 0);
+  EXPECT_GT(tight.size(), 3u);
+  EXPECT_LT(total(tight), area(bounds) * 9 / 10);
+  EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20), std::vector{bounds});
+}
+
+TEST(SumTiles, CamerasFarApartHaveTilesOfTheirOwn) {
+  Random random(4);
+  const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
+  const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
+  const RenderJob job(rig, build_mesh(rig), view, std::vector<CameraIndex>{5, 9});  // at both ends of a row
+  const std::vector<Rect> apart = tiles_of(job, PixelFamily::kRgb, 1000);
+  EXPECT_EQ(apart.size(), 2u);
+  EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20).size(), 1u);
+}
+
+// Of 96x64 pixels.
+View view_from(const Vec3& position) {
+  return {96,
+          64,
+          Lens(LensModel::kPinhole, {100, 100, 47.5, 31.5}),
+          {.position = position},
+          {plane_through({0, 0, kSceneMiddle}, {0, 0, 1})}};
+}
+
+TEST(SumTiles, AllCamerasAreOneRectangle) {
+  const Rig rig = scene_rig(4, 4, 64, 48);
+  std::vector<CameraIndex> all(16);
+  std::iota(all.begin(), all.end(), 0);
+  EXPECT_EQ(tiles_of({rig, build_mesh(rig), view_from({0, 0, -0.01}), all}, PixelFamily::kI420, 0),
+            (std::vector<Rect>{{0, 0, 96, 64}}));
+}
+
+TEST(SumTiles, NobodyHasNone) {
+  const Rig rig = scene_rig(4, 4, 64, 48);
+  EXPECT_TRUE(
+      tiles_of({rig, build_mesh(rig), view_from({5, 0, -0.01}), std::vector<CameraIndex>{0, 1}}, PixelFamily::kRgb, 0)
+          .empty());
 }
 
 }  // namespace

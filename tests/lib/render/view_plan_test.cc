@@ -1,17 +1,207 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-//
-// The plan, pixel ownership and the job of a node; the laws and hard cases are in laws_test.cc and hard_cases_test.cc.
-#include "render/view_plan.h"
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
 
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "render/ownership.h"
+#include "render/view_plan.h"
 #include "scene/scene.h"
-#include "support/camera_part.h"
+#include "support/expect_error.h"
+#include "support/fragments.h"
 
 namespace lf {
 namespace {
+
+TEST(Rays, PinholeRaysAreComputed) {
+  const Lens lens(LensModel::kPinhole, {100, 200, 9.5, 4.5});
+  const Rays rays(lens, 20, 10);
+  EXPECT_TRUE(rays.separable());
+  EXPECT_NEAR(rays.at(0, 0).x, -0.095, 1e-15);
+  EXPECT_NEAR(rays.at(0, 0).y, -0.0225, 1e-15);
+  EXPECT_NEAR(rays.at_centre_of_four(2, 2).x, (2.5 - 9.5) / 100, 1e-15);
+}
+
+TEST(Rays, DistortedRaysProjectBackToTheirPixels) {
+  const Lens lens(LensModel::kRadial, {30, 9.5, 7.5, -0.2, 0.04});
+  const Rays rays(lens, 20, 16);
+  EXPECT_FALSE(rays.separable());
+  for (int y = 0; y < 16; y++)
+    for (int x = 0; x < 20; x++) {
+      const Vec2 ray = rays.at(x, y);
+      const std::optional<Vec2> pixel = lens.project(Vec3(ray, 1));
+      ASSERT_TRUE(pixel) << x << ", " << y;
+      EXPECT_NEAR(pixel->x, x, 1e-9);
+      EXPECT_NEAR(pixel->y, y, 1e-9);
+    }
+}
+
+TEST(Rays, PixelsBeyondTheFoldHaveNone) {
+  const Lens lens(LensModel::kSimpleRadial, {10, 31.5, 31.5, -0.5});  // sees a disc only
+  const Rays rays(lens, 64, 64);
+  EXPECT_TRUE(std::isnan(rays.at(0, 0).x));
+  EXPECT_FALSE(std::isnan(rays.at(32, 32).x));
+}
+
+// A table of a large view takes seconds: it is made in parts, which others may go between.
+TEST(Rays, TablesAreMadeInParts) {
+  const Lens lens(LensModel::kRadial, {300, 99.5, 70.25, -0.21, 0.0417});
+  size_t parts = 0;
+  const Rays in_parts(lens, 200, 141, [&parts](size_t count, const std::function<void(size_t)>& task) {
+    parts += count;
+    for (size_t i = count; i-- > 0;) task(i);
+  });
+  EXPECT_GE(parts, 100u);
+  for (int y = 0; y < 141; y++)
+    for (int x = 0; x < 200; x++) {
+      const Vec2 ray = in_parts.at(x, y), alone = *lens.unproject({x, y});
+      ASSERT_EQ(std::memcmp(&ray, &alone, sizeof ray), 0) << x << ", " << y;
+    }
+}
+
+TEST(Rays, TheTableOfALensIsMadeOnce) {
+  const Lens lens(LensModel::kRadial, {301, 99.5, 70.25, -0.21, 0.0417}), other = lens.shifted({1, 0});
+  size_t made = 0;
+  const ParallelFor counted = [&made](size_t count, const std::function<void(size_t)>& task) {
+    made++;
+    serial_for(count, task);
+  };
+  const Rays first(lens, 64, 48, counted);
+  const Rays again(lens, 64, 48, counted);
+  EXPECT_EQ(made, 1u);
+  const Rays larger(lens, 65, 48, counted), beside(other, 64, 48, counted);
+  EXPECT_EQ(made, 3u);
+  EXPECT_EQ(first.at(20, 30), again.at(20, 30));
+  EXPECT_NE(first.at(20, 30), beside.at(20, 30));
+}
+
+TEST(Rays, ChromaOfTheLastOddPixelIsThatPixels) {
+  for (const double k1 : {0.0, -0.1}) {
+    const Rays rays(Lens(LensModel::kSimpleRadial, {30, 2, 2, k1}), 5, 5);
+    EXPECT_EQ(rays.at_centre_of_four(4, 4), rays.at(4, 4));
+  }
+}
+
+constexpr int kWidth = 70, kHeight = 50;
+
+// The bounding rectangle of the pixels in which every half-plane is >= 0, by looking at each.
+Rect brute_force(const Rays& rays, const std::vector<Vec3>& half_planes) {
+  Rect rect;
+  for (int y = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++) {
+      const Vec3 d(rays.at(x, y), 1);
+      bool inside = !std::isnan(d.x);
+      for (const Vec3& h : half_planes) inside = inside && glm::dot(h, d) >= 0;
+      if (inside) rect = unite(rect, {x, y, x + 1, y + 1});
+    }
+  return rect;
+}
+
+bool holds(const Rect& outer, const Rect& inner) { return inner.empty() || unite(outer, inner) == outer; }
+
+class RegionBoundsTest : public testing::TestWithParam<double> {};  // k1 of the view's lens
+
+TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
+  const Lens lens(LensModel::kSimpleRadial, {60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, GetParam()});
+  const Rays rays(lens, kWidth, kHeight);
+  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> normal(-1, 1);
+  int seen = 0;
+  for (int i = 0; i < 3000; i++) {
+    std::vector<Vec3> half_planes;
+    for (int k = 0; k < 1 + i % 4; k++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
+    const Rect exact = brute_force(rays, half_planes), bound = bounds.bound(half_planes);
+    ASSERT_TRUE(holds(bound, exact)) << i;
+    if (exact.empty()) continue;
+    seen++;
+    // Corners of the region between pixel centres make a pinhole's bound up to a few pixels larger on slivers;
+    // a distorted one's grows to whole tiles.
+    const bool pinhole = GetParam() == 0;
+    EXPECT_LE(bound.width() * bound.height(), pinhole ? exact.width() * exact.height() * 2 + 400 : kWidth * kHeight)
+        << i;
+  }
+  EXPECT_GT(seen, 1000);
+}
+
+INSTANTIATE_TEST_SUITE_P(Lenses, RegionBoundsTest, testing::Values(0.0, -0.2, 0.3));
+
+// Groups of tiles are passed over where none of them holds a pixel: each tile alone says the same.
+TEST(RegionBounds, GroupsOfTilesChangeNothing) {
+  constexpr int kWide = 400, kTall = 300, kTile = 16;
+  const Lens lens(LensModel::kRadial, {150, 180, 140, -0.3, 0.05});
+  const Rays rays(lens, kWide, kTall);
+  const RegionBounds bounds(rays, lens, kWide, kTall);
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> normal(-1, 1);
+  int smaller = 0;
+  for (int i = 0; i < 1000; i++) {
+    std::vector<Vec3> half_planes;
+    for (int k = 0; k < 1 + i % 4; k++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
+    Rect by_tiles;
+    for (int y = 0; y < kTall; y += kTile)
+      for (int x = 0; x < kWide; x += kTile) {
+        const Rect tile = intersect({x, y, x + kTile, y + kTile}, {0, 0, kWide, kTall});
+        Vec2 low(INFINITY), high(-INFINITY);
+        for (int py = tile.y0; py < tile.y1; py++)
+          for (int px = tile.x0; px < tile.x1; px++)
+            if (const Vec2 ray = rays.at(px, py); !std::isnan(ray.x)) {
+              low = glm::min(low, ray);
+              high = glm::max(high, ray);
+            }
+        const auto may_hold = [&](const Vec3& h) {
+          return h.x * (h.x > 0 ? high.x : low.x) + h.y * (h.y > 0 ? high.y : low.y) + h.z >= -1e-12;
+        };
+        if (low.x <= high.x && std::ranges::all_of(half_planes, may_hold)) by_tiles = unite(by_tiles, tile);
+      }
+    ASSERT_EQ(bounds.bound(half_planes), by_tiles) << i;
+    smaller += by_tiles != Rect{0, 0, kWide, kTall};
+  }
+  EXPECT_GT(smaller, 500);
+}
+
+TEST(RegionBounds, NoHalfPlanesIsTheWholeView) {
+  const Lens lens = Lens::pinhole(60, 34.5, 24.5);
+  const Rays rays(lens, kWidth, kHeight);
+  EXPECT_EQ(RegionBounds(rays, lens, kWidth, kHeight).bound({}), (Rect{0, 0, kWidth, kHeight}));
+}
+
+TEST(RegionBounds, EdgesThroughPixelCentresAreInside) {
+  const Lens lens = Lens::pinhole(50, 0, 0);
+  const Rays rays(lens, kWidth, kHeight);
+  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  const Vec3 half_planes[] = {{1, 0, -10 / 50.0}, {-1, 0, 20 / 50.0}, {0, 1, -5 / 50.0}, {0, -1, 5 / 50.0}};
+  EXPECT_EQ(bounds.bound(half_planes), (Rect{10, 5, 21, 6}));
+}
+
+// Numbers off a network may be as large as doubles are.
+TEST(RegionBounds, OverflowsBoundNothing) {
+  const Lens lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
+  const Rays rays(lens, kWidth, kHeight);
+  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (const Vec3& h :
+       {Vec3(1e308, 1e308, -1e308) * 10.0, Vec3(kInf, 0, -1), Vec3(NAN, 0, 1), Vec3(0, 1e308, 1.7e308)}) {
+    const std::vector<Vec3> half_planes{{1, 0, 0.2}, h};
+    EXPECT_EQ(bounds.bound(half_planes), (Rect{0, 0, kWidth, kHeight}));
+  }
+}
+
+TEST(RegionBounds, StayInTheViewWhereverItsCentreIs) {
+  for (const double centre : {3e85, -3e85, 3e9, -3e9}) {
+    const Lens lens = Lens::pinhole(60, centre, centre);
+    const Rays rays(lens, kWidth, kHeight);
+    const std::vector<Vec3> half_planes{{1, 0.5, 0.2}};
+    const Rect bound = RegionBounds(rays, lens, kWidth, kHeight).bound(half_planes);
+    EXPECT_TRUE(holds(bound, brute_force(rays, half_planes))) << centre;
+    EXPECT_TRUE(bound.empty() || holds({0, 0, kWidth, kHeight}, bound)) << centre;
+  }
+}
+
+// The laws and the hard cases are in laws_test.cc and hard_cases_test.cc.
 
 View middle_view(int width = 60, int height = 45) {
   View view;
@@ -106,6 +296,54 @@ TEST(SumRenderer, EveryRgbLayoutGivesTheSamePart) {
 TEST(ViewPlan, ChromaAlignedIsWholeSamplesInsideTheView) {
   EXPECT_EQ(chroma_aligned({3, 5, 8, 9}, middle_view(61, 45)), (Rect{2, 4, 8, 10}));
   EXPECT_EQ(chroma_aligned({59, 43, 61, 45}, middle_view(61, 45)), (Rect{58, 42, 61, 45}));
+}
+
+class ViewWarpTest : public testing::Test {
+ protected:
+  ViewWarpTest() : rig_(scene_rig(3, 3, 64, 48)) {
+    view_.width = 60;
+    view_.height = 40;
+    view_.lens = Lens::from_fov_y(30, 60, 40);
+    view_.pose.position = Vec3(0.01, 0.02, -0.1);
+    view_.focus.plane = focal_plane_at(view_.pose, kSceneMiddle);
+  }
+  ViewWarp warp() const { return view_warp(rig_, ViewPlan(rig_, build_mesh(rig_), view_)); }
+
+  Rig rig_;
+  View view_;
+};
+
+TEST_F(ViewWarpTest, MakesThePlanItWasMadeFrom) {
+  const ViewPlan plan(rig_, build_mesh(rig_), view_), told(warp(), 9);
+  Rig places_unknown = rig_;
+  for (Camera& camera : places_unknown.cameras) camera.pose = {};
+  EXPECT_FALSE(plan.contributors().empty());
+  EXPECT_EQ(told.contributors(), plan.contributors());
+  EXPECT_EQ(view_warp(places_unknown, told), warp()) << "and once more, by somebody who knows no places";
+}
+
+TEST_F(ViewWarpTest, WherePlaneAndEyeMeetThereIsNothingToTell) {
+  view_.focus.plane = focal_plane_at(view_.pose, 0);
+  EXPECT_TRUE(warp().faces.empty());
+  EXPECT_TRUE(ViewPlan(warp(), 9).contributors().empty());
+}
+
+TEST_F(ViewWarpTest, IsOfOneRig) { EXPECT_ERROR(ViewPlan(warp(), 5), "is not one of the 5 of the rig"); }
+
+TEST_F(ViewWarpTest, CornersAndCamerasBelongTogether) {
+  EXPECT_NO_THROW(validate(warp()));
+  ViewWarp bad = warp();
+  bad.cameras.pop_back();
+  EXPECT_ERROR(validate(bad), "cameras: must be the triangles' corners");
+  bad = warp();
+  bad.faces[1].camera[2] = bad.faces[1].camera[0];
+  EXPECT_ERROR(validate(bad), "triangles[1].corners: must be one, two or three different cameras");
+  bad = warp();
+  bad.faces[0].rect.x1 = 61;
+  EXPECT_ERROR(validate(bad), "triangles[0].rectangle: is not inside the view");
+  bad = warp();
+  bad.cameras[2].camera_from_ray[1][1] = NAN;
+  EXPECT_ERROR(validate(bad), "cameras[2].matrix: must be finite numbers");
 }
 
 }  // namespace

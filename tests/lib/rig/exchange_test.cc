@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/exchange.h"
+#include <limits>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "rig/exchange.h"
 #include "support/expect_error.h"
-#include "support/mixed_rig.h"
+#include "support/rigs.h"
 
 namespace lf {
 namespace {
+
+using nlohmann::json;
 
 TEST(Exchange, NamesWhatIsLostAndByHowMuch) {
   Rig rig = mixed_rig();
@@ -22,6 +26,156 @@ TEST(Exchange, NamesWhatIsLostAndByHowMuch) {
   other.cameras[0].lens = Lens::pinhole(400, 160.5, 119.5);
   EXPECT_NEAR(describe_export(rig, other, {}).max_error, 1, 1e-9);
   EXPECT_ERROR(refuse_camera(rig.cameras[1], "no"), "camera 19: no");
+}
+
+Rig one_camera() {
+  Rig rig;
+  Camera camera;
+  camera.width = 320;
+  camera.height = 240;
+  camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.15, 0.03});
+  camera.pose = {{1e6, -2, 3}, glm::normalize(Quat(0.9, 0.1, -0.2, 0.3))};
+  rig.cameras.push_back(camera);
+  return rig;
+}
+
+TEST(ReprojectionError, OfARigWithItselfIsNothing) {
+  EXPECT_LE(max_reprojection_error(one_camera(), one_camera(), 1), 1e-11);
+}
+
+TEST(ReprojectionError, MeasuresEachKindOfDifferenceInPixels) {
+  const Rig rig = one_camera();
+  Rig other = rig;
+  other.cameras[0].lens = Lens(LensModel::kRadial, {400, 159.5, 119.75, -0.15, 0.03});
+  EXPECT_NEAR(max_reprojection_error(rig, other, 1), 0.25, 1e-9);
+
+  other = rig;  // the corner moves by 0.5 % of its (distorted) radius of 200 px and a little
+  other.cameras[0].lens = Lens(LensModel::kRadial, {402, 159.5, 119.5, -0.15, 0.03});
+  EXPECT_NEAR(max_reprojection_error(rig, other, 1), 1, 1e-9);
+
+  other = rig;  // 1 mm sideways at 2 m: 400 * 0.0005 px at the centre, less towards the corners of a barrel
+  other.cameras[0].pose.position += 0.001 * rig.cameras[0].pose.right();
+  EXPECT_NEAR(max_reprojection_error(rig, other, 2), 0.2, 1e-6);
+
+  other = rig;  // half a turn: nothing is seen
+  other.cameras[0].pose.orientation = rig.cameras[0].pose.orientation * Quat(0, 0, 1, 0);
+  EXPECT_EQ(max_reprojection_error(rig, other, 1), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(max_reprojection_error(rig, Rig{}, 1), std::numeric_limits<double>::infinity());
+}
+
+TEST(OpenCvTerms, TheShortestModelThatHoldsALens) {
+  using enum LensModel;
+  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {}), Lens(kSimplePinhole, {5, 2, 1}));
+  EXPECT_EQ(lens_of_opencv_terms({5, 6, 2, 1}, {0, 0, 0, 0}), Lens(kPinhole, {5, 6, 2, 1}));
+  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0.1}), Lens(kSimpleRadial, {5, 2, 1, 0.1}));
+  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0, 0.1}), Lens(kRadial, {5, 2, 1, 0, 0.1}));
+  EXPECT_EQ(lens_of_opencv_terms({5, 6, 2, 1}, {0.1}), Lens(kOpenCv, {5, 6, 2, 1, 0.1, 0, 0, 0}));
+  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0, 0, 0, 0.1}), Lens(kOpenCv, {5, 5, 2, 1, 0, 0, 0, 0.1}));
+  EXPECT_ERROR(lens_of_opencv_terms({0, 5, 2, 1}, {}), "focal length must be positive");
+}
+
+TEST(OpenCvTerms, MotionsInvertAndFollowEachOther) {
+  const Rig rig = mixed_rig();
+  const RigidMotion a = camera_from_world(rig.cameras[0].pose), b = camera_from_world(rig.cameras[1].pose);
+  const Vec3 x(1, 2, 3);
+  EXPECT_LT(glm::length(a(x) - rig.cameras[0].pose.camera_from_world(x)), 1e-12);
+  EXPECT_LT(glm::length((b * a.inverse())(a(x)) - b(x)), 1e-12);
+  const Pose back = pose_of_camera_from_world(a);
+  EXPECT_LT(glm::length(back.world_from_camera(a(x)) - x), 1e-12);
+}
+
+TEST(OpenCvTerms, RoundedRotationsAreMadeRotationsOthersRefused) {
+  const std::string file = "x.json";
+  const auto parse = [&](const char* text) {
+    const nlohmann::json json = parse_json(text, file);
+    return parse_rigid_motion(JsonValue(json, file));
+  };
+  const RigidMotion motion = parse("[[0.8, -0.6, 0, 1], [0.6001, 0.8, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]");
+  const Mat3 square = glm::transpose(motion.rotation) * motion.rotation;
+  for (int c = 0; c < 3; c++)
+    for (int r = 0; r < 3; r++) EXPECT_NEAR(square[c][r], c == r, 1e-14);
+  EXPECT_NEAR(motion.rotation[0][1], 0.6, 1e-4);  // first column, second row
+  EXPECT_EQ(motion.translation, Vec3(1, 2, 3));
+  EXPECT_ERROR(parse("[[1, 0, 0, 1], [0, 1, 0, 2]]"), "x.json: must have 3 or 4 rows");
+  EXPECT_ERROR(parse("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"), "x.json: [0]: must ");
+  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0]]"), "must be a rotation");
+  EXPECT_ERROR(parse("[[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]]"), "must be a rotation");
+  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]"), "[3]: must be [0, 0, 0, 1]");
+}
+
+std::vector<std::string> check(const char* text, const std::set<std::string_view>& known = {"cameras", "fx"}) {
+  return check_foreign_keys(json::parse(text), "f.json", known);
+}
+
+TEST(ForeignKeys, RefusesKeysThatChangeTheMeaningOfOthers) {
+  for (const char* member :
+       {R"("is_fisheye": true)", R"("fisheye_model": 1)", R"("equirectangular": true)", R"("latlong": 1)",
+        R"("sk_x": 0.5)", R"("skew": -2)", R"("xi": 0.9)", R"("k3": 1e-9)", R"("rolling_shutter": [0, 0, 0, 0.1])",
+        R"("Rolling_Shutter_Time": 0.01)", R"("line_delay": 2e-5)", R"("transform_matrix_start": [[1]])",
+        R"("from_mitsuba": true)", R"("ftheta_p1": 0.1)", R"("camera_model": "OPENCV_FISHEYE")",
+        R"("distortion_model": "equidistant")", R"("model_type": "MEI")", R"("orthographic": true)"}) {
+    const std::string file = std::string(R"({"cameras": [{"fx": 1}, {)") + member + "}]}";
+    const std::string error = text_of_error([&] { check(file.c_str()); });
+    EXPECT_EQ(error.find("f.json: cameras[1]."), 0u) << member << ": " << error;
+    EXPECT_NE(error.find("a rig cannot hold"), std::string::npos) << member << ": " << error;
+    // Within a value that no importer reads, too.
+    const std::string inside = std::string(R"({"settings": {"lens": {)") + member + "}}}";
+    EXPECT_ERROR(check(inside.c_str()), "f.json: settings.lens.");
+  }
+}
+
+TEST(ForeignKeys, NeutralValuesChangeNothing) {
+  EXPECT_TRUE(check(R"({"cameras": [{"is_fisheye": false, "sk_x": 0, "skew": 0.0, "xi": null, "k3": 0, "k4": 0.0,
+      "rolling_shutter": [0, 0, 0, 0], "equirectangular": "", "distortion_model": "none", "camera_model": "PINHOLE",
+      "lens_model": "Brown", "shutter": "global"}]})",
+                    {"cameras", "is_fisheye", "sk_x", "skew", "xi", "k3", "k4", "rolling_shutter", "equirectangular",
+                     "distortion_model", "camera_model", "lens_model", "shutter"})
+                  .empty());
+}
+
+TEST(ForeignKeys, ListsWhatWasNotRead) {
+  EXPECT_TRUE(check(R"({"cameras": [{"fx": 1}]})").empty());
+  EXPECT_EQ(check(R"({"zeta": 1, "cameras": [{"fx": 1, "mask": "a"}, {"mask": {"inner": 1}}]})"),
+            std::vector<std::string>{"keys that were not read: mask (2 times), zeta"});
+  std::string many = R"({"cameras": 0)";
+  for (int i = 10; i < 40; i++) many += ", \"x" + std::to_string(i) + "\": 1";
+  const std::vector<std::string> notes = check((many + "}").c_str());
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("x10, x11"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("and 18 more"), std::string::npos) << notes[0];
+}
+
+}  // namespace
+
+namespace {
+
+using nlohmann::json;
+
+TEST(YamlValue, SaysWhatTheJsonSays) {
+  const json value = parse_yaml(
+      "%YAML:1.0\n---\na: 1\nb: [1., -.5, +2.5e-03, 1e3]\nc:\n- x: 'no'\n- [a b, \"7\", true, ~, .nan, inf]\n"
+      "d: !!opencv-matrix\n   rows: 3\n",
+      "x.yaml");
+  EXPECT_EQ(value, json::parse(R"({"a": 1, "b": [1.0, -0.5, 0.0025, 1000.0],
+    "c": [{"x": "no"}, ["a b", "7", true, null, ".nan", "inf"]], "d": {"rows": 3}})"));
+  EXPECT_TRUE(value["a"].is_number_integer());
+  EXPECT_TRUE(parse_yaml("", "x.yaml").is_null());
+}
+
+TEST(YamlValue, ErrorsNameFileAndLine) {
+  EXPECT_ERROR(parse_yaml("a: 1\nb: [1, 2\n", "x.yaml"), "x.yaml: line 3: not valid YAML: ");
+  EXPECT_ERROR(parse_yaml("a: 1\nb: caf\xe9\n", "x.yaml"), "x.yaml: line 2: not valid YAML: no text in UTF-8");
+  EXPECT_ERROR(parse_yaml("a: 1\na: 2\n", "x.yaml"), "x.yaml: line 2: not valid YAML: \"a\" is there twice");
+  EXPECT_ERROR(parse_yaml("a: &x 1\nb: *x\n", "x.yaml"), "line 2: not valid YAML: aliases are not read");
+  EXPECT_ERROR(parse_yaml("[a, b]: 1\n", "x.yaml"), "a key must be a word");
+  EXPECT_ERROR(parse_yaml(std::string(100, '[') + std::string(100, ']'), "x.yaml"), "nested too deeply");
+}
+
+TEST(YamlValue, NumbersAreNumbersToEveryReader) {
+  EXPECT_EQ(yaml_number(400), "400.0");
+  EXPECT_EQ(yaml_number(1e-9), "1.0e-09");
+  EXPECT_EQ(yaml_number(-0.1), "-0.1");
+  EXPECT_EQ(yaml_number(1.5e300), "1.5e+300");
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 
 #include "image/image.h"
 #include "support/expect_error.h"
-#include "support/mixed_rig.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
 
 namespace lf {

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/rig_json.h"
-
-#include <sys/stat.h>
-
 #include <filesystem>
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
+#include "rig/rig_json.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
 
@@ -311,6 +309,60 @@ TEST(RigJson, ReadsTheRealRigs) {
   const Rig toys = load_rig(data / "toys/rig.json");
   EXPECT_EQ(every_nth(toys, 2).cameras.size(), 64u);
   EXPECT_EQ(parse_rig(rig_to_json(toys), "toys").hash(), toys.hash());
+}
+
+TEST(CameraControls, GoIntoARigFileAndComeBack) {
+  const Rig rig = make_grid_rig({1, 3, 0.1, 60, 8, 6});
+  json text = json::parse(rig_to_json(rig));
+  const std::map<uint32_t, Controls> controls = {{0, {{"exposure", 0.01}, {"white_balance", std::nullopt}}},
+                                                 {2, {{"gain", -3}}}};
+  put_controls(controls, text);
+  EXPECT_EQ(text["cameras"][0]["controls"], (json{{"exposure", 0.01}, {"white_balance", "auto"}}));
+  EXPECT_FALSE(text["cameras"][1].contains("controls"));
+  const std::string saved = rig_to_json(parse_rig(text.dump(), "r"), &text);
+  EXPECT_EQ(parse_controls(json::parse(saved), "r"), controls) << "a rig that is read and saved keeps them";
+  put_controls({{2, {}}}, text);
+  EXPECT_EQ(parse_controls(text, "r").count(2), 0u);
+}
+
+TEST(CameraControls, ErrorsNameThePlace) {
+  const Rig rig = make_grid_rig({1, 2, 0.1, 60, 8, 6});
+  json text = json::parse(rig_to_json(rig));
+  const char* wrong = "r.json: cameras[1].controls.gain: must be a finite number or \"auto\"";
+  for (const json& value : {json("full"), json(nullptr), json::array(), json(true)}) {
+    text["cameras"][1]["controls"] = {{"gain", value}};
+    EXPECT_ERROR(parse_controls(text, "r.json"), wrong);
+  }
+  text["cameras"][1]["controls"] = 3;
+  EXPECT_ERROR(parse_controls(text, "r.json"), "r.json: cameras[1].controls: must be an object");
+  EXPECT_TRUE(parse_controls(json::parse("[]"), "r").empty());
+  EXPECT_TRUE(parse_controls(json::parse("{\"cameras\": [1, {}]}"), "r").empty());
+}
+
+TEST(SwapDevices, MovesWhatBelongsToTheDeviceAndNothingElse) {
+  Rig rig = make_grid_rig({1, 3, 0.1, 60, 8, 6});
+  rig.cameras[0].source = "v4l2:///dev/video0";
+  rig.cameras[0].time_offset = 0.01;
+  rig.cameras[2].width = 16;
+  nlohmann::json json = nlohmann::json::parse(rig_to_json(rig));
+  json["cameras"][2]["covariance"] = {1, 2};
+  swap_devices(json, 0, 2);
+  const Rig swapped = parse_rig(json.dump(), "r");
+  for (size_t i = 0; i < 3; i++) {
+    EXPECT_EQ(swapped.cameras[i].id, rig.cameras[i].id);
+    EXPECT_EQ(swapped.cameras[i].name, rig.cameras[i].name);
+    EXPECT_EQ(swapped.cameras[i].pose, rig.cameras[i].pose);
+  }
+  EXPECT_EQ(swapped.cameras[2].source, "v4l2:///dev/video0");
+  EXPECT_EQ(swapped.cameras[2].time_offset, 0.01);
+  EXPECT_EQ(swapped.cameras[0].source, "");
+  EXPECT_EQ(swapped.cameras[0].width, 16);
+  EXPECT_TRUE(json["cameras"][0].contains("covariance"));
+  EXPECT_FALSE(json["cameras"][2].contains("covariance"));
+  const nlohmann::json before = json;
+  swap_devices(json, 1, 1);
+  EXPECT_EQ(json, before);
+  EXPECT_ERROR(swap_devices(json, 0, 9), "there is no camera 9");
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 
 #include "image/image.h"
-#include "rig/array_shapes.h"
 #include "rig/rig.h"
 #include "support/temp_dir.h"
 

@@ -1,17 +1,166 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rtp/depacketizer.h"
+#include <algorithm>
+#include <functional>
+#include <numeric>
+#include <random>
+#include <vector>
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <functional>
-#include <random>
-
 #include "lib/rtp/rtp_test.h"
 #include "lib/wire/wire_test.h"
+#include "rtp/depacketizer.h"
 
 namespace lf::rtp {
 namespace {
+
+using Verdict = SequenceWindow::Verdict;
+
+Verdict add(SequenceWindow& window, int sequence, uint32_t timestamp = 7) {
+  return window.add(static_cast<uint16_t>(sequence), timestamp);
+}
+
+TEST(SequenceWindow, CountsGapsUntilTheyAreFilled) {
+  SequenceWindow window;
+  for (const int s : {65533, 65534, 1, 3}) EXPECT_EQ(add(window, s), Verdict::kNew);  // around the end
+  EXPECT_EQ(window.lost(), 3u);                                                       // 65535, 0, 2
+  EXPECT_EQ(add(window, 2), Verdict::kNew);
+  EXPECT_EQ(add(window, 65535), Verdict::kNew);
+  EXPECT_EQ(window.lost(), 1u);
+  EXPECT_EQ(add(window, 65532), Verdict::kNew);  // from before the first: was never missing
+  EXPECT_EQ(window.lost(), 1u);
+}
+
+TEST(SequenceWindow, KnowsDuplicates) {
+  SequenceWindow window;
+  for (int s = 0; s < 3 * SequenceWindow::kSize; s++) {
+    EXPECT_EQ(add(window, s), Verdict::kNew);
+    EXPECT_EQ(add(window, s), Verdict::kDuplicate);
+    for (const int back : {1, 5, SequenceWindow::kSize - 1})
+      EXPECT_TRUE(s < back || add(window, s - back) == Verdict::kDuplicate);
+  }
+  EXPECT_EQ(window.lost(), 0u);
+}
+
+TEST(SequenceWindow, ALongGap) {
+  SequenceWindow window;
+  add(window, 0);
+  EXPECT_EQ(add(window, 2000), Verdict::kNew);
+  EXPECT_EQ(window.lost(), 1999u);
+  for (int s = 2000 - SequenceWindow::kSize + 1; s < 2000; s++) EXPECT_EQ(add(window, s), Verdict::kNew);
+  EXPECT_EQ(window.lost(), 1999u - SequenceWindow::kSize + 1);
+}
+
+TEST(SequenceWindow, ASenderThatBeginsAnew) {
+  for (const int from : {30000, 100 - SequenceWindow::kSize - 5, -20000}) {
+    SequenceWindow window;
+    add(window, 100);
+    EXPECT_EQ(add(window, from), Verdict::kNew);  // may be a stray one
+    EXPECT_EQ(add(window, from + 1), Verdict::kRestarted);
+    EXPECT_EQ(add(window, from + 1), Verdict::kDuplicate);
+    EXPECT_EQ(add(window, from + 3), Verdict::kNew);
+    EXPECT_EQ(window.lost(), 1u);
+  }
+  // A stray packet changes nothing.
+  SequenceWindow window;
+  add(window, 100);
+  EXPECT_EQ(add(window, 30000), Verdict::kNew);
+  EXPECT_EQ(add(window, 101), Verdict::kNew);
+  EXPECT_EQ(add(window, 30001), Verdict::kNew);
+  EXPECT_EQ(add(window, 100), Verdict::kDuplicate);
+  EXPECT_EQ(window.lost(), 0u);
+}
+
+TEST(SequenceWindow, TheSameNumberAtAnotherTimeIsAnotherPacket) {
+  SequenceWindow window;
+  for (int s = 100; s < 120; s++) add(window, s, 1000);
+  EXPECT_EQ(add(window, 105, 9000), Verdict::kRestarted);
+  EXPECT_EQ(add(window, 106, 9000), Verdict::kNew);
+  EXPECT_EQ(add(window, 105, 9000), Verdict::kDuplicate);
+  EXPECT_EQ(window.lost(), 0u);
+}
+
+using enum Reassembly::Result;
+
+std::vector<uint8_t> numbers(size_t count) {
+  std::vector<uint8_t> out(count);
+  std::iota(out.begin(), out.end(), uint8_t{1});
+  return out;
+}
+
+class ReassemblyTest : public testing::Test {
+ protected:
+  // Bytes [offset, offset + count) of a unit.
+  Reassembly::Result add(uint16_t unit, uint32_t offset, size_t count, uint32_t size = 30, uint32_t source = 1) {
+    return reassembly_.add(source, {unit, offset, size, std::span(bytes_).subspan(offset % 1000, count)}, out_);
+  }
+  std::vector<uint8_t> bytes_ = numbers(5000);
+  ByteBuffer out_;
+  Reassembly reassembly_{{.bytes = 4000, .units = 3}};
+};
+
+TEST_F(ReassemblyTest, AnyOrder) {
+  std::vector<uint32_t> offsets{0, 10, 20};
+  do {
+    EXPECT_EQ(add(1, offsets[0], 10), kKept);
+    EXPECT_EQ(add(1, offsets[1], 10), kKept);
+    EXPECT_EQ(add(1, offsets[2], 10), kComplete);
+    EXPECT_TRUE(std::ranges::equal(out_, std::span(bytes_).first(30)));
+    EXPECT_EQ(reassembly_.bytes(), 0u);
+  } while (std::ranges::next_permutation(offsets).found);
+  EXPECT_EQ(add(1, 0, 30), kComplete);
+  EXPECT_EQ(reassembly_.dropped(), 0u);
+}
+
+TEST_F(ReassemblyTest, UnitsOfSeveralSendersAtOnce) {
+  EXPECT_EQ(add(1, 0, 10, 20, 1), kKept);
+  EXPECT_EQ(add(1, 0, 10, 20, 2), kKept);
+  EXPECT_EQ(add(2, 0, 10, 20, 1), kKept);
+  EXPECT_EQ(add(1, 10, 10, 20, 2), kComplete);
+  EXPECT_EQ(add(2, 10, 10, 20, 1), kComplete);
+  EXPECT_EQ(add(1, 10, 10, 20, 1), kComplete);
+}
+
+TEST_F(ReassemblyTest, ContradictionsAreRefused) {
+  EXPECT_EQ(add(1, 10, 10), kKept);
+  EXPECT_EQ(add(1, 10, 10), kDuplicate);
+  EXPECT_EQ(add(1, 0, 10, 31), kBad);  // another size
+  EXPECT_EQ(add(1, 10, 9), kBad);
+  EXPECT_EQ(add(1, 10, 11), kBad);
+  EXPECT_EQ(add(1, 0, 11), kBad);
+  EXPECT_EQ(add(1, 5, 20), kBad);
+  EXPECT_EQ(add(1, 19, 2), kBad);
+  EXPECT_EQ(add(1, 12, 3), kBad);
+  EXPECT_EQ(add(1, 0, 30), kBad);
+  EXPECT_EQ(add(1, 0, 10), kKept);
+  EXPECT_EQ(add(1, 20, 10), kComplete);
+  EXPECT_TRUE(std::ranges::equal(out_, std::span(bytes_).first(30)));
+}
+
+TEST_F(ReassemblyTest, TheOldestMakesRoom) {
+  for (uint16_t unit = 1; unit <= 4; unit++) EXPECT_EQ(add(unit, 0, 10), kKept);
+  EXPECT_EQ(reassembly_.units(), 3u);
+  EXPECT_EQ(reassembly_.dropped(), 1u);
+  EXPECT_EQ(add(2, 10, 20), kComplete);
+  EXPECT_EQ(add(1, 10, 20), kKept);  // begins anew, without its first chunk
+  reassembly_.clear();
+  EXPECT_EQ(reassembly_.dropped(), 4u);
+  EXPECT_EQ(reassembly_.bytes(), 0u);
+}
+
+TEST_F(ReassemblyTest, SizesAreBounded) {
+  EXPECT_EQ(add(1, 0, 1, 4001), kTooLarge);
+  EXPECT_EQ(add(1, 0, 1, UINT32_MAX), kTooLarge);
+  EXPECT_EQ(add(1, UINT32_MAX - 1, 1, UINT32_MAX), kTooLarge);
+  EXPECT_EQ(reassembly_.units(), 0u);
+  std::mt19937 random(1);
+  for (int i = 0; i < 20000; i++) {
+    const uint32_t size = 12 + random() % 4000, offset = random() % size;
+    add(static_cast<uint16_t>(random() % 6), offset, 1 + random() % std::min<uint32_t>(40, size - offset), size);
+    ASSERT_LE(reassembly_.bytes(), 4000u);
+    ASSERT_LE(reassembly_.units(), 3u);
+  }
+}
 
 using wire::UnitKind;
 

@@ -1,14 +1,130 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rtp/packetizer.h"
+#include <array>
 
 #include <gtest/gtest.h>
 
 #include "lib/rtp/rtp_test.h"
 #include "lib/wire/wire_test.h"
-#include "wire/limits.h"
+#include "rtp/packetizer.h"
+#include "support/fragments.h"
+#include "wire/answer_codec.h"
+#include "wire/unit.h"
 
 namespace lf::rtp {
 namespace {
+
+using wire::from_hex;
+
+TEST(PayloadFormat, GoldenBytes) {
+  std::vector<uint8_t> units(kUnitsHeaderBytes), chunk(kChunkHeaderBytes);
+  put_units_header(units.data());
+  put_chunk_header(chunk.data(), {0x1234, 0x10000, 0x20000, {}});
+  EXPECT_EQ(units, from_hex("1000"));
+  EXPECT_EQ(chunk, from_hex("110012340001000000020000"));
+}
+
+TEST(PayloadFormat, ReadsWhatItWrites) {
+  const std::vector<uint8_t> units = from_hex("1000aabb");
+  const std::optional<ParsedPayload> parsed = parse_payload(units);
+  ASSERT_TRUE(parsed.has_value());
+  EXPECT_FALSE(parsed->chunk.has_value());
+  EXPECT_EQ(parsed->units.data(), units.data() + 2);
+  EXPECT_EQ(parsed->units.size(), 2u);
+
+  const std::vector<uint8_t> bytes = from_hex("11001234000000100000001301ff03");
+  const std::optional<ParsedPayload> chunk = parse_payload(bytes);
+  ASSERT_TRUE(chunk.has_value() && chunk->chunk.has_value());
+  EXPECT_EQ(chunk->chunk->unit, 0x1234);
+  EXPECT_EQ(chunk->chunk->offset, 16u);
+  EXPECT_EQ(chunk->chunk->size, 19u);
+  EXPECT_EQ(chunk->chunk->bytes.size(), 3u);
+}
+
+TEST(PayloadFormat, RefusesWhatIsNotSound) {
+  for (const char* hex : {
+           "",
+           "10",
+           "1000",
+           "11",
+           "1100",
+           "1001aabb",  // cut short; reserved
+           "2000aabb",
+           "0000aabb",
+           "1200aabb",
+           "ff00aabb",  // version, kind
+           "110012340000001000000013",
+           "1100123400000010000000",          // a chunk of nothing, half a header
+           "1101123400000000000000130a",      // reserved
+           "11001234000000000000000baa",      // a unit smaller than its header
+           "11001234000000110000001301ff03",  // beyond the unit
+           "1100123400000014000000130a",
+           "11001234ffffffff000000130a",
+           "11001234ffffffffffffffff0a",
+       })
+    EXPECT_FALSE(parse_payload(from_hex(hex)).has_value()) << hex;
+  EXPECT_TRUE(parse_payload(from_hex("11001234fffffffeffffffff0a")).has_value());
+}
+
+TEST(Recent, ForgetsTheKeyUsedLongestAgo) {
+  Recent<int> values(3);
+  for (const uint32_t key : {10, 11, 12}) values[key] = static_cast<int>(key);
+  EXPECT_EQ(values[10], 10);
+  values[13] = 13;  // in place of 11
+  EXPECT_EQ(values.size(), 3u);
+  EXPECT_EQ(values[10], 10);
+  EXPECT_EQ(values[12], 12);
+  EXPECT_EQ(values[13], 13);
+  EXPECT_EQ(values[11], 0);
+  values.clear();
+  EXPECT_EQ(values[13], 0);
+}
+
+TEST(Recent, ValuesStayWhereTheyAre) {
+  Recent<std::array<char, 8192>> values(64);
+  const auto* first = &values[0];
+  for (uint32_t key = 1; key < 64; key++) values[key];
+  for (uint32_t key = 63; key > 0; key--) values[key];
+  EXPECT_EQ(&values[0], first);
+}
+
+TEST(PartPlan, AreFullAndHaveTheSizesPlanned) {
+  const Bytes unit = answer(60, 40, 30, 75);
+  const wire::AnswerView view = wire::parse_answer(unit).value();
+  const std::optional<PartPlan> plan = plan_parts(view, 1386);
+  ASSERT_TRUE(plan.has_value());
+  EXPECT_EQ(plan->total, 60u);
+  size_t largest_piece = 0;
+  for (const Piece& piece : plan->pieces) largest_piece = std::max(largest_piece, piece.bytes + 20);
+  for (const Part& part : plan->parts) {
+    EXPECT_EQ(write_part(view, *plan, part, {}).size(), part.bytes);
+    EXPECT_TRUE(part.count == 1 || part.bytes <= 1386u);
+    EXPECT_TRUE(&part == &plan->parts.back() || part.bytes > 1386 - largest_piece);
+  }
+}
+
+TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
+  // Two JPEG payloads of odd lengths with a sum behind them: in another part than one of them it would be misplaced.
+  const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
+  wire::AnswerWriter writer(header, 3);
+  for (int i = 0; i < 2; i++)
+    writer.add({{}, header.family, {0, 0, 16, 16}, wire::Codec::kJpeg, 50, false},
+               [](ByteBuffer& out) { append(out, Bytes(501, 0x55)); });
+  writer.add({{}, header.family, {0, 0, 4, 4}, wire::Codec::kRaw16, 0, false});
+  const Bytes unit = to_bytes(writer.finish());
+  const wire::AnswerView view = wire::parse_answer(unit).value();
+  const std::optional<PartPlan> plan = plan_parts(view, 800);
+  ASSERT_TRUE(plan.has_value());
+  EXPECT_EQ(plan->parts.size(), 3u);
+  for (const Part& part : plan->parts) EXPECT_TRUE(wire::parse_answer(write_part(view, *plan, part, {})).has_value());
+}
+
+TEST(PartPlan, NothingToGive) {
+  const Bytes unit = answer(0, 1, 1, 0);
+  const wire::AnswerView view = wire::parse_answer(unit).value();
+  const std::optional<PartPlan> plan = plan_parts(view, 500);
+  ASSERT_EQ(plan->parts.size(), 1u);
+  EXPECT_EQ(to_bytes(write_part(view, *plan, plan->parts[0], {})), unit);
+}
 
 using wire::UnitKind;
 
@@ -211,6 +327,80 @@ TEST(Packetizer, RefusesWhatIsNoSoundUnit) {
   EXPECT_EQ(reason_of(UnitKind::kAnswer, {good.begin(), good.end() - 1}), no_unit);
   EXPECT_EQ(reason_of(UnitKind::kAnswer, wire::with(good, 48, 2, 0)), "view_width: must be 1 to 16384 pixels, is 0");
   EXPECT_EQ(reason_of(UnitKind::kRequest, wire::with(request(1), 36, 2, 0)).empty(), false);
+}
+
+// What a fragment costs on a link beyond its entropy-coded bytes.
+
+constexpr size_t kMtu = 1400, kRtpHeader = 12, kIpAndUdpHeaders = 28;
+constexpr int kViewSize = 16 * 31 / 2;
+
+size_t entropy_coded_bytes(const Bytes& unit) {
+  size_t bytes = 0;
+  for (const wire::AnswerView answer = wire::parse_answer(unit).value();
+       const wire::FragmentView& f : answer.fragments) {
+    const wire::Scans scans = wire::split_scans(f.payload, f.has_lost).value();
+    bytes += scans.pixels.size() + scans.lost.size();
+  }
+  return bytes;
+}
+
+TEST(Overhead, SmallFragmentsCostAtMost60Bytes) {
+  // 32 x 32 cameras that fill the view: fragments of about 16 x 16 pixels.
+  std::vector<Fragment> fragments = weighted_fragments(PixelFamily::kI420, 32, kViewSize, kViewSize, 64);
+  std::erase_if(fragments, [](const Fragment& f) { return f.rect.width() > 18 || f.rect.height() > 18; });
+  ASSERT_GT(fragments.size(), 40u);
+  const auto count = static_cast<double>(fragments.size());
+  const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, kViewSize, kViewSize);
+  for (const int quality : {50, 75, 90}) {
+    const Bytes unit = to_bytes(wire::FragmentEncoder().encode(header, fragments, quality));
+    size_t sent = 0;
+    const std::vector<Sent> packets = packetize(wire::UnitKind::kAnswer, unit, kMtu - kRtpHeader);
+    for (const Sent& packet : packets) sent += packet.payload.size() + kRtpHeader + kIpAndUdpHeaders;
+    const auto coded = static_cast<double>(entropy_coded_bytes(unit));
+    const double overhead = (static_cast<double>(sent) - coded) / count;
+    std::printf("quality %d: %.0f fragments of %.1f bytes in %zu packets, %.1f bytes beyond each\n", quality, count,
+                coded / count, packets.size(), overhead);
+    EXPECT_LE(overhead, 60);
+  }
+}
+
+TEST(Pacer, SpreadsABurst) {
+  Pacer pacer;
+  EXPECT_EQ(pacer.next(1000), 1000u);
+  pacer.sent(1000, 1000, 8'000'000);  // a millisecond
+  EXPECT_EQ(pacer.next(1000), 1'001'000u - Pacer::kAhead);
+  pacer.sent(1'001'000, 500, 8'000'000);
+  EXPECT_EQ(pacer.next(1'002'000), 1'501'000u - Pacer::kAhead);
+}
+
+// However many there are, they come to the rate.
+TEST(Pacer, IsNeverFartherAheadThanThat) {
+  Pacer pacer;
+  uint64_t now = 5'000'000;
+  for (uint64_t i = 0; i < 1000; i++) {
+    now = pacer.next(now);
+    pacer.sent(now, 1000, 80'000'000);  // 0.1 ms each
+    EXPECT_GE(now + Pacer::kAhead, 5'000'000 + i * 100'000);
+    EXPECT_LE(now, 5'000'000 + i * 100'000);
+  }
+}
+
+TEST(Pacer, DoesNotMakeUpForSilence) {
+  Pacer pacer;
+  pacer.sent(0, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
+  pacer.sent(1'000'000'000, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kAhead);
+  pacer.clear();
+  EXPECT_EQ(pacer.next(5), 5u);
+}
+
+TEST(Pacer, DoesNotWaitForAClockThatHasBeenSetBack) {
+  Pacer pacer;
+  pacer.sent(pacer.next(3'600'000'000'000), 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
+  pacer.sent(1'000'000'000, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kAhead);
 }
 
 }  // namespace

@@ -5,12 +5,11 @@
 
 #include <vector>
 
-#include "lib/wire/answers.h"
+#include "lib/wire/wire_test.h"
 #include "rtp/depacketizer.h"
 #include "rtp/packetizer.h"
-#include "wire/answer_writer.h"
+#include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/payload.h"
 #include "wire/request_codec.h"
 
 // What the tests of both directions share.

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "scene/objects.h"
-
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
+#include "scene/objects.h"
 #include "scene/scene.h"
 
 namespace lf::scene {
@@ -110,6 +110,147 @@ TEST(Figure, StaysAroundTheMiddleDepth) {
   EXPECT_GT(near, kSceneMiddle - 0.3);
   EXPECT_LT(far, kSceneMiddle + 0.4);
   EXPECT_GT(far - near, 0.15f);
+}
+
+// Mean of f over an interval of width w around x, by sampling.
+template <typename F>
+double mean(F&& f, double x, double w) {
+  constexpr int kSteps = 4000;
+  double sum = 0;
+  for (int i = 0; i < kSteps; i++) sum += f(x + w * ((i + 0.5) / kSteps - 0.5));
+  return sum / kSteps;
+}
+
+double fraction(double x) { return x - std::floor(x); }
+
+TEST(Pattern, CosineOfTurns) {
+  for (double x = -7; x < 7; x += 0.0137) EXPECT_NEAR(cos_turns(static_cast<float>(x)), std::cos(2 * M_PI * x), 2e-4);
+}
+
+TEST(Pattern, Floor) {
+  for (const float x : {-3.0f, -2.5f, -0.25f, 0.0f, 0.5f, 0.999f, 1.0f, 1.5f, 1000.75f}) {
+    EXPECT_EQ(floor_of(x), std::floor(x)) << x;
+  }
+}
+
+TEST(Pattern, FilteredPatternsAreAverages) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> position(-4, 4), width(0.01f, 3);
+  for (int i = 0; i < 200; i++) {
+    const float x = position(random), w = width(random);
+    EXPECT_NEAR(stripes(x, w, 0.3f), mean([](double v) { return fraction(v) < 0.3 ? 1 : 0; }, x, w), 2e-3);
+    if (w < 1) {
+      EXPECT_NEAR(wave(x, w), mean([](double v) { return std::cos(2 * M_PI * v); }, x, w), 6e-3);
+    }
+    const float y = position(random), wy = width(random);
+    const auto sign = [](double v) { return fraction(v / 2) < 0.5 ? 1.0 : -1.0; };
+    EXPECT_NEAR(checker(x, w, y, wy), 0.5 + 0.5 * mean(sign, x, w) * mean(sign, y, wy), 4e-3);
+  }
+}
+
+TEST(Pattern, FineTextureFadesToItsMean) {
+  EXPECT_EQ(wave(0.3f, 1), 0);
+  EXPECT_NEAR(checker(0.2f, 4, 0.7f, 4), 0.5, 1e-6);
+  EXPECT_NEAR(grain(0.2f, 3, 0.7f, 3), 0, 1e-6);
+  EXPECT_LE(std::abs(grain(0.2f, 0, 0.7f, 0)), 1);
+}
+
+TEST(Pattern, ScatterSpreadsOverTheUnitInterval) {
+  double sum = 0, squares = 0;
+  for (int a = -50; a < 50; a++)
+    for (int b = -50; b < 50; b++) {
+      const double v = scatter(a, b);
+      ASSERT_TRUE(v >= 0 && v <= 1);
+      sum += v;
+      squares += v * v;
+    }
+  EXPECT_NEAR(sum / 1e4, 0.5, 0.02);
+  EXPECT_NEAR(squares / 1e4, 1.0 / 3, 0.02);
+}
+
+// Albedo over a footprint of `width` along the axes u and v, by the painter's filter and by averaging points.
+struct Averages {
+  V3 filtered, sampled;
+};
+Averages averages(const Objects& o, Kind kind, uint32_t index, const V3& p, const V3& normal, const V3& u, const V3& v,
+                  float width) {
+  constexpr int kSide = 24;
+  Averages a{paint(o, kind, index, {p, normal, width * u, width * v}).albedo, V3(0)};
+  for (int i = 0; i < kSide; i++)
+    for (int j = 0; j < kSide; j++) {
+      const float x = width * ((i + 0.5f) / kSide - 0.5f), y = width * ((j + 0.5f) / kSide - 0.5f);
+      a.sampled += paint(o, kind, index, {p + x * u + y * v, normal, V3(0), V3(0)}).albedo;
+    }
+  a.sampled /= static_cast<float>(kSide * kSide);
+  return a;
+}
+
+// Root mean square differences of filtered and averaged albedo, and of unfiltered and averaged, over random points.
+struct Errors {
+  double filtered, raw;
+};
+Errors errors(const Objects& o, Kind kind, uint32_t index, const V3& centre, const V3& u, const V3& v, float half,
+              float width) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> unit(-half, half);
+  const V3 normal = glm::cross(u, v);
+  double filtered = 0, raw = 0;
+  constexpr int kPoints = 300;
+  for (int i = 0; i < kPoints; i++) {
+    const V3 p = centre + unit(random) * u + unit(random) * v;
+    const Averages a = averages(o, kind, index, p, normal, u, v, width);
+    const V3 point = paint(o, kind, index, {p, normal, V3(0), V3(0)}).albedo;
+    filtered += glm::dot(a.filtered - a.sampled, a.filtered - a.sampled) / (3 * kPoints);
+    raw += glm::dot(point - a.sampled, point - a.sampled) / (3 * kPoints);
+  }
+  return {std::sqrt(filtered), std::sqrt(raw)};
+}
+
+TEST(Paint, TexturesAreFilteredOverThePixel) {
+  const Objects o = objects_at(0);
+  // A pixel of 320x240 cameras covers about 1/400 of the distance.
+  const Errors floor = errors(o, Kind::kRoom, 3, {0, kFloor, 3}, {1, 0, 0}, {0, 0, 1}, 1.0f, 0.03f);
+  EXPECT_LT(floor.filtered, 0.01);
+  EXPECT_LT(floor.filtered, 0.4 * floor.raw);
+  const Errors wall = errors(o, Kind::kRoom, 5, {0, -0.3f, 5}, {1, 0, 0}, {0, 1, 0}, 1.2f, 0.0125f);
+  EXPECT_LT(wall.filtered, 0.012);
+  EXPECT_LT(wall.filtered, 0.6 * wall.raw);
+  ASSERT_EQ(o.blocks[0].paint, Paint::kChart);
+  const Errors chart =
+      errors(o, Kind::kBlock, 0, o.blocks[0].centre - V3(0, 0, 0.012f), {1, 0, 0}, {0, 1, 0}, 0.34f, 0.011f);
+  EXPECT_LT(chart.filtered, 0.04);
+  EXPECT_LT(chart.filtered, 0.4 * chart.raw);
+}
+
+TEST(Paint, AlbedosAreThoseOfRealSurfaces) {
+  const Objects o = objects_at(0.4);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<float> unit(-1, 1);
+  const auto expect_real = [](const Finish& f, const char* what) {
+    for (int c = 0; c < 3; c++) EXPECT_TRUE(f.albedo[c] > 0 && f.albedo[c] < 1.2f) << what << " " << f.albedo[c];
+    EXPECT_TRUE(f.gloss >= 0 && f.gloss <= 1);
+  };
+  for (int i = 0; i < 200; i++) {
+    const V3 n = glm::normalize(V3(unit(random), unit(random), unit(random) - 1));
+    for (uint32_t k = 0; k < o.spheres.size(); k++)
+      expect_real(
+          paint(o, Kind::kSphere, k, {o.spheres[k].centre + o.spheres[k].radius * n, n, V3(0.002f), V3(0.002f)}),
+          "sphere");
+    for (uint32_t k = 0; k < o.capsules.size(); k++)
+      expect_real(paint(o, Kind::kCapsule, k, {o.capsules[k].base + o.capsules[k].radius * n, n, V3(0.002f), V3(0)}),
+                  "capsule");
+    for (uint32_t k = 0; k < o.blocks.size(); k++)
+      expect_real(paint(o, Kind::kBlock, k, {o.blocks[k].centre + o.blocks[k].half * n, {0, 0, -1}, V3(0), V3(0.002f)}),
+                  "block");
+    const V3 side = glm::normalize(V3(n.x, 0, n.z));
+    for (uint32_t k = 0; k < o.pillars.size(); k++) {
+      const Pillar& p = o.pillars[k];
+      expect_real(paint(o, Kind::kPillar, k, {V3(p.x, p.top + 0.1f, p.z) + p.radius * side, side, V3(0), V3(0)}),
+                  "pillar");
+    }
+    for (uint32_t face = 0; face < 6; face++)
+      expect_real(paint(o, Kind::kRoom, face, {2.0f * n, {0, -1, 0}, V3(0.01f), V3(0.01f)}), "room");
+  }
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <set>
 #include <thread>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "quality/quality.h"
 #include "scene/objects.h"
 #include "scene/trace.h"

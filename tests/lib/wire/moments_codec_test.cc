@@ -8,10 +8,10 @@
 #include <cmath>
 #include <random>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "focus/trial_levels.h"
 #include "lib/wire/wire_test.h"
-#include "wire/answer_parser.h"
+#include "wire/answer_codec.h"
 
 namespace lf::wire {
 namespace {
@@ -61,6 +61,14 @@ std::vector<uint8_t> encoded(const MomentsUnit& unit) {
   return {bytes.begin(), bytes.end()};
 }
 
+void expect_sums(const MomentsUnit& unit, const std::vector<Moments>& trials) {
+  for (size_t t = 0; t < trials.size(); t++) {
+    EXPECT_EQ(unit.sums()[t].weight, trials[t].weight);
+    EXPECT_EQ(unit.sums()[t].luma, trials[t].luma);
+    EXPECT_EQ(unit.sums()[t].square, trials[t].square);
+  }
+}
+
 const MomentsShape kShape{2, 1, 2};
 
 std::string reason_of(const std::vector<uint8_t>& bytes) {
@@ -74,11 +82,7 @@ TEST(MomentsCodec, GoldenBytes) {
   const std::optional<MomentsUnit> unit = decode_moments(from_hex(kGolden), kShape);
   ASSERT_TRUE(unit.has_value());
   EXPECT_EQ(static_cast<const MomentsHeader&>(*unit), golden());
-  for (size_t t = 0; t < 2; t++) {
-    EXPECT_EQ(unit->sums()[t].weight, golden().trials[t].weight);
-    EXPECT_EQ(unit->sums()[t].luma, golden().trials[t].luma);
-    EXPECT_EQ(unit->sums()[t].square, golden().trials[t].square);
-  }
+  expect_sums(*unit, golden().trials);
 }
 
 // One trial of 2 x 1 nodes with wide weights, and gains.
@@ -126,10 +130,7 @@ TEST(MomentsCodec, LeavesOutWhatNobodySees) {
   EXPECT_EQ(encoded(unit).size(), 46 + 2 * (1 + 6 * 4 * 3));
   const std::optional<MomentsUnit> read = decode_moments(encoded(unit), {40, 30, 2});
   ASSERT_TRUE(read.has_value());
-  for (size_t t = 0; t < 2; t++) {
-    EXPECT_EQ(read->sums()[t].weight, unit.trials[t].weight);
-    EXPECT_EQ(read->sums()[t].square, unit.trials[t].square);
-  }
+  expect_sums(*read, unit.trials);
 }
 
 // A unit of a few bytes may be of many nodes; what is kept of it is of those that it has bytes for.
@@ -234,11 +235,7 @@ TEST(MomentsCodec, OneCameraTakesFewBytesAndLosesNothing) {
       const std::optional<MomentsUnit> unit = decode_moments(small, {40, 30, trials}, &reason);
       ASSERT_TRUE(unit) << reason;
       EXPECT_EQ(static_cast<const MomentsHeader&>(*unit), header);
-      for (size_t t = 0; t < trials; t++) {
-        EXPECT_EQ(unit->sums()[t].weight, sums[t].weight);
-        EXPECT_EQ(unit->sums()[t].luma, sums[t].luma);
-        EXPECT_EQ(unit->sums()[t].square, sums[t].square);
-      }
+      expect_sums(*unit, sums);
     }
 }
 

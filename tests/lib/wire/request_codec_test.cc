@@ -8,12 +8,12 @@
 #include <limits>
 #include <random>
 
-#include "base/error.h"
+#include "base/text.h"
 #include "lib/wire/wire_test.h"
-#include "wire/limits.h"
+#include "wire/unit.h"
 
 namespace lf::wire {
-namespace request_codec_test {
+namespace {
 
 // Written from spec.md, not by the encoder.
 const char kGolden[] =
@@ -95,12 +95,7 @@ ViewRequest focused_request(std::mt19937& random) {
   return r;
 }
 
-std::string reason_of(const std::vector<uint8_t>& bytes) {
-  std::string reason;
-  EXPECT_FALSE(decode_request(bytes, &reason).has_value());
-  EXPECT_FALSE(decode_request(bytes).has_value());
-  return reason;
-}
+constexpr auto reason_of = refusal<decode_request>;
 
 TEST(RequestCodec, GoldenBytes) {
   EXPECT_EQ(encode_request(golden_request()), from_hex(kGolden));
@@ -331,12 +326,7 @@ TEST(RequestCodec, RefusesEveryTruncation) {
 TEST(RequestCodec, NamesTheFieldThatIsWrong) {
   const uint64_t nan = std::bit_cast<uint64_t>(std::nan("")), two = std::bit_cast<uint64_t>(2.);
   const uint64_t infinity = std::bit_cast<uint64_t>(std::numeric_limits<double>::infinity());
-  const struct {
-    size_t offset;
-    int size;
-    uint64_t value;
-    const char* reason;
-  } rows[] = {
+  const WrongField rows[] = {
       {0, 1, 0x8e, "magic: no request begins here"},
       {3, 1, 'A', "magic: no request begins here"},
       {4, 1, 2, "version: 2 is not supported, only 1"},
@@ -367,9 +357,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {168, 2, 258, "out_of_service[1]: cameras must ascend"},
       {170, 2, 0xffff, "out_of_service[1]: camera 65535 is beyond 65534"},
   };
-  for (const auto& row : rows)
-    EXPECT_EQ(reason_of(with(from_hex(kGolden), row.offset, row.size, row.value)), row.reason)
-        << "offset " << row.offset;
+  expect_reasons(reason_of, kGolden, rows);
 }
 
 TEST(RequestCodec, EncodesOnlyWhatIsValid) {
@@ -412,19 +400,10 @@ TEST(RequestCodec, SurvivesRandomCorruption) {
   std::mt19937 random(2);
   std::vector<std::vector<uint8_t>> requests;
   for (int i = 0; i < 64; i++) requests.push_back(encode_request(random_request(random)));
-  int accepted = 0;
-  for (int i = 0; i < 100'000; i++) {
-    std::vector<uint8_t> bytes = requests[i % requests.size()];
-    if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
-    if (bytes.empty()) continue;
-    corrupt(bytes, 44, random);
+  expect_corruption_survived(requests, 44, random, [](const auto& bytes) -> std::optional<std::vector<uint8_t>> {
     const std::optional<ViewRequest> decoded = decode_request(bytes);
-    if (!decoded) continue;
-    accepted++;
-    ASSERT_EQ(encode_request(*decoded), bytes);
-  }
-  EXPECT_GT(accepted, 10'000);
-  EXPECT_LT(accepted, 90'000);
+    return decoded ? std::optional(encode_request(*decoded)) : std::nullopt;
+  });
 }
 
 // What is looked at before anything is decoded is what decoding tells.
@@ -447,5 +426,5 @@ TEST(RequestCodec, CostsAreThoseOfTheRequest) {
   EXPECT_EQ(peek_request_cost(encode_request(wide)), (RequestCost{640, 480, 12.5, 0}));
 }
 
-}  // namespace request_codec_test
+}  // namespace
 }  // namespace lf::wire

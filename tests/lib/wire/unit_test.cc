@@ -1,13 +1,59 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "wire/unit.h"
+#include <limits>
+#include <random>
 
 #include <gtest/gtest.h>
 
+#include "base/text.h"
 #include "lib/wire/wire_test.h"
-#include "wire/limits.h"
+#include "wire/unit.h"
 
 namespace lf::wire {
 namespace {
+
+TEST(Bytes, AreBigEndian) {
+  Writer out(23);
+  out.put(uint8_t{0x01});
+  out.put(uint16_t{0x0203});
+  out.put(uint32_t{0x04050607});
+  out.put(uint64_t{0x08090a0b0c0d0e0f});
+  out.put(-2.0);
+  const std::vector<uint8_t> bytes = out.take();
+  std::vector<uint8_t> expected;
+  for (uint8_t i = 1; i <= 15; i++) expected.push_back(i);
+  expected.insert(expected.end(), {0xc0, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_EQ(bytes, expected);
+}
+
+TEST(Bytes, ComeBack) {
+  const double doubles[] = {
+      0., -0., 1.5, std::numeric_limits<double>::denorm_min(), -1e300, std::numeric_limits<double>::infinity()};
+  Writer out(1);  // grows
+  out.put(uint8_t{255});
+  out.put(uint64_t{UINT64_MAX});
+  for (const double d : doubles) out.put(d);
+  const std::vector<uint8_t> bytes = out.take();
+  Reader in(bytes);
+  EXPECT_EQ(in.get<uint8_t>(), 255);
+  EXPECT_EQ(in.get<uint64_t>(), UINT64_MAX);
+  for (const double d : doubles) EXPECT_EQ(std::bit_cast<uint64_t>(in.get<double>()), std::bit_cast<uint64_t>(d));
+  EXPECT_TRUE(in.ok());
+  EXPECT_EQ(in.left(), 0u);
+}
+
+TEST(Bytes, BeyondTheEndIsNothingForGood) {
+  const std::vector<uint8_t> bytes = {1, 2, 3};
+  Reader in(bytes);
+  EXPECT_EQ(in.get<uint32_t>(), 0u);
+  EXPECT_FALSE(in.ok());
+  EXPECT_EQ(in.get<uint8_t>(), 0);
+  EXPECT_EQ(in.left(), 0u);
+  EXPECT_FALSE(in.ok());
+  Reader blocks(bytes);
+  EXPECT_EQ(blocks.get_bytes(3).size(), 3u);
+  EXPECT_TRUE(blocks.get_bytes(SIZE_MAX).empty());
+  EXPECT_FALSE(blocks.ok());
+}
 
 const std::vector<uint8_t> kRequest = from_hex("8f4c46510101000100000040");
 const std::vector<uint8_t> kAnswer = from_hex("8f4c46410101000040000000");
@@ -61,6 +107,41 @@ TEST(Unit, DistanceToMagic) {
     EXPECT_EQ(distance_to_magic(from_hex(row.hex), true), row.more) << row.hex;
     EXPECT_EQ(distance_to_magic(from_hex(row.hex), false), row.last) << row.hex;
   }
+}
+
+TEST(Deflate, GoesBothWays) {
+  std::mt19937 random(1);
+  for (const size_t size : {0, 1, 100, 100'000}) {
+    std::vector<uint8_t> bytes(size);
+    for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random() % 7);
+    EXPECT_EQ(inflate_exactly(deflate_all(bytes), size), bytes);
+  }
+  EXPECT_LT(deflate_all(std::vector<uint8_t>(19'200, 77)).size(), 120u) << "a flat map costs next to nothing";
+}
+
+// Blocks that are not compressed hold 65,535 bytes.
+TEST(Deflate, StoresWhatNeedNotBeSmall) {
+  std::mt19937 random(2);
+  for (const size_t size : {0, 1, 65'534, 65'535, 65'536, 131'070, 200'000}) {
+    std::vector<uint8_t> bytes(size);
+    for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
+    const std::vector<uint8_t> stored = store_all(bytes);
+    EXPECT_EQ(inflate_exactly(stored, size), bytes);
+    EXPECT_LE(stored.size(), size + 30);
+  }
+}
+
+TEST(Deflate, RefusesWhatIsNotExactlyThat) {
+  const std::vector<uint8_t> bytes(1000, 3), deflated = deflate_all(bytes);
+  EXPECT_THROW(inflate_exactly(deflated, 999), Error);
+  EXPECT_THROW(inflate_exactly(deflated, 1001), Error);
+  std::vector<uint8_t> longer = deflated, damaged = deflated;
+  longer.push_back(0);
+  EXPECT_THROW(inflate_exactly(longer, 1000), Error);
+  damaged[damaged.size() / 2] ^= 0x55;
+  EXPECT_THROW(inflate_exactly(damaged, 1000), Error);
+  EXPECT_THROW(inflate_exactly({}, 1000), Error);
+  EXPECT_THROW(inflate_exactly(deflated, size_t{1} << 40), Error) << "without asking for so much memory";
 }
 
 }  // namespace

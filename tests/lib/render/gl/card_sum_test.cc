@@ -16,7 +16,7 @@
 #include "lib/render/gl/somebody.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
-#include "reference/hard_cases.h"
+#include "reference/generators.h"
 #include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"

@@ -1,0 +1,401 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/cam_src_children.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/schedule.h"
+#include "camsrc/camera_chain.h"
+#include "common/common.h"
+#include "common/guard.h"
+#include "rig/source_security.h"
+
+namespace lf {
+namespace {
+
+bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
+
+// Time limit for a child to stop. rtspsrc waits for a server that answers slowly or without end. Cameras stop one after
+// another, so after one timeout the limit is shorter for a while.
+constexpr std::chrono::milliseconds kPatience{2000}, kLessPatience{200};
+constexpr std::chrono::seconds kMoment{20};
+
+std::chrono::milliseconds patience(bool was_late) {
+  static std::mutex mutex;
+  static std::chrono::steady_clock::time_point late_until;
+  const std::lock_guard lock(mutex);
+  const auto now = std::chrono::steady_clock::now();
+  const auto result = now < late_until ? kLessPatience : kPatience;
+  if (was_late) late_until = now + kMoment;
+  return result;
+}
+
+// Stops a child. On timeout the child is removed from the bin, and a thread that keeps both alive finishes stopping it.
+GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) {
+  struct Stop {
+    std::mutex mutex;
+    std::condition_variable done;
+    std::optional<GstStateChangeReturn> result;
+    bool is_late = false;  // the caller has given up waiting
+  };
+  const auto stop = std::make_shared<Stop>();
+  std::thread([stop, state, camera = gst_object_ref(bin), element = GST_ELEMENT(gst_object_ref(child))] {
+    const GstStateChangeReturn result = gst_element_set_state(element, state);
+    std::unique_lock lock(stop->mutex);
+    if (!stop->is_late) {
+      gst_object_unref(element);
+      gst_object_unref(camera);  // the caller has another reference
+      stop->result = result;
+      stop->done.notify_all();
+      return;
+    }
+    lock.unlock();
+    gst_element_set_state(element, GST_STATE_NULL);
+    gst_object_unref(element);
+    gst_object_unref(camera);
+  }).detach();
+  std::unique_lock lock(stop->mutex);
+  if (stop->done.wait_for(lock, patience(false), [&] { return stop->result.has_value(); })) return *stop->result;
+  stop->is_late = true;
+  lock.unlock();
+  patience(true);
+  g_signal_handlers_destroy(child);  // new pads must not be linked
+  gst_bin_remove(bin, child);
+  return GST_STATE_CHANGE_SUCCESS;
+}
+
+// Sets all children, or only decoders, to `state`. FAILURE where one fails, else NO_PREROLL where one has none.
+GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
+  std::vector<GstElement*> children;
+  ObjectLock lock(bin);
+  for (GList* child = bin->children; child; child = child->next)
+    children.push_back(GST_ELEMENT(gst_object_ref(child->data)));
+  lock.unlock();
+  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
+  for (GstElement* child : children) {
+    if (!only_decoders || is_decoder(child)) {
+      gst_element_set_base_time(child, gst_element_get_base_time(GST_ELEMENT(bin)));
+      gst_element_set_start_time(child, gst_element_get_start_time(GST_ELEMENT(bin)));
+      const bool stops = is_decoder(child) && state < GST_STATE(child) && state <= GST_STATE_READY;
+      const GstStateChangeReturn one = stops ? stop_child(bin, child, state) : gst_element_set_state(child, state);
+      if (result != GST_STATE_CHANGE_FAILURE && one != GST_STATE_CHANGE_ASYNC && one != GST_STATE_CHANGE_SUCCESS)
+        result = one;
+    }
+    gst_object_unref(child);
+  }
+  return result;
+}
+
+// A decoder has come to PAUSED: on to PLAYING, if that is where its camera is.
+void continue_decoder(GstElement* camera, gpointer decoder) {
+  GST_STATE_LOCK(camera);
+  if (GST_STATE_TARGET(camera) == GST_STATE_PLAYING && GST_STATE(camera) >= GST_STATE_PAUSED &&
+      gst_object_has_as_parent(GST_OBJECT(decoder), GST_OBJECT(camera)))
+    gst_element_set_state(GST_ELEMENT(decoder), GST_STATE_PLAYING);
+  GST_STATE_UNLOCK(camera);
+}
+
+// Stops a child and removes it from the bin. A decoder that does not stop in time is left to stop by itself.
+void remove_child(GstBin* bin, GstElement* child) {
+  if (is_decoder(child))
+    stop_child(bin, child, GST_STATE_NULL);
+  else
+    gst_element_set_state(child, GST_STATE_NULL);
+  if (gst_object_has_as_parent(GST_OBJECT(child), GST_OBJECT(bin))) gst_bin_remove(bin, child);
+}
+
+}  // namespace
+
+void lock_decoder(GstBin* /*bin*/, GstElement* child) {
+  if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);
+}
+
+GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
+                                         GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
+  const GstState next = GST_STATE_TRANSITION_NEXT(transition);
+  // Who takes starts first. All else decoders do before GstBin does it with the others.
+  const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
+  if (!decoders_last) set_states(bin, next, true);
+  GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
+  // GstBin repeats what locked children said the last time. None but they come to a state by and by.
+  if (result == GST_STATE_CHANGE_ASYNC) result = GST_STATE_CHANGE_SUCCESS;
+  if (!decoders_last || result == GST_STATE_CHANGE_FAILURE) return result;
+  const GstStateChangeReturn decoders = set_states(bin, next, true);
+  return decoders == GST_STATE_CHANGE_SUCCESS ? result : decoders;
+}
+
+GstStateChangeReturn pause_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PAUSED, false); }
+
+GstStateChangeReturn play_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PLAYING, false); }
+
+bool take_decoder_message(GstBin* bin, GstMessage* message) {
+  const GstMessageType type = GST_MESSAGE_TYPE(message);
+  if (type != GST_MESSAGE_ASYNC_START && type != GST_MESSAGE_ASYNC_DONE) return false;
+  if (type == GST_MESSAGE_ASYNC_DONE && GST_IS_ELEMENT(GST_MESSAGE_SRC(message)))
+    gst_element_call_async(GST_ELEMENT(bin), callback<continue_decoder>, gst_object_ref(GST_MESSAGE_SRC(message)),
+                           gst_object_unref);
+  gst_message_unref(message);
+  return true;
+}
+
+}  // namespace lf
+
+namespace {
+
+using Kind = lf::CameraSource::Kind;
+
+std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
+  if (path.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
+  if (!g_file_test(path.c_str(), G_FILE_TEST_EXISTS)) throw lf::MissingFile(path + ": no such file");
+  return lf::shared_rig(path);
+}
+
+// Errors name the rig and the camera.
+lf::CameraSource find_source(const lf::Rig& rig, const lf::CamSrcSettings& settings, const lf::Camera& camera,
+                             const std::string& place) {
+  try {
+    if (!lf::find_camera_source(rig, camera).is_file()) lf::require_trust(camera, settings.rig, settings.trusted);
+    return lf::find_playable_source(rig, camera);
+  } catch (const lf::MissingFile& error) {
+    throw lf::MissingFile(place + ": " + error.what());
+  } catch (const lf::Error& error) {
+    throw lf::Error(place + ": " + error.what());
+  }
+}
+
+std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
+  std::string place = settings.rig + ": camera " + std::to_string(camera.id);
+  if (!camera.name.empty()) place += " (" + camera.name + ")";
+  return place;
+}
+
+// What calls `self` holds no reference: a stream does not outlive its element's children.
+lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
+  return {.on_error =
+              [self, serial](GQuark domain, gint code, const std::string& text) {
+                lf_cam_src_fail(self, {domain, code, text, ""});
+                lf_cam_src_take_out(self, serial);
+              },
+          .on_first_frame =
+              [self] {
+                if (self->service->find(lf::now_ns())) lf_cam_src_tell_found(self);
+              },
+          .on_end = [self] { self->service->end(); },
+          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); },
+          .on_cut_off = [self](GstClockTime lasted,
+                               GstClockTime missing) { lf_cam_src_tell_cut_off(self, lasted, missing); },
+          .on_keepsake = *self->keeper};
+}
+
+lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
+  const auto all = lf::load_controls(settings.rig);
+  const auto own = all.find(camera.id);
+  return own == all.end() ? lf::Controls{} : own->second;
+}
+
+// The errors say where, as those of find_source() do.
+lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, const lf::Camera& camera,
+                            const lf::ChainOptions& options, const std::string& place) {
+  try {
+    return lf::build_camera_chain(GST_BIN(self), source, camera, options);
+  } catch (const lf::MissingElement&) {
+    throw;
+  } catch (const lf::Error& error) {
+    throw lf::Error(place + ": " + error.what());
+  }
+}
+
+// The built-in scene among real pictures would be a ghost in every view. The first camera without pictures warns for
+// all.
+void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
+  const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
+  if (std::ranges::all_of(rig.cameras, is_blind)) return;
+  if (std::ranges::find_if(rig.cameras, is_blind) != rig.cameras.begin() + index) return;
+  const auto count = std::ranges::count_if(rig.cameras, is_blind);
+  const std::string who = place + (count > 1 ? " and " + std::to_string(count - 1) + " more name" : " names");
+  GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
+                      ("%s neither an image nor a source: shown is the built-in scene", who.c_str()), (nullptr));
+}
+
+void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
+                  lf::CameraIndex index) {
+  const lf::Camera& camera = rig->cameras[index];
+  std::string place = place_of(settings, camera);
+  const lf::CameraSource source = find_source(*rig, settings, camera, place);
+  if (source.kind == Kind::kScene) warn_of_scene(self, *rig, index, place);
+  if (!source.location.empty()) place += ": " + lf::location_text(source.location);
+  const bool file = source.is_file() && source.kind != Kind::kStill;
+  const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
+  const bool network = device || source.kind == Kind::kUri;
+  // Of what comes over HTTP it is known when it has come.
+  self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
+
+  const lf::Controls controls = controls_of(settings, camera);
+  const lf::CameraChain chain = build_chain(self, source, camera,
+                                            {.fps_n = settings.fps_n,
+                                             .fps_d = settings.fps_d,
+                                             .live = settings.is_live,
+                                             .loop = settings.loop,
+                                             .decode = settings.decode,
+                                             .trusted = settings.trusted,
+                                             .controls = controls,
+                                             .latency = settings.latency},
+                                            place);
+  const bool may_be_lost = lf_cam_src_may_be_lost(self);
+  const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
+  const bool paced = settings.is_live && !network && !catches_up;
+  (*self->shedder)->restart(paced);
+  const gint64 num_frames =
+      settings.num_frames < 0 ? settings.num_frames : std::max<gint64>(0, settings.num_frames - self->frames);
+  auto stream = std::make_shared<lf::CameraStream>(
+      GST_ELEMENT(self), chain,
+      lf::StreamOptions{.camera = index,
+                        .rig_hash = rig->hash(),
+                        .width = camera.width,
+                        .height = camera.height,
+                        .time_offset = camera.time_offset,
+                        .num_frames = num_frames,
+                        .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska ||
+                                                          source.kind == Kind::kFile || source.kind == Kind::kUri),
+                        .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
+                        .may_be_lost = may_be_lost,
+                        .catches_up = catches_up,
+                        .round = self->round,
+                        .paced = paced,
+                        .begin = self->live ? 0 : self->end,
+                        .shedder = *self->shedder,
+                        .place = place},
+      listener_of(self, static_cast<guint>(g_atomic_int_get(&self->serial))));
+  stream->watch();
+  if (settings.is_live) stream->set_live();
+  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
+  std::string wanted;
+  if (device) {
+    wanted = std::to_string(camera.width) + "x" + std::to_string(camera.height);
+    if (settings.fps_n > 0)
+      wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
+  }
+  auto* run = new CamSrcRun{settings, rig, controls, chain, stream, wanted};
+  GST_OBJECT_LOCK(self);
+  self->run = run;
+  GST_OBJECT_UNLOCK(self);
+}
+
+// Owned by the caller.
+GstElement* first_child(GstBin* bin) {
+  GST_OBJECT_LOCK(bin);
+  GstElement* child = bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
+  GST_OBJECT_UNLOCK(bin);
+  return child;
+}
+
+template <typename F>
+std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
+  const auto failure = [](GQuark domain, gint code, const std::string& text) {
+    return std::make_unique<CamSrcFailure>(CamSrcFailure{domain, code, text, ""});
+  };
+  try {
+    what();
+    return nullptr;
+  } catch (const lf::MissingFile& error) {
+    return failure(GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_FOUND, error.what());
+  } catch (const lf::MissingElement& error) {
+    return failure(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN,
+                   std::string("element ") + error.what() + " is not installed");
+  } catch (const lf::Error& error) {
+    return failure(GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_SETTINGS, error.what());
+  } catch (const std::exception& error) {
+    return failure(GST_LIBRARY_ERROR, GST_LIBRARY_ERROR_FAILED, error.what());
+  }
+}
+
+// imagefreeze forgets its frame rate before it stops its thread, which may then divide by it: the thread is stopped
+// here.
+void stop_tail(const lf::CameraChain& chain) {
+  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
+    GstPad* src = gst_element_get_static_pad(*element, "src");
+    gst_pad_set_active(src, FALSE);
+    gst_object_unref(src);
+    gst_element_set_state(*element, GST_STATE_READY);
+  }
+}
+
+}  // namespace
+
+void lf_cam_src_stop_flow(LfCamSrc* self) {
+  if (!self->run) return;
+  self->run->stream->stop();
+  if (self->run->used) stop_tail(self->run->chain);
+}
+
+void lf_cam_src_close(LfCamSrc* self) {
+  lf_cam_src_stop_flow(self);
+  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
+  while (GstElement* child = first_child(GST_BIN(self))) {
+    lf::remove_child(GST_BIN(self), child);
+    gst_object_unref(child);
+  }
+  GST_OBJECT_LOCK(self);
+  CamSrcRun* run = std::exchange(self->run, nullptr);
+  GST_OBJECT_UNLOCK(self);
+  if (run) {
+    self->end = run->stream->ends_at();
+    self->round = run->stream->round();
+    self->frames += static_cast<gint64>(run->stream->frames_out());
+  }
+  delete run;
+}
+
+// A camera may be a view of another light field, whose cameras may be views, too: a rig that names itself would open
+// cameras without end.
+static void require_shallow(LfCamSrc* self) {
+  constexpr int kMostInside = 1;
+  int inside = 0;
+  GstObject* object = GST_OBJECT(gst_object_ref(self));
+  while (GstObject* parent = gst_object_get_parent(object)) {
+    gst_object_unref(object);
+    object = parent;
+    if (LF_IS_CAM_SRC(object)) inside++;
+  }
+  gst_object_unref(object);
+  if (inside > kMostInside)
+    throw lf::Error("cameras are views of light fields inside one another: does a rig name itself?");
+}
+
+bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
+  lf_cam_src_close(self);
+  g_atomic_int_inc(&self->serial);
+  lf::ObjectLock lock(self);
+  const lf::CamSrcSettings settings = *self->settings;
+  lock.unlock();
+  std::shared_ptr<const lf::Rig> rig;
+  lf::CameraIndex index = 0;
+  *failure = failure_of([&] {
+    require_shallow(self);
+    rig = open_rig(settings.rig);
+    const auto found = rig->index_of_id(settings.camera);
+    if (!found) throw lf::Error(settings.rig + ": has no camera " + std::to_string(settings.camera));
+    index = *found;
+  });
+  if (*failure) return false;
+  GST_OBJECT_LOCK(self);
+  self->camera = rig->cameras[index].id;
+  *self->name = rig->cameras[index].name;
+  GST_OBJECT_UNLOCK(self);
+  self->live = self->live || settings.is_live;
+  *failure = failure_of([&] { add_children(self, settings, rig, index); });
+  if (*failure) lf_cam_src_close(self);
+  return true;
+}
+
+void lf_cam_src_start_tail(const lf::CameraChain& chain) {
+  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element)
+    gst_element_set_state(*element, GST_STATE_PAUSED);
+}

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common/properties.h"
+
+GType lf_access_get_type(void) {
+  static const GType type = lf::register_enum<lf::Access>(
+      "LfAccess", {{lf::Access::kSelf, "Cameras know their places and answer view requests", "self"},
+                   {lf::Access::kWarp, "Cameras know their lenses alone and answer warp commands", "warp"},
+                   {lf::Access::kPixels, "Cameras give pixels alone and answer pixel commands", "pixels"}});
+  return type;
+}
+
+const char* lf::access_nick(Access access) {
+  auto* const values = static_cast<GEnumClass*>(g_type_class_ref(LF_TYPE_ACCESS));
+  const char* nick = g_enum_get_value(values, static_cast<gint>(access))->value_nick;
+  g_type_class_unref(values);  // the type is static, and so is the text
+  return nick;
+}

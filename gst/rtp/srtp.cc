@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rtp/srtp.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include <gst/gst.h>
+#include <gst/rtp/gstrtpbuffer.h>
+
+#include "base/file.h"
+#include "base/text.h"
+#include "wire/unit.h"
+
+namespace lf::rtp {
+namespace {
+
+constexpr char kLabel[] = "gst-lightfield SRTP 1";
+constexpr char kSpace[] = " \t\r\n";
+
+// A compiler may leave out a plain memset of memory that nothing reads afterwards.
+void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
+
+constexpr guint kReorder = 4096;  // how far packets may overtake each other
+
+GstElement* make_srtpdec() {
+  GstElement* srtpdec = gst_element_factory_make("srtpdec", nullptr);
+  if (!srtpdec) throw Error("element srtpdec is not installed (it is in gstreamer1.0-plugins-bad)");
+  g_object_set(srtpdec, "replay-window-size", kReorder, nullptr);
+  return srtpdec;
+}
+
+struct Header {
+  guint32 ssrc;
+  guint16 sequence;
+  std::array<uint8_t, kMkiBytes> mki;
+};
+
+// Nothing for what is too short to be RTP that is sealed, or of a version or type that srtpdec would take for RTCP.
+std::optional<Header> read_header(GstBuffer* packet) {
+  const gsize size = gst_buffer_get_size(packet);
+  guint8 bytes[12];
+  if (size < sizeof bytes + kSealBytes || gst_buffer_extract(packet, 0, bytes, sizeof bytes) != sizeof bytes)
+    return std::nullopt;
+  const int type = bytes[1] & 0x7f;
+  gsize header = sizeof bytes + 4u * (bytes[0] & 0x0f);
+  if (bytes[0] >> 6 != 2 || (type >= 64 && type <= 80)) return std::nullopt;
+  if (bytes[0] & 0x10) {  // with an extension
+    guint8 extension[4];
+    if (gst_buffer_extract(packet, header, extension, sizeof extension) != sizeof extension) return std::nullopt;
+    header += sizeof extension + 4u * wire::Reader(std::span(extension).subspan(2)).get<uint16_t>();
+  }
+  if (size < header + kSealBytes) return std::nullopt;
+  const std::span<const uint8_t> fields = bytes;
+  Header found{wire::Reader(fields.subspan(8)).get<uint32_t>(), wire::Reader(fields.subspan(2)).get<uint16_t>(), {}};
+  gst_buffer_extract(packet, size - kSealBytes, found.mki.data(), found.mki.size());
+  return found;
+}
+
+GstBuffer* to_buffer(std::span<const uint8_t> bytes) { return gst_buffer_new_memdup(bytes.data(), bytes.size()); }
+
+}  // namespace
+
+RtpKey::RtpKey(const std::string& path) {
+  std::string text = read_secret_file(path);
+  const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
+  const size_t end = text.find_last_not_of(kSpace);
+  const bool fits = text.size() <= kMaxBytes;
+  secret_ = text.substr(begin, end == text.npos ? 0 : end + 1 - begin);
+  wipe(text);
+  if (fits && secret_.size() >= kMinBytes) return;
+  wipe(secret_);
+  throw Error(path + ": a key has " + std::to_string(kMinBytes) + " to " + std::to_string(kMaxBytes) +
+              " random characters: openssl rand -hex 32 >FILE");
+}
+
+RtpKey::~RtpKey() { wipe(secret_); }
+
+SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const {
+  SessionKey session;
+  wire::store(&session.mki[0], name.minute);
+  wire::store(&session.mki[4], name.nonce);
+  std::array<uint8_t, 12> fields;
+  wire::store(&fields[0], name.ssrc);
+  std::copy_n(session.mki.begin(), 8, fields.begin() + 4);
+  GHmac* hmac = g_hmac_new(G_CHECKSUM_SHA512, reinterpret_cast<const guchar*>(secret_.data()), secret_.size());
+  g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);  // with the zero at its end
+  g_hmac_update(hmac, reinterpret_cast<const guchar*>(purpose.data()), static_cast<gssize>(purpose.size()));
+  g_hmac_update(hmac, fields.data(), fields.size());
+  std::array<uint8_t, 64> made;
+  gsize size = made.size();
+  g_hmac_get_digest(hmac, made.data(), &size);
+  g_hmac_unref(hmac);
+  std::copy_n(made.begin(), session.key.size(), session.key.begin());
+  std::copy_n(made.begin() + kMasterKeyBytes, 4, session.mki.begin() + 8);
+  forget(made.data(), made.size());
+  return session;
+}
+
+uint32_t this_minute() { return static_cast<uint32_t>(g_get_real_time() / G_USEC_PER_SEC / 60); }
+
+KeyName name_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki) {
+  wire::Reader reader(mki);
+  const auto minute = reader.get<uint32_t>(), nonce = reader.get<uint32_t>();
+  return {ssrc, minute, nonce};
+}
+
+GstFlowReturn HiddenElement::chain(GstPad* pad, GstObject*, GstBuffer* buffer) {
+  return static_cast<HiddenElement*>(gst_pad_get_element_private(pad))->on_buffer_(buffer);
+}
+
+GstFlowReturn HiddenElement::chain_list(GstPad* pad, GstObject*, GstBufferList* list) {
+  return static_cast<HiddenElement*>(gst_pad_get_element_private(pad))->on_list_(list);
+}
+
+HiddenElement::HiddenElement(GstElement* element, const char* sink, const char* src, const char* caps,
+                             OnBuffer on_buffer, OnList on_list)
+    : element_(GST_ELEMENT(gst_object_ref_sink(element))),
+      on_buffer_(std::move(on_buffer)),
+      on_list_(std::move(on_list)),
+      in_(gst_pad_new("in", GST_PAD_SRC)),
+      out_(gst_pad_new("out", GST_PAD_SINK)) {
+  gst_object_ref_sink(in_);
+  gst_object_ref_sink(out_);
+  gst_pad_set_element_private(out_, this);
+  gst_pad_set_chain_function(out_, chain);
+  if (on_list_) gst_pad_set_chain_list_function(out_, chain_list);
+  gst_pad_set_active(in_, TRUE);
+  gst_pad_set_active(out_, TRUE);
+  GstPad* sink_pad = gst_element_get_static_pad(element_, sink);
+  if (!sink_pad) sink_pad = gst_element_request_pad_simple(element_, sink);
+  GstPad* src_pad = gst_element_get_static_pad(element_, src);
+  const bool works = sink_pad && src_pad && gst_pad_link(in_, sink_pad) == GST_PAD_LINK_OK &&
+                     gst_pad_link(src_pad, out_) == GST_PAD_LINK_OK &&
+                     gst_element_set_state(element_, GST_STATE_PLAYING) != GST_STATE_CHANGE_FAILURE;
+  gst_clear_object(&sink_pad);
+  gst_clear_object(&src_pad);
+  if (!works) {
+    const std::string name = GST_OBJECT_NAME(element_);
+    close();
+    throw Error(name + " does not start");
+  }
+  gst_pad_push_event(in_, gst_event_new_stream_start("hidden"));
+  GstCaps* fixed = gst_caps_from_string(caps);
+  gst_pad_push_event(in_, gst_event_new_caps(fixed));
+  gst_caps_unref(fixed);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_pad_push_event(in_, gst_event_new_segment(&segment));
+}
+
+HiddenElement::~HiddenElement() { close(); }
+
+void HiddenElement::close() {
+  gst_element_set_state(element_, GST_STATE_NULL);
+  gst_pad_set_active(in_, FALSE);
+  gst_pad_set_active(out_, FALSE);
+  gst_object_unref(in_);
+  gst_object_unref(out_);
+  gst_object_unref(element_);
+}
+
+std::shared_ptr<OpenedPackets> OpenedPackets::of(const RtpKey& key, std::string_view purpose) {
+  // Told apart by a key of 1970, which opens nothing.
+  using Id = std::array<uint8_t, kMasterKeyBytes>;
+  static std::mutex mutex;
+  static std::map<Id, std::shared_ptr<OpenedPackets>> all;
+  const std::lock_guard lock(mutex);
+  const uint32_t now = this_minute();
+  std::erase_if(all, [now](const auto& item) {
+    item.second->forget_old(now);
+    return item.second.use_count() == 1 && item.second->empty();
+  });
+  std::shared_ptr<OpenedPackets>& opened = all[key.session(purpose, {}).key];
+  if (!opened) opened = std::make_shared<OpenedPackets>();
+  return opened;
+}
+
+std::shared_ptr<OpenedNumbers> OpenedPackets::of_stream(const KeyName& name) {
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<OpenedNumbers>& numbers = streams_[{name.minute, name.ssrc, name.nonce}];
+  if (!numbers) numbers = std::make_shared<OpenedNumbers>();
+  return numbers;
+}
+
+void OpenedPackets::forget_old(uint32_t minute) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(streams_, [minute](const auto& item) { return !is_of_now(item.first[0], minute); });
+}
+
+bool OpenedPackets::empty() const {
+  const std::lock_guard lock(mutex_);
+  return streams_.empty();
+}
+
+SealOpener::SealOpener(std::shared_ptr<const RtpKey> key, const std::string& purpose,
+                       std::shared_ptr<OpenedPackets> opened)
+    : key_(std::move(key)),
+      purpose_(purpose),
+      shared_(std::move(opened)),
+      srtpdec_(make_srtpdec(), "rtp_sink", "rtp_src", "application/x-srtp", [this](GstBuffer* opened) {
+        gst_buffer_replace(&opened_, nullptr);
+        opened_ = opened;
+        return GST_FLOW_OK;
+      }) {
+  g_signal_connect(srtpdec_.get(), "request-key", G_CALLBACK(request_key), this);
+}
+
+GstCaps* SealOpener::request_key(GstElement*, guint, gpointer self) {
+  const SessionKey& offered = *static_cast<SealOpener*>(self)->offered_;
+  GstBuffer *key = to_buffer(offered.key), *mki = to_buffer(offered.mki);
+  GstCaps* caps = gst_caps_new_simple("application/x-srtp", "srtp-key", GST_TYPE_BUFFER, key, "mki", GST_TYPE_BUFFER,
+                                      mki, "srtp-cipher", G_TYPE_STRING, "aes-128-icm", "srtp-auth", G_TYPE_STRING,
+                                      "hmac-sha1-80", "srtcp-cipher", G_TYPE_STRING, "aes-128-icm", "srtcp-auth",
+                                      G_TYPE_STRING, "hmac-sha1-80", nullptr);
+  gst_buffer_unref(key);
+  gst_buffer_unref(mki);
+  return caps;
+}
+
+void SealOpener::forget_old(uint32_t minute) {
+  if (shared_) shared_->forget_old(minute);
+  std::erase_if(streams_, [&](const auto& item) {
+    const bool old = !is_of_now(item.second->minute, minute);
+    if (old) g_signal_emit_by_name(srtpdec_.get(), "remove-key", item.first);
+    return old;
+  });
+}
+
+SealOpener::Result SealOpener::open_known(Stream& stream, guint16 sequence, GstBuffer* packet, GstBuffer** opened) {
+  srtpdec_.push(gst_buffer_make_writable(packet));  // of GStreamer 1.22.0, which opens a copy and passes on the other
+  *opened = std::exchange(opened_, nullptr);
+  if (!*opened) return Result::kForged;
+  if (stream.seen->add(sequence)) return Result::kOpened;
+  gst_clear_buffer(opened);  // another gate has opened the packet meanwhile
+  return Result::kReplayed;
+}
+
+SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
+  *opened = nullptr;
+  const auto refuse = [&](Result result) {
+    gst_buffer_unref(packet);
+    return result;
+  };
+  const std::optional<Header> header = read_header(packet);
+  if (!header) return refuse(Result::kMalformed);
+  const KeyName name = name_of(header->ssrc, header->mki);
+  const uint32_t now = this_minute();
+  if (!is_of_now(name.minute, now)) {
+    // All bytes name a minute, hardly ever one of these days; only who has the key makes the check that belongs to it.
+    const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
+    return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
+  }
+  if (const auto known = streams_.find(name.ssrc); known != streams_.end()) {
+    Stream& stream = *known->second;
+    if (stream.mki != header->mki) return refuse(Result::kForged);
+    if (stream.seen->has(header->sequence)) return refuse(Result::kReplayed);
+    return open_known(stream, header->sequence, packet, opened);
+  }
+
+  const SessionKey session = key_->session(purpose_, name);
+  if (session.mki != header->mki) return refuse(Result::kForged);
+  forget_old(now);
+  if (streams_.size() >= kMostStreams) return refuse(Result::kForged);
+  auto stream = std::make_unique<Stream>(
+      Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<OpenedNumbers>()});
+  if (stream->seen->has(header->sequence)) return refuse(Result::kReplayed);
+  offered_ = &session;
+  const Result result = open_known(*stream, header->sequence, packet, opened);
+  offered_ = nullptr;
+  if (result == Result::kOpened)
+    streams_[name.ssrc] = std::move(stream);
+  else
+    g_signal_emit_by_name(srtpdec_.get(), "remove-key", name.ssrc);
+  return result;
+}
+
+}  // namespace lf::rtp

@@ -1,0 +1,431 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/placement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <tuple>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+#include "base/maths.h"
+#include "base/text.h"
+#include "calibration/multiview_geometry.h"
+
+namespace lf {
+namespace {
+
+constexpr double kAt = 0.35;            // of the distance to the nearest other place: a camera stands there
+constexpr double kOtherWay = 0.6;       // radians: a camera looks elsewhere than its place has it
+constexpr double kTooFar = 0.5;         // of that: it does not
+constexpr double kUsualShift = 0.05;    // of that distance, that arrays are off by
+constexpr double kUsualTurn = 0.0175;   // radians
+constexpr double kUsualCounts = 2;      // as so many cameras
+constexpr double kAlignmentRobust = 3;  // sigmas where a camera counts less
+constexpr double kClearlyBetter = 1.5;  // cameras that another order must make fit
+constexpr int kAlignmentRounds = 12;
+constexpr int kAlignmentSamples = 200;
+constexpr size_t kSample = 3;  // cameras that a similarity is tried of
+
+Eigen::Vector3d eigen(const Vec3& v) { return {v.x, v.y, v.z}; }
+Eigen::Matrix3d eigen(const Mat3& m) {
+  Eigen::Matrix3d e;
+  for (int c = 0; c < 3; c++) e.col(c) = eigen(m[c]);
+  return e;
+}
+
+// The proper rotation nearest to what `m` correlates.
+Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& m) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+Quat quaternion(const Eigen::Matrix3d& m) {
+  Mat3 r;
+  for (int c = 0; c < 3; c++) r[c] = {m(0, c), m(1, c), m(2, c)};
+  return glm::normalize(glm::quat_cast(r));
+}
+
+class LayoutFit {
+ public:
+  LayoutFit(const std::vector<Pose>& found, const std::vector<Pose>& layout, std::optional<double> scale,
+            double common_turn)
+      : found_(found), layout_(layout), scale_(scale), common_turn_(common_turn), spacing_(layout.size()) {
+    for (size_t i = 0; i < layout.size(); i++) {
+      spacing_[i] = std::numeric_limits<double>::infinity();
+      for (size_t j = 0; j < layout.size(); j++) {
+        const double apart = glm::length(layout[i].position - layout[j].position);
+        if (apart > 0) spacing_[i] = std::min(spacing_[i], apart);
+      }
+    }
+    usual_shift_ = kUsualShift * median(spacing_);
+  }
+
+  // Fits a similarity to cameras at `places`, robustly, from one that is about right.
+  LayoutAlignment refine(Similarity start, std::vector<size_t> places) const {
+    LayoutAlignment now{start, std::move(places), std::vector<char>(found_.size(), true), usual_shift_, kUsualTurn};
+    for (int round = 0; round < kAlignmentRounds; round++) {
+      judge(now);
+      step(now);
+    }
+    judge(now);
+    return now;
+  }
+
+  // Cameras at their places, softly, that look as these do: an array seen from behind fits its places, too.
+  double score(const LayoutAlignment& a) const {
+    double sum = 0;
+    for (size_t i = 0; i < found_.size(); i++) {
+      const double d = off(a.layout_from_scene, i, a.place[i]) / (kTooFar * spacing_[a.place[i]]);
+      const double t = turn(a.layout_from_scene, i, a.place[i]) / kOtherWay;
+      sum += std::max(0.0, 1 - d * d) * std::max(0.0, 1 - t * t);
+    }
+    return sum;
+  }
+
+  // As the cameras are named: from all of them, and from some, of which one is right where some cameras are not.
+  LayoutAlignment as_named(const std::vector<size_t>& own) const {
+    LayoutAlignment best = refine(similarity_of(own, all()), own);
+    double most = score(best);
+    std::mt19937 random(1);
+    const double enough = 0.8 * static_cast<double>(found_.size());
+    for (int n = 0; n < kAlignmentSamples && most < enough && found_.size() > kSample; n++) {
+      std::vector<size_t> sample = all();
+      std::shuffle(sample.begin(), sample.end(), random);
+      sample.resize(kSample);
+      LayoutAlignment trial{similarity_of(own, sample), own, {}, 0, 0};
+      if (score(trial) <= 0.7 * most) continue;
+      trial = refine(trial.layout_from_scene, own);
+      if (score(trial) > most) most = score(trial), best = std::move(trial);
+    }
+    return best;
+  }
+
+  // By where the cameras stand, whatever they are called: turned as they look, the middle and the size of the whole are
+  // those of the layout at first.
+  LayoutAlignment as_they_stand(const std::vector<size_t>& own) const {
+    LayoutAlignment now{whole(own), own, {}, 0, 0};
+    std::vector<size_t> before;
+    for (int round = 0; round < kAlignmentRounds && before != now.place; round++) {
+      before = now.place;
+      now.place = nearest_places(now.layout_from_scene, own);
+      now = refine(now.layout_from_scene, std::move(now.place));
+    }
+    return now;
+  }
+
+  // One-to-one, shortest ways first; those that are in the way of none keep their own place.
+  std::vector<size_t> nearest_places(const Similarity& s, const std::vector<size_t>& own) const {
+    std::vector<std::tuple<double, size_t, size_t>> ways;
+    for (size_t i = 0; i < found_.size(); i++)
+      for (size_t j = 0; j < layout_.size(); j++) ways.emplace_back(off(s, i, j) / spacing_[j], i, j);
+    std::sort(ways.begin(), ways.end());
+    std::vector<char> taken(layout_.size()), placed(found_.size());
+    std::vector<size_t> places = own;
+    for (const auto& [way, i, j] : ways) {
+      if (placed[i] || taken[j]) continue;
+      places[i] = j, placed[i] = taken[j] = true;
+    }
+    return places;
+  }
+
+  // Of cameras that are nowhere near their own place those that are clearly at another's.
+  void name_places(LayoutAlignment& a, const std::vector<size_t>& own) const {
+    const std::vector<size_t> nearest = nearest_places(a.layout_from_scene, own);
+    a.place = own;
+    for (size_t i = 0; i < found_.size(); i++)
+      if (off(a.layout_from_scene, i, own[i]) > kTooFar * spacing_[own[i]] &&
+          off(a.layout_from_scene, i, nearest[i]) < kAt * spacing_[nearest[i]])
+        a.place[i] = nearest[i];
+    // Who is at a place whose own camera stays there, or seems to, is not.
+    for (bool changed = true; changed;) {
+      changed = false;
+      std::vector<int> at(layout_.size());
+      for (const size_t place : a.place) at[place]++;
+      for (size_t i = 0; i < found_.size(); i++)
+        if (a.place[i] != own[i] && at[a.place[i]] > 1) a.place[i] = own[i], changed = true;
+    }
+  }
+
+ private:
+  std::vector<size_t> all() const {
+    std::vector<size_t> list(found_.size());
+    for (size_t i = 0; i < list.size(); i++) list[i] = i;
+    return list;
+  }
+
+  double off(const Similarity& s, size_t i, size_t place) const {
+    return glm::length(s(found_[i].position) - layout_[place].position);
+  }
+
+  Similarity similarity_of(const std::vector<size_t>& places, const std::vector<size_t>& cameras) const {
+    std::vector<Pose> a, b;
+    for (const size_t i : cameras) a.push_back(found_[i]), b.push_back(layout_[places[i]]);
+    if (scale_)
+      for (Pose& pose : a) pose.position *= *scale_;
+    Similarity s = align(a, b, scale_.has_value());
+    if (scale_) s.scale = *scale_;
+    return s;
+  }
+
+  Similarity whole(const std::vector<size_t>& own) const {
+    Eigen::Matrix3d looks = Eigen::Matrix3d::Zero();
+    Vec3 a(0, 0, 0), b(0, 0, 0);
+    std::vector<Vec3> from, to;
+    for (size_t i = 0; i < found_.size(); i++) {
+      looks += eigen(layout_[own[i]].rotation()) * eigen(found_[i].rotation()).transpose();
+      from.push_back(found_[i].position), to.push_back(layout_[own[i]].position);
+      a += from.back(), b += to.back();
+    }
+    Similarity s;
+    s.scale = scale_.value_or(spread(to) / spread(from));
+    s.rotation = quaternion(rotation_of(looks));
+    s.translation = (b - s.scale * (s.rotation * a)) / static_cast<double>(found_.size());
+    return s;
+  }
+
+  double turn(const Similarity& s, size_t i, size_t place) const {
+    return angle_of(s.rotation * found_[i].orientation * glm::conjugate(layout_[place].orientation));
+  }
+
+  // How far cameras are off, in the median over those that are about where their place is: mistaken ones say nothing.
+  void judge(LayoutAlignment& a) const {
+    std::vector<double> shifts, turns;
+    for (size_t i = 0; i < found_.size(); i++) {
+      const double shift = off(a.layout_from_scene, i, a.place[i]);
+      a.fits[i] = shift < kTooFar * spacing_[a.place[i]];
+      if (!a.fits[i]) continue;
+      shifts.push_back(shift * shift / 3);
+      turns.push_back(std::pow(turn(a.layout_from_scene, i, a.place[i]), 2) / 3);
+    }
+    const auto sigma = [](std::vector<double> squares, double usual) {
+      constexpr double kMedian = 0.789;  // of the squared length of three normal numbers, over its mean
+      const auto n = static_cast<double>(squares.size());
+      const double found = squares.empty() ? 0 : median(std::move(squares)) / kMedian;
+      return std::sqrt((n * found + kUsualCounts * usual * usual) / (n + kUsualCounts));
+    };
+    a.position_sigma = sigma(std::move(shifts), usual_shift_);
+    a.turn_sigma = sigma(std::move(turns), kUsualTurn);
+  }
+
+  // Weighted least squares of centres and axes; scale and rotation in turn.
+  void step(LayoutAlignment& a) const {
+    Similarity& s = a.layout_from_scene;
+    std::vector<double> weight(found_.size());
+    Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
+    double sum = 0, fitting = 0;
+    for (size_t i = 0; i < found_.size(); i++) {
+      if (!a.fits[i]) continue;
+      const double e = off(s, i, a.place[i]) / (kAlignmentRobust * a.position_sigma);
+      weight[i] = 1 / std::pow(1 + e * e, 2);
+      from += weight[i] * eigen(found_[i].position), to += weight[i] * eigen(layout_[a.place[i]].position);
+      sum += weight[i], fitting++;
+    }
+    if (fitting < 2) return;
+    from /= sum, to /= sum;
+    const double shift_variance = a.position_sigma * a.position_sigma;
+    // What orientations have in common, no number of cameras takes away.
+    const double turn_variance = a.turn_sigma * a.turn_sigma + fitting * common_turn_ * common_turn_;
+    Eigen::Matrix3d centres = Eigen::Matrix3d::Zero(), looks = centres;
+    double squares = 0;
+    for (size_t i = 0; i < found_.size(); i++) {
+      if (!a.fits[i]) continue;
+      const Eigen::Vector3d p = eigen(found_[i].position) - from, q = eigen(layout_[a.place[i]].position) - to;
+      centres += weight[i] * q * p.transpose(), squares += weight[i] * p.squaredNorm();
+      const double e = turn(s, i, a.place[i]) / (kAlignmentRobust * a.turn_sigma);
+      // Three axes, of which each turn moves two: a half each.
+      looks += 0.5 / std::pow(1 + e * e, 2) * eigen(layout_[a.place[i]].rotation()) *
+               eigen(found_[i].rotation()).transpose();
+    }
+    Eigen::Matrix3d r = rotation_of(s.scale / shift_variance * centres + looks / turn_variance);
+    if (!scale_ && squares > 0) {
+      const double scale = (r * centres.transpose()).trace() / squares;
+      if (scale > 0) s.scale = scale;
+    }
+    s.rotation = quaternion(r);
+    s.translation = Vec3(to.x(), to.y(), to.z()) - s.scale * (s.rotation * Vec3(from.x(), from.y(), from.z()));
+  }
+
+  const std::vector<Pose>& found_;
+  const std::vector<Pose>& layout_;
+  std::optional<double> scale_;
+  double common_turn_, usual_shift_;
+  std::vector<double> spacing_;  // of each place: to the nearest other
+};
+
+}  // namespace
+
+LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vector<Pose>& layout,
+                                const std::vector<size_t>& own, std::optional<double> scale, double common_turn) {
+  if (found.size() < 2 || own.size() != found.size()) throw Error("alignment needs two cameras at least");
+  const LayoutFit fit(found, layout, scale, common_turn);
+  LayoutAlignment best = fit.as_named(own);
+  if (fit.score(best) < static_cast<double>(found.size()) - kClearlyBetter) {
+    LayoutAlignment other = fit.as_they_stand(own);
+    if (fit.score(other) > fit.score(best) + kClearlyBetter) best = std::move(other);
+  }
+  fit.name_places(best, own);
+  return fit.refine(best.layout_from_scene, best.place);
+}
+
+namespace {
+
+// Amid the cameras, along their mean axes.
+Similarity own_frame(const std::vector<Pose>& poses) {
+  Vec3 mean(0, 0, 0), forward(0, 0, 0), right(0, 0, 0), down(0, 0, 0);
+  for (const Pose& p : poses) mean += p.position, forward += p.forward(), right += p.right(), down += p.down();
+  mean /= static_cast<double>(poses.size());
+  if (!(glm::length(forward) > 1e-3)) forward = poses[0].forward(), right = poses[0].right();  // all around
+  const Vec3 z = glm::normalize(forward);
+  Vec3 x = right - glm::dot(right, z) * z;
+  if (!(glm::length(x) > 1e-3)) x = glm::cross(down, z);
+  if (!(glm::length(x) > 1e-3)) x = poses[0].right() - glm::dot(poses[0].right(), z) * z;
+  x = glm::normalize(x);
+  Similarity s;
+  s.rotation = glm::conjugate(glm::normalize(glm::quat_cast(Mat3(x, glm::cross(z, x), z))));
+  s.translation = -(s.rotation * mean);
+  return s;
+}
+
+Similarity scaled(Similarity s, double factor) {
+  s.scale *= factor;
+  s.translation *= factor;
+  return s;
+}
+
+// How well it is known which way all cameras look together, for centres that are known: radians, about one axis.
+double common_turn(const Solution& solution) {
+  const Uncertainty& u = solution.uncertainty;
+  const auto used = static_cast<double>(
+      std::count_if(u.camera_row.begin(), u.camera_row.end(), [](const int row) { return row >= 0; }));
+  double variance = 0;
+  for (int axis = 0; axis < 3 && used > 0; axis++) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
+    for (const int row : u.camera_row)
+      if (row >= 0) mean[row + axis] = 1 / used;
+    variance += mean.dot(u.covariance * mean) / 3;
+  }
+  return std::sqrt(std::max(0.0, variance));
+}
+
+}  // namespace
+
+double neighbour_distance(const std::vector<Pose>& poses) {
+  std::vector<double> nearest(poses.size(), std::numeric_limits<double>::infinity());
+  for (size_t i = 0; i < poses.size(); i++)
+    for (size_t j = 0; j < poses.size(); j++)
+      if (i != j) nearest[i] = std::min(nearest[i], glm::length(poses[i].position - poses[j].position));
+  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
+  return nearest[nearest.size() / 2];
+}
+
+Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
+                         const PlacementOptions& placement) {
+  std::vector<Pose> poses;
+  std::vector<size_t> used, own;
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    used.push_back(i);
+    poses.push_back(solution.scene.cameras[i].pose());
+    if (options.prior) own.push_back(*options.prior->index_of_id(tracks.cameras[i].id));
+  }
+  Placement result;
+  double scale = 0;
+  if (placement.bar_length > 0) {
+    if (!tracks.bar) throw Error("the bar's length is given, but the tracks are of one light");
+    scale = placement.bar_length;
+    result.scale_from = "the bar's length";
+  } else if (placement.distance) {
+    const auto position = [&](uint32_t id) {
+      for (size_t i = 0; i < tracks.cameras.size(); i++)
+        if (tracks.cameras[i].id == id && solution.scene.cameras[i].used)
+          return solution.scene.cameras[i].pose().position;
+      throw Error("the distance is to camera " + std::to_string(id) + ", which was not found");
+    };
+    const double distance = glm::length(position(placement.distance->a) - position(placement.distance->b));
+    if (!(placement.distance->metres > 0) || !(distance > 0))
+      throw Error("the distance of two cameras must be positive");
+    scale = placement.distance->metres / distance;
+    result.scale_from = "the distance of two cameras";
+  } else if (placement.pitch > 0) {
+    scale = placement.pitch / neighbour_distance(poses);
+    result.scale_from = "the pitch";
+  }
+  // A prior rig has a layout where its cameras are not all at one place.
+  std::vector<Pose> layout;
+  double extent = 0;
+  if (options.prior)
+    for (const Camera& camera : options.prior->cameras) layout.push_back(camera.pose);
+  for (const size_t i : own) extent = std::max(extent, glm::length(layout[i].position - layout[own[0]].position));
+  if (extent > 0) {
+    const LayoutAlignment aligned =
+        align_to_layout(poses, layout, own, scale > 0 ? std::optional(scale) : std::nullopt, common_turn(solution));
+    result.world_from_scene = aligned.layout_from_scene;
+    if (!(scale > 0)) result.scale_from = "the prior rig's layout";
+    for (const Tracks::Camera& camera : tracks.cameras) result.stands_at.push_back(camera.id);
+    for (size_t k = 0; k < used.size(); k++) result.stands_at[used[k]] = options.prior->cameras[aligned.place[k]].id;
+    return result;
+  }
+  result.world_from_scene = scaled(own_frame(poses), scale > 0 ? scale : 1 / neighbour_distance(poses));
+  return result;
+}
+
+Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement) {
+  Rig rig;
+  size_t used = 0;
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    const CameraState& state = solution.scene.cameras[i];
+    if (!state.used) continue;
+    used++;
+    Camera camera;
+    if (options.prior) {
+      camera = options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)];
+    } else {
+      camera.id = tracks.cameras[i].id;
+      camera.name = "cam_" + std::to_string(camera.id);
+      camera.width = state.width, camera.height = state.height;
+    }
+    camera.lens = state.lens();
+    camera.pose = placement.world_from_scene(state.pose());
+    rig.cameras.push_back(camera);
+  }
+  if (options.prior) {
+    const auto place = [&](size_t i) {
+      return *options.prior->index_of_id(placement.stands_at.empty() ? tracks.cameras[i].id : placement.stands_at[i]);
+    };
+    std::vector<std::pair<size_t, Camera>> ordered;
+    for (size_t i = 0; i < tracks.cameras.size(); i++)
+      if (const auto index = rig.index_of_id(tracks.cameras[i].id)) ordered.emplace_back(place(i), rig.cameras[*index]);
+    std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (size_t i = 0; i < ordered.size(); i++) rig.cameras[i] = std::move(ordered[i].second);
+    if (used == options.prior->cameras.size()) rig.topology = options.prior->topology;
+  }
+  if (options.prior) rig.directory = options.prior->directory;
+  return rig;
+}
+
+CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene) {
+  const int row = uncertainty.camera_row[index], n = uncertainty.camera_size, lens = n - 6;
+  // Steps in the scene to parameters in the rig, lens first.
+  Eigen::MatrixXd to = Eigen::MatrixXd::Zero(n, n);
+  const Mat3 turn = glm::mat3_cast(world_from_scene.rotation);
+  for (int k = 0; k < lens; k++) to(k, 6 + k) = 1;
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) {
+      to(lens + r, 3 + c) = world_from_scene.scale * turn[c][r];
+      to(lens + 3 + r, c) = turn[c][r];
+    }
+  const Eigen::MatrixXd m = to * uncertainty.covariance.block(row, row, n, n) * to.transpose();
+  CameraCovariance covariance;
+  for (const int term : uncertainty.lens_terms) covariance.parameters.push_back(kLensTermNames[term]);
+  for (const char* name : {"x", "y", "z", "rx", "ry", "rz"}) covariance.parameters.push_back(name);
+  for (int r = 0; r < n; r++)
+    for (int c = 0; c < n; c++) covariance.matrix.push_back(m(r, c));
+  return covariance;
+}
+
+}  // namespace lf

@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/request_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "base/schedule.h"
+#include "focus/trial_renderer.h"
+#include "image/correction.h"
+#include "render/gl/sum_drawer.h"
+#include "wire/moments_codec.h"
+
+namespace lf {
+namespace {
+
+// At least `count` of a kind.
+void make_room(std::vector<ByteBuffer>& images, size_t count) { images.resize(std::max(images.size(), count)); }
+
+}  // namespace
+
+size_t ImageMemory::size() const {
+  size_t bytes = 0;
+  for (const auto* kind : {&corrected, &matched, &sharpened})
+    for (const ByteBuffer& image : *kind) bytes += image.size();
+  return bytes;
+}
+
+size_t ImageMemory::capacity() const {
+  size_t bytes = 0;
+  for (const auto* kind : {&corrected, &matched, &sharpened})
+    for (const ByteBuffer& image : *kind) bytes += image.capacity();
+  return bytes;
+}
+
+void ImageMemory::clear() {
+  for (auto* kind : {&corrected, &matched, &sharpened})
+    for (ByteBuffer& image : *kind) image.clear();
+}
+
+GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
+  const auto found = views_.find(view_id);
+  if (found == views_.end() && views_.size() >= kMostViews)
+    views_.erase(std::ranges::min_element(views_, {}, [](const auto& v) { return v.second.used; }));
+  View& view = views_[view_id];
+  if (found == views_.end()) view.gains = latest_;
+  view.used = ++uses_;
+  return view;
+}
+
+const CameraGains& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
+  View& view = view_of(view_id);
+  if (request.mean.empty() || view.seen.empty() || request.mean_of != view.sequence) return view.gains;
+  view.gains.take(WideLuma::ratios(view.seen, request.mean));
+  view.seen.clear();
+  latest_ = view.gains;
+  return view.gains;
+}
+
+void GainMatcher::keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen) {
+  View& view = view_of(view_id);
+  view.sequence = sequence;
+  view.seen = std::move(seen);
+}
+
+std::vector<Source> GainMatcher::match(std::span<const Source> sources, const CameraGains& gains,
+                                       const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
+                                       const ParallelFor& parallel) {
+  std::vector<Source> matched(sources.begin(), sources.end());
+  make_room(memory, sources.size());
+  parallel(sources.size(), [&](size_t i) {
+    const float gain = gains.of(sources[i].camera);
+    if (std::abs(gain - 1) < kLeastGain || sources[i].image.family == PixelFamily::kNone) return;
+    if (sources[i].image.on_card.image) {
+      matched[i].image.on_card.gain = gain;
+      return;
+    }
+    const Rect rect = region(sources[i].camera);
+    if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory[i]);
+  });
+  return matched;
+}
+
+void GainMatcher::clear() {
+  views_.clear();
+  latest_ = {};
+}
+
+namespace {
+
+using Works = std::span<const RequestRenderer::Work>;
+
+// What all of the plans need of a camera's image; `part`: what one does.
+Rect united(Works works, CameraIndex camera, Rect (RequestPlan::*part)(CameraIndex) const) {
+  Rect all;
+  for (const auto& [plan, header, has_images] : works)
+    if (plan->has(camera)) all = unite(all, (plan->*part)(camera));
+  return all;
+}
+
+// The same images, what the plans need of them in the colours that they are to have.
+void correct(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory, std::vector<Source>& images) {
+  if (!options.colours || !options.colours->any()) return;
+  make_room(memory, images.size());
+  // Cameras that are asked how bright they are are looked at where they are not drawn, too.
+  const auto part = works.front().plan->wide() ? &RequestPlan::region : &RequestPlan::drawn_region;
+  options.parallel(images.size(), [&](size_t i) {
+    Source& source = images[i];
+    if (source.image.family == PixelFamily::kNone) return;
+    const ColourCorrection* const correction = options.colours->of(source.camera, source.image.family);
+    if (!correction) return;
+    const Rect rect = united(works, source.camera, part);
+    if (rect.empty()) return;
+    FetchedMemory nothing_made;
+    const ImageView image = fetched(source.image, rect, nothing_made);
+    source.image = image.family == PixelFamily::kNone ? image : correction->apply(image, rect, memory[i]);
+  });
+}
+
+// The images of a plan's cameras.
+std::vector<Source> images_of(const RequestRenderer::Work& work, const std::vector<Source>& images) {
+  std::vector<Source> own;
+  if (work.has_images)
+    std::ranges::copy_if(images, std::back_inserter(own),
+                         [&work](const Source& source) { return work.plan->has(source.camera); });
+  return own;
+}
+
+wire::MomentsHeader moments_header(const wire::AnswerHeader& header, const std::optional<GainSum>& gains) {
+  return {header.view_id, header.sequence, header.rig_hash, header.node, gains};
+}
+
+RenderedTrials render_trials(const RequestRenderer::Work& work, const std::vector<Source>& images,
+                             const RenderOptions& options) {
+  const RenderJob* const job = work.plan->trial_job();
+  if (!job) return {};
+  const uint64_t begun = now_ns();
+  const std::vector<std::vector<uint8_t>>& trials = work.plan->trials();
+  const View& view = job->plan().view();
+  std::vector<Moments> sums(trials.size());
+  for (Moments& sum : sums) sum.reset(view.width, view.height);
+  RenderedTrials rendered{.nodes = trials.size() * view.width * view.height};
+  rendered.drawing =
+      add_moments(*job, images_of(work, images), trials, sums, options.parallel, options.trial_card.get());
+  rendered.ns = now_ns() - begun;
+  rendered.unit = wire::encode_moments(moments_header(work.header, {}), sums, !options.in_process);
+  return rendered;
+}
+
+// The same images as the options say that they are to be sampled: sharpened where a plan shows it.
+std::vector<Source> resampled(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
+                              const std::vector<Source>& images) {
+  std::vector<Source> sampled = images;
+  if (options.resampling != Resampling::kSharpened) return sampled;
+  make_room(memory, images.size());
+  options.parallel(images.size(), [&](size_t i) {
+    Source& source = sampled[i];
+    if (source.image.family == PixelFamily::kNone) return;
+    Rect shown;
+    for (const auto& [plan, header, has_images] : works)
+      if (plan->has(source.camera) && plan->shows_detail(source.camera))
+        shown = unite(shown, plan->answer_region(source.camera));
+    if (shown.empty()) return;
+    if (source.image.on_card.image)
+      source.image.on_card.sharpened = true;
+    else
+      source.image = sharpen(source.image, shown, memory[i]);
+  });
+  return sampled;
+}
+
+// What is drawn for one request.
+struct Drawn {
+  std::vector<Source> sources;     // images that it is drawn from
+  std::optional<SumRenderer> sum;  // empty: pixels are sent as they are, or no camera has an image yet
+  uint64_t ns = 0;                 // wall time that it took
+};
+
+// `sampled`: the images as they are to be sampled where a plan shows detail.
+void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
+          const RenderOptions& options, std::vector<Drawn>& drawn) {
+  options.parallel(works.size(), [&](size_t i) {
+    const auto& [plan, header, has_images] = works[i];
+    auto& [sources, sum, ns] = drawn[i];
+    for (size_t k = 0; has_images && k < images.size(); k++)
+      if (const CameraIndex camera = images[k].camera; plan->draws(camera))
+        sources.push_back(plan->shows_detail(camera) ? sampled[k] : images[k]);
+    if (!plan->sum() || header.family == PixelFamily::kNone) return;
+    const uint64_t begun = now_ns();
+    const bool is_in_group =
+        options.in_process && options.card && options.group != 0 && options.card->group() == options.group;
+    const Coding coding = choose_coding(options.codec, options.in_process, plan->quality());
+    sum.emplace(plan->sum()->plan(), plan->sum()->runs(), sources, header.family, Coordinates::kGrid, nullptr,
+                serial_for, is_in_group && coding.codec == wire::Codec::kRaw16);
+    ns = now_ns() - begun;
+  });
+  std::vector<SumRenderer*> sums;
+  for (Drawn& one : drawn)
+    if (one.sum) sums.push_back(&*one.sum);
+  if (!options.card || sums.empty()) return;
+  const uint64_t begun = now_ns();
+  SumRenderer::draw(sums, *options.card, options.parallel);
+  const uint64_t each = (now_ns() - begun) / sums.size();
+  for (Drawn& one : drawn)
+    if (one.sum) one.ns += each;
+}
+
+void encode(const RequestRenderer::Work& work, Drawn& drawn, const RenderOptions& options, ByteBuffer memory,
+            RenderedAnswer& answer) {
+  const auto& [plan, header, has_images] = work;
+  if (plan->sum() && !drawn.sum) {
+    answer.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish();
+    return;
+  }
+  const uint64_t begun = now_ns();
+  if (drawn.sum) {
+    SumRenderer& sum = *drawn.sum;
+    sum.fetch(options.parallel);
+    encode_sum(header, *plan, drawn.sources, sum, options, std::move(memory), answer);
+    answer.drawing = sum.drawing();
+    const Rect& rect = sum.rect();
+    answer.pixels = plan->sum()->plan().blend() ? sum.samples() / 3 : static_cast<size_t>(rect.width()) * rect.height();
+  } else {
+    encode_pixels(header, *plan, drawn.sources, options, std::move(memory), answer);
+  }
+  answer.render_ns = drawn.ns + (now_ns() - begun) - answer.encode_ns;
+}
+
+}  // namespace
+
+std::vector<RenderedAnswer> RequestRenderer::render(Works works, std::span<const Source> images,
+                                                    const RenderOptions& options, ImageMemory& scratch,
+                                                    const std::function<ByteBuffer()>& memory) {
+  const uint64_t begun = now_ns();
+  std::vector<RenderedAnswer> answers(works.size());
+  std::vector<Source> ready(images.begin(), images.end());
+  correct(works, options, scratch.corrected, ready);
+  if (works.front().plan->gains()) match_gains(works, options, scratch.matched, ready, answers);
+  for (size_t i = 0; i < works.size(); i++) answers[i].trials = render_trials(works[i], ready, options);
+  for (RenderedAnswer& answer : answers) answer.prepare_ns = (now_ns() - begun) / works.size();
+  const std::vector<Source> sampled = resampled(works, options, scratch.sharpened, ready);
+  std::vector<Drawn> drawn(works.size());
+  draw(works, ready, sampled, options, drawn);
+  for (size_t i = 0; i < works.size(); i++) encode(works[i], drawn[i], options, memory(), answers[i]);
+  return answers;
+}
+
+RenderedAnswer RequestRenderer::render(const Work& work, std::span<const Source> images, const RenderOptions& options,
+                                       ImageMemory& scratch, ByteBuffer memory) {
+  return std::move(render({&work, 1}, images, options, scratch, [&] { return std::move(memory); }).front());
+}
+
+void RequestRenderer::match_gains(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
+                                  std::vector<Source>& images, std::vector<RenderedAnswer>& answers) {
+  const auto& [plan, header, has_images] = works.front();
+  const CameraGains& gains = gains_.gains_for(header.view_id, *plan->gains());
+  std::optional<WideLuma::Seen> seen;
+  if (plan->wide()) seen = plan->wide()->see(images_of(works.front(), images), gains, options.parallel);
+  if (seen) answers.front().brightness = wire::encode_moments(moments_header(header, seen->gains), {&seen->moments, 1});
+  if (plan->gains()->use) {
+    const auto part = [&works](CameraIndex camera) { return united(works, camera, &RequestPlan::drawn_region); };
+    images = gains_.match(images, gains, part, memory, options.parallel);
+    for (RenderedAnswer& answer : answers) answer.gains = &gains;
+  }
+  if (seen) gains_.keep(header.view_id, header.sequence, std::move(seen->cameras));
+}
+
+}  // namespace lf

@@ -1,0 +1,548 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string_view>
+
+// The parts of the compute shaders that draw sums and moments, see compute_shader().
+namespace lf::gl {
+
+// The rule of docs/design.md, if careful with bounds of what float adds to it.
+inline constexpr std::string_view kRule = R"(
+precision highp float;
+precision highp int;
+uniform highp usampler2D levels;     // of focal maps' nodes: of all views of a pass, one map below the other
+uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
+uniform highp sampler2D centre_rays; // and of the middle of four
+
+// begin_view() sets what is of a view.
+ivec2 nodes;         // of the focal map
+int first_level_row; // where they begin in `levels`
+layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
+int face_row; // of the face that is looked at now
+#define FACE(texel) tables[face_row * FACE_TEXELS + texel]
+ivec2 origin;   // the sum's first pixel in the view
+ivec2 size;     // the sum's width and height, pixels
+vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
+vec4 edge(int k) { return FACE(FACE_EDGE + k); }
+vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
+
+bool doubt = false;
+
+// Of the face's cameras, 0 for those of others. `d`: from the anchor.
+vec3 weights_at(vec2 d) {
+  vec3 e, ours;
+  float terms = 0.0;
+  for (int k = 0; k < 3; k++) {
+    vec3 part = vec3(edge(k).xy * d, edge(k).z);
+    e[k] = part.x + (part.y + part.z);
+    ours[k] = edge(k).w;
+#ifdef CAREFUL
+    terms += dot(abs(part), vec3(1.0));
+#endif
+  }
+  float sum = e.x + e.y + e.z;
+#ifdef CAREFUL
+  doubt = doubt || !(terms * FLOAT_ROUNDING < MAX_WEIGHT_ERROR * abs(sum));
+#endif
+  return clamp(e / sum, 0.0, 1.0) * ours;
+}
+
+// Of what textureGather() has of four neighbours: (0, 1), (1, 1), (1, 0) and (0, 0), if it is asked for what is between
+// them, from a texture's pixel (1, 1) / size on.
+float bilinear(vec4 gathered, vec2 part) {
+  vec2 column = mix(gathered.wx, gathered.zy, part.x);
+  return mix(column.x, column.y, part.y);
+}
+
+#ifdef MAP
+// From the face's level.
+float level_at(vec2 pixel) {
+  vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(nodes - 1));
+  ivec2 cell = min(ivec2(at), max(nodes - 2, 0));
+  ivec2 corner = cell + ivec2(1, 1 + first_level_row);
+  vec4 around = vec4(textureGather(levels, vec2(corner) / vec2(textureSize(levels, 0))));
+  return bilinear(around, at - vec2(cell)) - FACE(0).w;
+}
+#else
+float level_at(vec2 pixel) { return 0.0; }
+#endif
+
+// In camera k, up to a positive factor.
+vec3 camera_point(int k, vec2 d, float nearer) {
+  vec3 x = corner(k, CORNER_FROM).xyz + (d.x * corner(k, CORNER_ALONG).xyz + d.y * corner(k, CORNER_DOWN).xyz);
+#ifdef MAP
+  x += nearer * (corner(k, CORNER_PER_FROM).xyz +
+                 (d.x * corner(k, CORNER_PER_ALONG).xyz + d.y * corner(k, CORNER_PER_DOWN).xyz));
+#endif
+  return x;
+}
+
+vec2 through_lens(int k, vec2 u) {
+  vec4 lens = corner(k, CORNER_LENS);
+#ifdef DISTORTED
+  vec4 b = corner(k, CORNER_DISTORTION);
+  float r2 = dot(u, u);
+  u = u * (1.0 + r2 * (b.x + r2 * b.y)) + 2.0 * u.x * u.y * b.zw + b.wz * (r2 + 2.0 * u * u);
+#endif
+  return lens.xy * u + lens.zw;
+}
+
+#ifdef CAREFUL
+const int kLost = 0, kSeen = 1, kUnknown = 2;
+
+// Where camera k's image has what is in focus, and whether it does; `beyond`: whether places outside of the image are
+// good, too.
+int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
+  position = vec2(0.0);
+  if ((int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) == 0) return kLost;
+  vec3 terms = abs(corner(k, CORNER_FROM).xyz) + abs(d.x * corner(k, CORNER_ALONG).xyz) +
+               abs(d.y * corner(k, CORNER_DOWN).xyz);
+  float nearer = 0.0;
+#ifdef MAP
+  nearer = level * map_scale.z;
+  float eye = (map_scale.y + (level + FACE(0).w) * map_scale.z) * map_scale.w;
+  if (abs(1.0 - eye) <= EYE_DOUBT * (1.0 + abs(eye))) return kUnknown;
+  if (eye > 1.0) return kLost; // the surface is behind the eye
+  terms += abs(nearer) * (abs(corner(k, CORNER_PER_FROM).xyz) + abs(d.x * corner(k, CORNER_PER_ALONG).xyz) +
+                          abs(d.y * corner(k, CORNER_PER_DOWN).xyz));
+#endif
+  vec3 x = camera_point(k, d, nearer), rounding = FLOAT_ROUNDING * terms;
+  if (!(x.z > rounding.z)) return x.z < -rounding.z ? kLost : kUnknown;
+  vec2 u = x.xy / x.z, off = (rounding.xy + abs(u) * rounding.z) / x.z;
+  vec4 lens = corner(k, CORNER_LENS), image = corner(k, CORNER_IMAGE);
+#ifdef DISTORTED
+  vec4 b = corner(k, CORNER_DISTORTION);
+  if (b != vec4(0.0)) {
+    float r2 = dot(u, u), near = 2.0 * dot(abs(u), off) + 4e-6 * image.z;
+    if (r2 - near > image.z) return kLost;
+    if (!(r2 + near < image.z)) return kUnknown;
+    off *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
+  }
+#endif
+  position = through_lens(k, u);
+  off = lens.xy * off + 2e-7 * (abs(position - lens.zw) + abs(lens.zw));
+  vec2 last = image.xy - 0.5;
+  if (!beyond) {
+    if (any(lessThan(position + off, vec2(-0.5))) || any(greaterThan(position - off, last))) return kLost;
+    if (!(all(greaterThan(position - off, vec2(-0.5))) && all(lessThan(position + off, last)))) return kUnknown;
+  }
+  return max(off.x, off.y) < MAX_POSITION_ERROR ? kSeen : kUnknown;
+}
+#endif
+
+// The least of the pixels that a sample is made of, and where in between it is; beyond the outer pixels' centres these
+// go on.
+ivec2 pixel_before(inout vec2 position, vec2 image_size) {
+#ifdef CAREFUL
+  position = clamp(position, vec2(0.0), image_size - 1.0);
+  ivec2 first = min(ivec2(position), max(ivec2(image_size) - 2, ivec2(0)));
+#else
+  ivec2 first = ivec2(position);
+#endif
+  position -= vec2(first);
+  return first;
+}
+
+// Where the camera's image, or its luma, begins in the atlas.
+ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
+
+// What is lost is looked up as well, anywhere.
+#ifdef CAREFUL
+#define IN_ATLAS(at) clamp(at, ivec2(0), textureSize(images, 0) - 1)
+#else
+#define IN_ATLAS(at) (at)
+#endif
+
+uniform highp sampler2D images; // the atlas
+uniform ivec4 chroma_places;    // kI420: where its Cb and Cr begin
+
+// 0..1, at a position in an image of that size, which begins in the atlas at `place`.
+#define TEXEL(at) texelFetch(images, IN_ATLAS(place + (at)), 0)
+#ifdef RGB
+vec3 rgb_of(int k, vec4 bytes) {
+  int order = int(corner(k, CORNER_DOWN).w);
+  return vec3(bytes[order & 3], bytes[(order >> 2) & 3], bytes[order >> 4]);
+}
+vec3 colour_at(int k, vec2 position) {
+  ivec2 place = place_of(k), first = pixel_before(position, corner(k, CORNER_IMAGE).xy);
+  vec3 upper = mix(rgb_of(k, TEXEL(first)), rgb_of(k, TEXEL(first + ivec2(1, 0))), position.x);
+  vec3 lower = mix(rgb_of(k, TEXEL(first + ivec2(0, 1))), rgb_of(k, TEXEL(first + 1)), position.x);
+  return mix(upper, lower, position.y);
+}
+#else
+float sampled_byte(ivec2 place, vec2 image_size, vec2 position) {
+  ivec2 first = pixel_before(position, image_size);
+  return bilinear(textureGather(images, vec2(place + first + 1) / vec2(textureSize(images, 0))), position);
+}
+vec3 colour_at(int k, vec2 position) {
+  return vec3(sampled_byte(place_of(k), corner(k, CORNER_IMAGE).xy, position));
+}
+// `position`: in the image of luma. Cb and Cr, in levels from grey on.
+vec2 chroma_at(int k, vec2 position) {
+  vec2 image_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
+  ivec2 place = place_of(k) / 2;
+  position = (position - 0.5) / 2.0;
+  return 255.0 * vec2(sampled_byte(place + chroma_places.xy, image_size, position),
+                      sampled_byte(place + chroma_places.zw, image_size, position)) - 128.0;
+}
+#endif
+
+uint bits(float value) { return uint(int(floor(value + 0.5))) & 0xffffu; }
+)";
+
+// What follows the rule in compute shaders: which view is drawn, and whose a pixel is.
+inline constexpr std::string_view kRuns = R"(
+layout(local_size_x = GROUP, local_size_y = GROUP) in;
+
+// Words of ViewWord for each view of the pass. Then for each of them: for each row of the sum where its runs begin, and
+// where the last one's end, counted in runs; then of each run its ends, the first in the low 16 bits, and its face.
+layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
+uint first_row;    // of the view's, in `runs`
+int first_face;    // row of the tables
+uint of_result[6]; // where the view's sum is: kViewResult
+uint cells;        // where its cells begin
+
+void begin_view(uint view) {
+  uint head = VIEW_WORDS * view;
+  origin = ivec2(runs[head + VIEW_ORIGIN], runs[head + VIEW_ORIGIN + 1u]);
+  size = ivec2(runs[head + VIEW_SIZE], runs[head + VIEW_SIZE + 1u]);
+  first_row = runs[head + VIEW_RUNS];
+  first_face = int(runs[head + VIEW_FACES]);
+  first_level_row = int(runs[head + VIEW_LEVELS]);
+  nodes = ivec2(runs[head + VIEW_NODES], runs[head + VIEW_NODES + 1u]);
+  for (uint i = 0u; i < 4u; i++) map_scale[i] = uintBitsToFloat(runs[head + VIEW_SCALE + i]);
+  for (uint i = 0u; i < 6u; i++) of_result[i] = runs[head + VIEW_RESULT + i];
+  cells = runs[head + VIEW_CELLS];
+}
+
+// The row of the tables for the face that owns a pixel of the sum; -1: none that has a camera of ours.
+int face_at(ivec2 at) {
+  uint row = first_row + uint(at.y), first = runs[row], end = runs[row + 1u], last = end;
+  uint all = first_row + uint(size.y) + 1u;
+  while (first < last) {
+    uint middle = (first + last) / 2u;
+    if (int(runs[all + 2u * middle] >> 16) <= at.x)
+      first = middle + 1u;
+    else
+      last = middle;
+  }
+  if (first == end || int(runs[all + 2u * first] & 0xffffu) > at.x) return -1;
+  return first_face + int(runs[all + 2u * first + 1u]);
+}
+
+// Where it is, from where its face counts, whose number is face_row.
+vec2 from_anchor(ivec2 at) {
+#ifdef RAYS
+  return texelFetch(rays, at, 0).xy;
+#else
+  return vec2(at + origin) - FACE(0).xy;
+#endif
+}
+)";
+
+// What follows the rule and kRuns in the compute shader of BlockSums: an invocation computes two by two pixels and
+// their chroma, and writes what they come to.
+inline constexpr std::string_view kBlocks = R"(
+// Of each view, as of_result has it: a word for each row of blocks, the draw's number if that has lost weight or doubts,
+// else anything; another one for each, the draw's number if it has doubts; pixels, chroma and lost weight as in
+// DrawnSum, two samples in 32 bits; the draw's number.
+layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
+
+// `first`: the block's first pixel. In levels / 128, but for the lost weight, or DOUBT.
+void write_block(ivec2 first, vec3 sums[4], uint lost_of[4], vec2 chroma, bool chroma_doubt) {
+  ivec2 block = first / 2;
+  uint row_words = uint(size.x + 1) / 2u;
+  uint any_lost = 0u;
+  bool any_doubt = false;
+  for (int j = 0; j < 2; j++) {
+    int y = first.y + j, left = 2 * j;
+    if (y >= size.y) break;
+    uint word = uint(y) * row_words + uint(block.x);
+#ifdef RGB
+    for (int i = 0; i < 2; i++) {
+      vec3 sum = sums[left + i];
+      uint at = of_result[2] + 4u * word + 2u * uint(i);
+      result[at] = bits(sum.r) | bits(sum.g) << 16;
+      result[at + 1u] = bits(sum.b);
+    }
+#else
+    result[of_result[2] + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
+#endif
+    result[of_result[4] + word] = lost_of[left] | lost_of[left + 1] << 16;
+    any_lost |= lost_of[left] | lost_of[left + 1];
+    any_doubt = any_doubt || lost_of[left] == uint(DOUBT) || lost_of[left + 1] == uint(DOUBT);
+  }
+#ifndef RGB
+  uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
+  result[of_result[3] + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
+  any_doubt = any_doubt || chroma_doubt;
+#endif
+  if (any_lost != 0u || any_doubt) result[of_result[0] + uint(block.y)] = of_result[5];
+  if (any_doubt) result[of_result[1] + uint(block.y)] = of_result[5];
+}
+)";
+
+// The view is blended by its mesh: each pixel by the cameras of the face that owns it.
+inline constexpr std::string_view kBlockOfFaces = R"(
+// Of a pixel: what its face's cameras weigh in it that see it. Its sum, and lost weight or DOUBT.
+vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
+  vec2 d = from_anchor(at);
+  doubt = false;
+  vec3 w = weights_at(d);
+  float level = level_at(vec2(at + origin)), lost = 0.0;
+  sum = vec3(0.0);
+  for (int k = 0; k < 3; k++) {
+    vec2 position = vec2(0.0);
+    int sight = w[k] > 0.0 ? project(k, d, level, false, position) : kSeen;
+    doubt = doubt || sight == kUnknown;
+    if (sight == kLost) lost += w[k];
+    if (sight != kSeen) w[k] = 0.0;
+    if (w[k] > 0.0) sum += w[k] * colour_at(k, position);
+  }
+  sum *= 255.0 * 128.0;
+  lost_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
+  return w;
+}
+
+void main() {
+  begin_view(gl_WorkGroupID.z);
+  ivec2 block = ivec2(gl_GlobalInvocationID.xy), first = 2 * block;
+  if (any(greaterThanEqual(first, size))) return;
+  int owner[4];
+  vec3 sums[4];
+  uint lost_of[4];
+  for (int n = 0; n < 4; n++) {
+    ivec2 at = first + ivec2(n & 1, n >> 1);
+    owner[n] = all(lessThan(at, size)) ? face_at(at) : -1;
+    sums[n] = vec3(0.0);
+    lost_of[n] = 0u;
+  }
+  vec2 chroma = vec2(0.0);
+  bool chroma_doubt = false;
+#ifndef RGB
+  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+  float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
+#endif
+  for (int n = 0; n < 4; n++) {
+    face_row = owner[n];
+    bool is_first = face_row >= 0;
+    for (int m = 0; m < n; m++) is_first = is_first && owner[m] != face_row;
+    if (!is_first) continue;
+    vec3 weights = vec3(0.0);
+    for (int m = n; m < 4; m++)
+      if (owner[m] == face_row) {
+        weights += weights_of(first + ivec2(m & 1, m >> 1), sums[m], lost_of[m]);
+#ifndef RGB
+        chroma_doubt = chroma_doubt || doubt;
+#endif
+      }
+#ifndef RGB
+    // A camera's chroma is sampled in the middle of four pixels and weighs the mean of what it gives to them.
+#ifdef RAYS
+    vec2 centre = texelFetch(centre_rays, block, 0).xy;
+#else
+    vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
+#endif
+    float level = level_at(vec2(first + origin) + 0.5);
+    for (int k = 0; k < 3; k++) {
+      if (!(weights[k] > 0.0)) continue;
+      vec2 position = vec2(0.0);
+      if (project(k, centre, level, true, position) == kSeen)
+        chroma += weights[k] / pixels * chroma_at(k, position);
+      else
+        chroma_doubt = true;
+    }
+#endif
+  }
+  write_block(first, sums, lost_of, chroma, chroma_doubt);
+}
+)";
+
+// The view is blended by a BlendGrid: a pixel that is in focus by all cameras of its cell.
+inline constexpr std::string_view kBlockOfCells = R"(
+// Of the camera whose words begin there, in a pixel of the cell: BlendGrid::Cell::weight().
+int weight_in(uint camera, ivec2 at) {
+  int level[2], size = 1 << CELL_BITS;
+  for (int i = 0; i < 2; i++) {
+    int of[4];
+    for (uint p = 0u; p < 4u; p++) of[p] = int((runs[camera + 1u + p] >> (16 * i)) & 0xffffu);
+    int left = of[0] * (size - at.y) + of[2] * at.y, right = of[1] * (size - at.y) + of[3] * at.y;
+    level[i] = (left * size + (right - left) * at.x + (1 << (2 * CELL_BITS - 1))) >> (2 * CELL_BITS);
+  }
+  return level[1] - level[0];
+}
+
+void main() {
+  begin_view(gl_WorkGroupID.z);
+  ivec2 first = 2 * ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(first, size))) return;
+  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+  float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
+  bool in_focus[4], is_open[4];
+  vec3 sums[4];
+  int lost[4];
+  for (int n = 0; n < 4; n++) {
+    ivec2 at = first + ivec2(n & 1, n >> 1);
+    in_focus[n] = all(lessThan(at, size)) && face_at(at) >= 0;
+    is_open[n] = false;
+    sums[n] = vec3(0.0);
+    lost[n] = 0;
+  }
+  vec2 chroma = vec2(0.0);
+  bool chroma_doubt = false;
+  ivec2 first_cell = origin >> CELL_BITS, cell = ((first + origin) >> CELL_BITS) - first_cell,
+        all_cells = ((origin + size - 1) >> CELL_BITS) - first_cell + 1;
+  uint entry = cells + uint(cell.y * all_cells.x + cell.x), cameras = cells + uint(all_cells.x * all_cells.y) + 1u;
+  for (uint c = runs[entry]; c < runs[entry + 1u]; c++) {
+    uint camera = cameras + uint(CELL_WORDS) * c;
+    face_row = first_face + int(runs[camera]);
+    float seen = 0.0;
+    for (int n = 0; n < 4; n++) {
+      ivec2 at = first + ivec2(n & 1, n >> 1);
+      int weight = in_focus[n] ? weight_in(camera, (at + origin) & ((1 << CELL_BITS) - 1)) : 0;
+      if (weight == 0) continue;
+      vec2 position = vec2(0.0);
+      int sight = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
+      if (sight == kUnknown) is_open[n] = chroma_doubt = true;
+      if (sight == kLost) lost[n] += weight;
+      if (sight != kSeen) continue;
+      sums[n] += float(weight) * colour_at(0, position);
+      seen += float(weight);
+    }
+#ifndef RGB
+    if (!(seen > 0.0)) continue;
+#ifdef RAYS
+    vec2 centre = texelFetch(centre_rays, first / 2, 0).xy;
+#else
+    vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
+#endif
+    vec2 position = vec2(0.0);
+    if (project(0, centre, level_at(vec2(first + origin) + 0.5), true, position) == kSeen)
+      chroma += seen / float(WEIGHT_ONE) / pixels * chroma_at(0, position);
+    else
+      chroma_doubt = true;
+#endif
+  }
+  uint lost_of[4];
+  for (int n = 0; n < 4; n++) {
+    sums[n] *= 255.0 * 128.0 / float(WEIGHT_ONE);
+    lost_of[n] = is_open[n] ? uint(DOUBT) : uint(lost[n]);
+  }
+  write_block(first, sums, lost_of, chroma, chroma_doubt);
+}
+)";
+
+// What follows the rule and kRuns in the compute shader of MomentSums: an invocation computes two nodes, side by
+// side, through one surface.
+inline constexpr std::string_view kMoments = R"(
+// Levels of the sum's nodes through each surface, four in 32 bits, whole words in each row.
+layout(std430, binding = SURFACES) readonly buffer Surfaces { uint surfaces[]; };
+// Of each surface planes of weight, luma and square, two nodes in 32 bits.
+layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
+
+uint level_of(int surface, ivec2 at) {
+  int word = (surface * size.y + at.y) * ((size.x + 3) / 4) + at.x / 4;
+  return (surfaces[word] >> uint(8 * (at.x & 3))) & 255u;
+}
+
+// Where camera k's image has the node, and whether it does.
+bool sees(int k, vec2 d, float level, out vec2 position) {
+  vec3 x = camera_point(k, d, (level - FACE(0).w) * map_scale.z);
+  vec2 u = x.xy / x.z;
+  vec4 image = corner(k, CORNER_IMAGE);
+  position = through_lens(k, u);
+  bool is_before_eye = x.z > 0.0 && (map_scale.y + level * map_scale.z) * map_scale.w < 1.0;
+  bool seen = is_before_eye && (int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) != 0;
+#ifdef DISTORTED
+  seen = seen && dot(u, u) <= image.z;
+#endif
+  return seen && all(greaterThanEqual(position, vec2(-0.5))) && all(lessThanEqual(position, image.xy - 0.5));
+}
+
+// In levels. What lies beyond the image's edges is as it is there.
+int luma_at(int k, ivec2 pixel) {
+  ivec2 last = ivec2(corner(k, CORNER_IMAGE).xy) - 1;
+  ivec2 at = place_of(k) + clamp(pixel, ivec2(0), last);
+  vec4 bytes = texelFetch(images, clamp(at, ivec2(0), textureSize(images, 0) - 1), 0);
+#ifdef RGB
+  ivec3 rgb = ivec3(255.0 * rgb_of(k, bytes) + 0.5);
+  return (77 * rgb.r + 150 * rgb.g + 29 * rgb.b + 128) >> 8;
+#else
+  return int(255.0 * bytes.r + 0.5);
+#endif
+}
+
+// Of pixel `at`, its neighbours to the right and below, and the one to the right and below: the mean of the box of 4 x
+// 4 pixels around the corner that it has in common with the latter.
+ivec4 means_of_sixteen(int k, ivec2 at) {
+  ivec4 sums = ivec4(8);
+  for (int j = -1; j < 4; j++) {
+    int middle = luma_at(k, at + ivec2(0, j)) + luma_at(k, at + ivec2(1, j)) + luma_at(k, at + ivec2(2, j));
+    ivec2 row = middle + ivec2(luma_at(k, at + ivec2(-1, j)), luma_at(k, at + ivec2(3, j)));
+    if (j < 3) sums.xy += row;
+    if (j > -1) sums.zw += row;
+  }
+  return sums >> 4;
+}
+
+// The means of boxes of `box` pixels a side around the same four corners as in means_of_sixteen(): those of more than 4
+// are the rounded means of four of half their size. All of the smallest come one after the other, and a larger one is
+// complete with its last.
+ivec4 means_of_boxes(int k, ivec2 at, int box) {
+  ivec4 sums[3] = ivec4[3](ivec4(0), ivec4(0), ivec4(0)), means = ivec4(0);
+  for (int n = 0; n < box * box / 16; n++) {
+    ivec2 place = at;
+    for (int m = 0; 8 << m <= box; m++) place += (2 << m) * (2 * ivec2(n >> (2 * m) & 1, n >> (2 * m + 1) & 1) - 1);
+    means = means_of_sixteen(k, place);
+    for (int m = 0; 8 << m <= box; m++) {
+      sums[m] += means;
+      if ((n >> (2 * m) & 3) != 3) break;
+      means = (sums[m] + 2) >> 2;
+      sums[m] = ivec4(0);
+    }
+  }
+  return means;
+}
+
+// Luma at a position in camera k's image, to a level: between the means of the four boxes around it, in 256ths of a
+// pixel.
+uint sampled_luma(int k, vec2 position) {
+  ivec2 at = ivec2(256.0 * clamp(position - 0.5, vec2(0.0), corner(k, CORNER_IMAGE).xy - 1.0));
+  ivec4 means = means_of_boxes(k, at >> 8, int(corner(k, CORNER_PER_FROM).w));
+  ivec2 part = at & 255, sides = means.xz * (256 - part.x) + means.yw * part.x;
+  return uint((sides.x * (256 - part.y) + sides.y * part.y + (1 << 15)) >> 16);
+}
+
+// What a node's cameras add, of these weights.
+uvec3 moments_of(vec3 weights, vec2 d, float level) {
+  uvec3 sum = uvec3(0u);
+  for (int k = 0; k < 3; k++) {
+    vec2 position;
+    if (!(weights[k] > 0.0) || !sees(k, d, level, position)) continue;
+    uint weight = uint(weights[k] * 32768.0 + 0.5), value = sampled_luma(k, position);
+    uint luma = (weight * value + 128u) >> 8;
+    sum += uvec3(weight, luma, (luma * value + 64u) >> 7);
+  }
+  return min(sum, uvec3(0xffffu));
+}
+
+void main() {
+  begin_view(0u);
+  ivec2 first = ivec2(2, 1) * ivec2(gl_GlobalInvocationID.xy);
+  int surface = int(gl_GlobalInvocationID.z);
+  if (any(greaterThanEqual(first, size))) return;
+  uvec3 pair = uvec3(0u);
+  for (int n = 0; n < 2; n++) {
+    ivec2 at = first + ivec2(n, 0);
+    face_row = at.x < size.x ? face_at(at) : -1;
+    if (face_row < 0) continue;
+    vec2 d = from_anchor(at);
+    pair |= moments_of(weights_at(d), d, float(level_of(surface, at))) << (16 * n);
+  }
+  uint row_words = uint(size.x + 1) / 2u, plane = row_words * uint(size.y);
+  uint word = uint(first.y) * row_words + uint(first.x) / 2u;
+  for (int m = 0; m < 3; m++) result[uint(3 * surface + m) * plane + word] = pair[m];
+}
+)";
+
+}  // namespace lf::gl

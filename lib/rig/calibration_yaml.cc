@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+
+#include "base/json_value.h"
+#include "base/text.h"
+#include "rig/exchange.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+// --- OpenCV's FileStorage --------------------------------------------------------------------------------------------
+
+constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // those of cv::calibrateCamera
+constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
+
+struct Matrix {
+  int rows, columns;
+  std::vector<double> data;  // row by row
+};
+
+Matrix parse_matrix(const JsonValue& value) {
+  Matrix matrix;
+  matrix.rows = static_cast<int>(value.at("rows").integer(1, 100));
+  matrix.columns = static_cast<int>(value.at("cols").integer(1, 100));
+  for (const JsonValue& element : value.at("data").elements(static_cast<size_t>(matrix.rows) * matrix.columns))
+    matrix.data.push_back(element.number());
+  return matrix;
+}
+
+Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
+  Matrix matrix = parse_matrix(value);
+  if (matrix.rows != rows || matrix.columns != columns)
+    value.fail("must be " + std::to_string(rows) + "x" + std::to_string(columns));
+  return matrix;
+}
+
+// `place`: the camera matrix, `distortion_terms`: the coefficients, if the file has them.
+Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
+  const std::vector<double> k = parse_matrix(place, 3, 3).data;
+  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
+    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], a rig cannot hold skew; ") + kUndistortRemedy);
+  std::vector<double> distortion;
+  if (const auto& value = distortion_terms) {
+    const Matrix terms = parse_matrix(*value);
+    distortion = terms.data;
+    const int size = static_cast<int>(distortion.size());
+    if ((terms.rows != 1 && terms.columns != 1) ||
+        std::find(std::begin(kDistortionSizes), std::end(kDistortionSizes), size) == std::end(kDistortionSizes))
+      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 numbers");
+    for (int i = kOurTerms; i < size; i++)
+      if (distortion[i] != 0) {
+        const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
+        value->fail(term +
+                    " is not 0, and a rig cannot hold this term; calibrate with k1, k2, p1, p2 alone "
+                    "(CALIB_FIX_K3), or undistort the pictures first");
+      }
+  }
+  try {
+    return lens_of_opencv_terms({k[0], k[4], k[2], k[5]}, distortion);
+  } catch (const Error& e) {
+    place.fail(e.what());
+  }
+}
+
+void parse_size(const JsonValue& value, Camera& camera) {
+  const auto width = value.find("image_width"), height = value.find("image_height");
+  if (width && height) {
+    camera.width = static_cast<int>(width->integer(1, kMaxImageSize));
+    camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
+    return;
+  }
+  for (const char* key : {"image_size", "imageSize"})
+    if (const auto size = value.find(key)) {
+      const std::vector<JsonValue> sides = size->elements(2);
+      camera.width = static_cast<int>(sides[0].integer(1, kMaxImageSize));
+      camera.height = static_cast<int>(sides[1].integer(1, kMaxImageSize));
+      return;
+    }
+  value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
+}
+
+// camera_from_world
+RigidMotion parse_motion(const JsonValue& value) {
+  RigidMotion motion;
+  if (const auto rotation = value.find("R")) {
+    const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
+    motion.rotation =
+        nearest_rotation(glm::transpose(Mat3(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])), *rotation);
+  }
+  if (const auto translation = value.find("T")) {
+    const std::vector<double> t = parse_matrix(*translation, 3, 1).data;
+    motion.translation = Vec3(t[0], t[1], t[2]);
+  }
+  return motion;
+}
+
+Camera parse_camera(const JsonValue& value, const fs::path& directory) {
+  Camera camera;
+  parse_size(value, camera);
+  camera.lens = parse_opencv_lens(value.at("camera_matrix"), value.find("distortion_coefficients"));
+  camera.pose = pose_of_camera_from_world(parse_motion(value));
+  for (const char* key : {"camera_name", "name"})
+    if (const auto name = value.find(key)) camera.name = name->text();
+  if (const auto image = value.find("image")) camera.image = (directory / image->text()).lexically_normal().string();
+  return camera;
+}
+
+const std::set<std::string_view> kOpenCvKeys = {
+    // Read.
+    "cameras", "name", "camera_name", "image", "image_width", "image_height", "image_size", "imageSize",
+    "camera_matrix", "distortion_coefficients", "R", "T", "rows", "cols", "data", "M1", "M2", "D1", "D2",
+    // Without meaning for a rig.
+    "dt", "R1", "R2", "P1", "P2", "Q", "distortion_model", "camera_model", "calibration_time", "nframes",
+    "nr_of_frames", "board_width", "board_height", "square_size", "marker_size", "aspectRatio", "flags",
+    "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
+    "rectification_matrix", "fisheye_model"};
+
+// One camera may be where the world is.
+void require_places(const std::vector<JsonValue>& cameras) {
+  size_t without = 0;
+  for (const JsonValue& camera : cameras) {
+    if (camera.find("R") || camera.find("T") || ++without < 2) continue;
+    const bool has_vectors = camera.find("rvec") || camera.find("tvec");
+    camera.fail(std::string("R (3x3) and T (3x1), which take points of the world to the camera, are missing: cameras "
+                            "would all be in one place") +
+                (has_vectors ? "; T is tvec, and cv::Rodrigues() makes R of rvec" : ""));
+  }
+}
+
+// Two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
+std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
+  std::vector<Camera> cameras(2);
+  for (Camera& camera : cameras) parse_size(file, camera);
+  cameras[0].lens = parse_opencv_lens(file.at("M1"), file.find("D1"));
+  cameras[1].lens = parse_opencv_lens(file.at("M2"), file.find("D2"));
+  RigidMotion second_from_first;
+  if (file.find("R") && file.find("T")) {
+    second_from_first = parse_motion(file);
+  } else {
+    std::string beside;
+    for (const char* name : {"extrinsics.yml", "extrinsics.yaml"})
+      if (std::error_code ignored; beside.empty() && fs::is_regular_file(directory / name, ignored))
+        beside = (directory / name).string();
+    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the file of extrinsics");
+    const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
+    const JsonValue extrinsics(root, beside);
+    for (const char* key : {"R", "T"}) extrinsics.at(key);  // both must be there
+    for (const std::string& note : check_foreign_keys(root, beside, kOpenCvKeys)) notes.push_back(note);
+    second_from_first = parse_motion(extrinsics);
+    notes.push_back("R and T are those of " + beside);
+  }
+  cameras[1].pose = pose_of_camera_from_world(second_from_first);
+  notes.push_back("the cameras are " + number_text(glm::length(cameras[1].pose.position)) +
+                  " m apart, if the squares of the board were given in metres");
+  return cameras;
+}
+
+RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
+  if (text.starts_with("<?xml")) throw Error(path + ": is XML; save it as .yml (cv::FileStorage goes by the ending)");
+  const nlohmann::json root = parse_yaml(text, path);
+  const JsonValue file(root, path);
+  const fs::path directory = fs::path(path).parent_path();
+  RigImport result;
+  Rig& rig = result.rig;
+  result.notes = check_foreign_keys(root, path, kOpenCvKeys);
+  if (const auto cameras = file.find("cameras")) {
+    const std::vector<JsonValue> values = cameras->elements();
+    if (values.empty() || values.size() > kMaxCameras)
+      cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
+    for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
+    require_places(values);
+  } else if (file.find("M1") || file.find("M2")) {
+    rig.cameras = parse_stereo(file, directory, result.notes);
+  } else {
+    if (!file.find("camera_matrix"))
+      file.fail(
+          "has none of the keys cameras, camera_matrix (OpenCV's calibration sample, ROS) and M1 (OpenCV's stereo "
+          "sample); write the camera as camera_matrix, distortion_coefficients, image_width and image_height");
+    rig.cameras.push_back(parse_camera(file, directory));
+  }
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    rig.cameras[i].id = static_cast<uint32_t>(i);
+    if (rig.cameras[i].name.empty()) rig.cameras[i].name = "cam_" + std::to_string(i);
+  }
+  return result;
+}
+
+std::string opencv_yaml_text(const Rig& rig) {
+  cv::FileStorage file(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+  file << "cameras"
+       << "[";
+  for (const Camera& camera : rig.cameras) {
+    const Lens& lens = camera.lens;
+    const RigidMotion motion = camera_from_world(camera.pose);
+    file << "{"
+         << "name" << camera.name;
+    if (!camera.image.empty()) file << "image" << camera.image;
+    file << "image_width" << camera.width << "image_height" << camera.height;
+    file << "camera_matrix" << cv::Mat_<double>({3, 3}, {lens.fx(), 0, lens.cx(), 0, lens.fy(), lens.cy(), 0, 0, 1});
+    file << "distortion_coefficients" << cv::Mat_<double>({4, 1}, {lens.k1(), lens.k2(), lens.p1(), lens.p2()});
+    cv::Mat_<double> r(3, 3), t(3, 1);
+    for (int row = 0; row < 3; row++) {
+      for (int column = 0; column < 3; column++) r(row, column) = motion.rotation[column][row];
+      t(row) = motion.translation[row];
+    }
+    file << "R" << r << "T" << t << "}";
+  }
+  file << "]";
+  return file.releaseAndGetString();
+}
+
+// --- Kalibr's camchain.yaml ------------------------------------------------------------------------------------------
+
+constexpr char kTopicEnd[] = "/image_raw";
+
+std::string name_of_topic(std::string topic) {
+  if (topic.ends_with(kTopicEnd)) topic.resize(topic.size() - std::size(kTopicEnd) + 1);
+  if (topic.starts_with("/")) topic.erase(0, 1);
+  return topic;
+}
+
+std::vector<double> numbers(const JsonValue& value) {
+  std::vector<double> result;
+  for (const JsonValue& element : value.elements()) result.push_back(element.number());
+  return result;
+}
+
+void require(const JsonValue& value, std::initializer_list<std::string> known) {
+  const std::string text = value.text();
+  for (const std::string& name : known)
+    if (text == name) return;
+  value.fail("a rig cannot hold the lens model \"" + text + "\"; " + kUndistortRemedy);
+}
+
+Lens parse_kalibr_lens(const JsonValue& camera) {
+  require(camera.at("camera_model"), {"pinhole"});
+  const JsonValue model = camera.at("distortion_model");
+  require(model, {"radtan", "none"});
+  const JsonValue place = camera.at("intrinsics");
+  const std::vector<double> k = numbers(place);
+  if (k.size() != 4) place.fail("must be [fx, fy, cx, cy]");
+  std::vector<double> distortion;
+  if (model.text() == "radtan") {
+    const JsonValue terms = camera.at("distortion_coeffs");
+    distortion = numbers(terms);
+    if (distortion.size() != 4) terms.fail("must be [k1, k2, p1, p2]");
+  }
+  try {
+    return lens_of_opencv_terms({k[0], k[1], k[2], k[3]}, distortion);
+  } catch (const Error& e) {
+    place.fail(e.what());
+  }
+}
+
+// The cameras "cam0", "cam1", ... by their numbers, which may have gaps.
+std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const JsonValue& file) {
+  std::map<uint32_t, std::string> cameras;
+  if (!root.is_object()) return cameras;
+  for (const auto& [key, value] : root.items()) {
+    if (!key.starts_with("cam")) continue;
+    uint32_t number = 0;
+    const char* const end = key.data() + key.size();
+    if (const auto [rest, error] = std::from_chars(key.data() + 3, end, number); error != std::errc() || rest != end)
+      continue;
+    const auto [other, is_new] = cameras.emplace(number, key);
+    if (!is_new) file.fail(other->second + " and " + key + " have the same number");
+  }
+  if (cameras.size() > kMaxCameras) file.fail("at most " + std::to_string(kMaxCameras) + " cameras");
+  return cameras;
+}
+
+// Where the camera stands: by the camera of the number before it, which is `before` if the file has it, or by the IMU.
+RigidMotion place_of(const JsonValue& camera, const RigidMotion* before, uint32_t number, bool is_first) {
+  const auto step = camera.find("T_cn_cnm1"), from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
+  if (step && before) return *before * parse_rigid_motion(*step).inverse();
+  if (from_imu) return parse_rigid_motion(*from_imu).inverse();
+  if (to_imu) return parse_rigid_motion(*to_imu);
+  if (step)
+    step->fail("is relative to cam" + std::to_string(number - 1) +
+               ", which the file does not have; add that camera, or T_cam_imu to this one");
+  if (!is_first) camera.at("T_cn_cnm1");  // says that it is missing
+  return {};
+}
+
+RigImport parse_kalibr(const std::string& text, const std::string& path) {
+  const nlohmann::json root = parse_yaml(text, path);
+  const JsonValue file(root, path);
+  const std::map<uint32_t, std::string> cameras = find_cameras(root, file);
+  if (cameras.empty()) file.at("cam0");  // says that it is missing
+  std::set<std::string_view> known = {"cam_overlaps", "camera_model", "distortion_coeffs", "distortion_model",
+                                      "intrinsics",   "resolution",   "rostopic",          "T_cam_imu",
+                                      "T_cn_cnm1",    "T_imu_cam",    "timeshift_cam_imu"};
+  for (const auto& [number, key] : cameras) known.insert(key);
+  RigImport result;
+  result.notes = check_foreign_keys(root, path, known);
+  std::map<uint32_t, RigidMotion> places;
+  for (const auto& [number, key] : cameras) {
+    const JsonValue value = file.at(key.c_str());
+    Camera camera;
+    camera.id = number;
+    camera.lens = parse_kalibr_lens(value);
+    const std::vector<JsonValue> size = value.at("resolution").elements(2);
+    camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
+    camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+    camera.name = key;
+    if (const auto topic = value.find("rostopic")) camera.name = name_of_topic(topic->text());
+    // Kalibr: time of the IMU = time of the camera + shift.
+    if (const auto shift = value.find("timeshift_cam_imu")) camera.time_offset = shift->number();
+    const auto before = number > 0 ? places.find(number - 1) : places.end();
+    const RigidMotion place =
+        place_of(value, before != places.end() ? &before->second : nullptr, number, places.empty());
+    places.emplace(number, place);
+    camera.pose = pose_of_world_from_camera(place);
+    result.rig.cameras.push_back(camera);
+  }
+  return result;
+}
+
+std::string list(std::initializer_list<double> values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "[" : ", ") + yaml_number(value);
+  return text + "]";
+}
+
+std::string kalibr_text(const Rig& rig) {
+  std::string text;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    const Lens& lens = camera.lens;
+    const RigidMotion here = camera_from_world(camera.pose);
+    const auto line = [&](const char* key, const std::string& value) {
+      text += std::string("  ") + key + ": " + value + "\n";
+    };
+    text += "cam" + std::to_string(i) + ":\n";
+    if (i > 0) {
+      // Differences of positions first: nothing is lost far from the origin.
+      const Pose& before = rig.cameras[i - 1].pose;
+      const RigidMotion step = {here.rotation * before.rotation(),
+                                here.rotation * (before.position - camera.pose.position)};
+      line("T_cn_cnm1", rigid_motion_text(step));
+    } else {
+      line("T_cam_imu", rigid_motion_text(here));
+    }
+    line("camera_model", "pinhole");
+    line("intrinsics", list({lens.fx(), lens.fy(), lens.cx(), lens.cy()}));
+    line("distortion_model", "radtan");
+    line("distortion_coeffs", list({lens.k1(), lens.k2(), lens.p1(), lens.p2()}));
+    line("resolution", "[" + std::to_string(camera.width) + ", " + std::to_string(camera.height) + "]");
+    line("rostopic", nlohmann::json("/" + camera.name + kTopicEnd).dump());
+    if (camera.time_offset != 0) line("timeshift_cam_imu", yaml_number(camera.time_offset));
+  }
+  return text;
+}
+
+}  // namespace
+
+RigImport import_opencv_yaml(const std::string& path) {
+  return with_topology(parse_opencv_yaml(read_text_file(path), path));
+}
+
+RigExport export_opencv_yaml(const Rig& rig, const std::string& path) {
+  return export_text(rig, path, opencv_yaml_text, parse_opencv_yaml);
+}
+
+RigImport import_kalibr(const std::string& path) { return with_topology(parse_kalibr(read_text_file(path), path)); }
+
+RigExport export_kalibr(const Rig& rig, const std::string& path) {
+  const std::string text = kalibr_text(rig);
+  const RigExport result =
+      describe_export(rig, parse_kalibr(text, path).rig, {.images = false, .ids = false, .time_offsets = true});
+  write_text_file(text, path);
+  return result;
+}
+
+}  // namespace lf

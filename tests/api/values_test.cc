@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <cmath>
+
+#include "api/api_fixture.h"
+#include "base/json_value.h"
+#include "support/temp_dir.h"
+
+namespace lightfield {
+namespace {
+
+std::vector<Camera> four_cameras() {
+  std::vector<Camera> cameras(4);
+  for (uint32_t i = 0; i < 4; i++) {
+    cameras[i].id = 10 + i;
+    cameras[i].name = "camera " + std::to_string(i);
+    cameras[i].width = 160;
+    cameras[i].height = 120;
+    cameras[i].lens = {.fx = 150, .fy = 151, .cx = 79.5, .cy = 59.5};
+    cameras[i].world_from_camera.position = {0.2 * (i % 2), 0.2 * (i / 2), 0};
+  }
+  return cameras;
+}
+
+TEST(ApiRig, KeepsWhatItIsGiven) {
+  std::vector<Camera> cameras = four_cameras();
+  cameras[2].lens = {150.25, 151.5, 80, 60, -0.1, 0.01, 0.001, -0.002};
+  cameras[3].world_from_camera.orientation = {std::sqrt(0.5), 0, std::sqrt(0.5), 0};
+  const Rig rig(cameras, {Topology::Type::kGrid, 2, 2, {}});
+  ASSERT_EQ(rig.size(), 4u);
+  EXPECT_EQ(rig.camera(1).id, 11u);
+  EXPECT_EQ(rig.camera(1).name, "camera 1");
+  EXPECT_EQ(rig.camera(2).lens.p2, -0.002);
+  EXPECT_EQ(rig.camera(2).lens.fy, 151.5);
+  EXPECT_EQ(rig.camera(3).world_from_camera.orientation.y, std::sqrt(0.5));
+  EXPECT_EQ(rig.camera(3).world_from_camera.position.x, 0.2);
+  const Rig same = parse_rig(rig.json());
+  EXPECT_EQ(same.hash(), rig.hash());
+  cameras[0].lens.cx += 1e-9;
+  EXPECT_NE(Rig(cameras, {Topology::Type::kGrid, 2, 2, {}}).hash(), rig.hash());
+  const Rig triangles(cameras, {Topology::Type::kTriangles, 0, 0, {{0, 1, 2}, {1, 3, 2}}});
+  EXPECT_NE(triangles.hash(), rig.hash());
+}
+
+TEST(ApiRig, FilesKeepWhatIsNotKnown) {
+  const TempDir dir;
+  std::string text = Rig(four_cameras()).json();
+  text.replace(text.find("\"id\":11"), 7, "\"sticker\":\"red\",\"id\":11");
+  dir.write("rig.json", text);
+  save_rig(load_rig(dir / "rig.json"), dir / "copy.json");
+  EXPECT_NE(lf::read_text_file(dir / "copy.json").find("\"sticker\":\"red\""), std::string::npos);
+  EXPECT_EQ(load_rig(dir / "copy.json").hash(), Rig(four_cameras()).hash());
+}
+
+TEST(ApiRig, SaysWhatIsWrong) {
+  const auto with = [](auto change, const Topology& topology = {}) {
+    std::vector<Camera> cameras = four_cameras();
+    change(cameras);
+    return test::error_of([&] { Rig(cameras, topology); });
+  };
+  const auto nothing = [](std::vector<Camera>&) {};
+  using testing::PrintToString;
+  EXPECT_EQ(with([](auto& c) { c.clear(); }), "rig: cameras: a rig needs at least one camera");
+  EXPECT_EQ(with([](auto& c) { c[1].id = 10; }), "rig: cameras[1].id: 10 is also the id of cameras[0]");
+  EXPECT_EQ(with([](auto& c) { c[2].lens.fy = -1; }), "cameras[2].lens: params[1]: the focal length must be positive");
+  EXPECT_NE(with([](auto& c) { c[2].width = 0; }).find("cameras[2].width"), std::string::npos);
+  EXPECT_NE(with([](auto& c) { c[0].world_from_camera.position.z = NAN; }).find("cameras[0].position"),
+            std::string::npos);
+  EXPECT_NE(with([](auto& c) { c[0].world_from_camera.orientation.w = 0; }).find("cameras[0].orientation"),
+            std::string::npos);
+  EXPECT_NE(with([](auto& c) { c[0].name = "\xff"; }).find("UTF-8"), std::string::npos);
+  EXPECT_NE(with(nothing, {Topology::Type::kGrid, 3, 2, {}}).find("do not make the rig's 4 cameras"),
+            std::string::npos);
+  EXPECT_NE(with(nothing, {Topology::Type::kTriangles, 0, 0, {{0, 1, 4}}}).find("triangles[0][2]"), std::string::npos);
+  EXPECT_API_ERROR(Rig(four_cameras()).camera(4), "camera 4 is not one of the 4 cameras");
+  EXPECT_API_ERROR(load_rig("/none/rig.json"), "/none/rig.json");
+  EXPECT_API_ERROR(parse_rig("{}", "my.json"), "my.json: ");
+  EXPECT_API_ERROR(parse_rig("{", "my.json"), "my.json: ");
+  EXPECT_API_ERROR(save_rig(Rig(four_cameras()), "/none/rig.json"), "/none/rig.json");
+}
+
+TEST(ApiView, LooksAtItsTarget) {
+  const Pose pose = look_at({1, 2, 3}, {1, 2, 8});
+  EXPECT_NEAR(pose.orientation.w, 1, 1e-12);
+  EXPECT_EQ(pose.position.z, 3);
+  EXPECT_API_ERROR(look_at({1, 2, 3}, {1, 2, 3}), "two places");
+  EXPECT_API_ERROR(look_at({1, 2, 3}, {1, 9, 3}), "vertical");
+  EXPECT_API_ERROR(look_at({1, NAN, 3}, {1, 9, 3}), "two places");
+}
+
+TEST(ApiView, HomeIsAmidTheCameras) {
+  const View view = home_view(Rig(four_cameras()), 320, 240);
+  EXPECT_NEAR(view.world_from_view.position.x, 0.1, 1e-12);
+  EXPECT_NEAR(view.world_from_view.position.y, 0.1, 1e-12);
+  EXPECT_NEAR(view.fov_y, 2 * std::atan(60 / 151.) * 180 / M_PI, 0.5);
+  EXPECT_API_ERROR(home_view(Rig(four_cameras()), 0, 240), "width: ");
+}
+
+TEST(ApiImage, IsBlack) {
+  const Image image = make_image(PixelFormat::kI420, 5, 3);
+  EXPECT_EQ(image.pixels.size(), 15u + 2 * 6);
+  EXPECT_EQ(image.pixels[0], 0);
+  EXPECT_EQ(image.pixels[15], 128);
+  EXPECT_EQ(ImageView(image).plane[2], image.pixels.data() + 21);
+  EXPECT_API_ERROR(make_image(PixelFormat::kNone, 5, 3), "format");
+  EXPECT_API_ERROR(make_image(PixelFormat::kRgb, 5, 0), "height");
+}
+
+TEST(ApiRig, KeepsHowColoursAreCorrected) {
+  Camera camera{.width = 64, .height = 48, .lens = {50, 50, 31.5, 23.5}};
+  camera.colour = CameraColour{.black = {1, 2, 3}, .gamma = 2, .vignetting = {-0.2, 0.01}};
+  const Rig rig({camera});
+  const Rig again = parse_rig(rig.json());
+  ASSERT_TRUE(again.camera(0).colour);
+  EXPECT_EQ(again.camera(0).colour->black.z, 3);
+  EXPECT_EQ(again.camera(0).colour->gamma, 2);
+  EXPECT_EQ(again.camera(0).colour->matrix, CameraColour().matrix);
+  EXPECT_EQ(again.camera(0).colour->vignetting[0], -0.2);
+  camera.colour->gamma = 9;
+  EXPECT_API_ERROR(Rig({camera}), "cameras[0].colour.gamma: must be 0.5 to 5");
+}
+
+}  // namespace
+}  // namespace lightfield

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <filesystem>
+#include <fstream>
+
+#include <unistd.h>
+
+#include "base/text.h"
+#include "calibration/tracks.h"
+#include "fuzz/fuzz.h"
+#include "rig/exchange.h"
+#include "rig/mesh.h"
+#include "rig/rig_json.h"
+#include "support/temp_dir.h"
+#include "view/view_path.h"
+
+using lf::fuzz::require;
+
+namespace {
+
+constexpr char kName[] = "input.json";
+
+bool same(const lf::Camera& a, const lf::Camera& b) {
+  return a.id == b.id && a.name == b.name && a.width == b.width && a.height == b.height && a.lens == b.lens &&
+         a.pose == b.pose && a.image == b.image && a.source == b.source && a.time_offset == b.time_offset;
+}
+
+void rig(const std::string& text) {
+  const lf::Rig rig = lf::parse_rig(text, kName);
+  require(!rig.cameras.empty() && rig.cameras.size() <= lf::kMaxCameras);
+  const std::string written = lf::rig_to_json(rig);
+  const lf::Rig again = lf::parse_rig(written, kName);
+  require(lf::rig_to_json(again) == written && again.cameras.size() == rig.cameras.size());
+  for (size_t i = 0; i < rig.cameras.size(); i++) require(same(rig.cameras[i], again.cameras[i]));
+  // Either it has a mesh, or an error says why not.
+  if (rig.cameras.size() <= 16)
+    for (const lf::MeshFace& face : lf::build_mesh(rig).faces)
+      for (int i = 0; i < face.corners(); i++) require(face.camera[i] < rig.cameras.size());
+}
+
+void views(const std::string& text) {
+  const std::vector<lf::NamedView> views = lf::parse_views(text, kName);
+  require(!views.empty());
+  const std::vector<lf::NamedView> again = lf::parse_views(lf::views_to_json(views), kName);
+  require(again.size() == views.size());
+  for (size_t i = 0; i < views.size(); i++)
+    require(again[i].name == views[i].name && again[i].time == views[i].time && again[i].view == views[i].view);
+}
+
+void tracks(const std::string& text) {
+  const lf::Tracks tracks = lf::parse_tracks(text, kName);
+  for (const lf::Observation& o : tracks.observations)
+    require(o.camera < tracks.cameras.size() && o.position < tracks.num_positions);
+  const std::string written = lf::tracks_to_json(tracks);
+  require(lf::tracks_to_json(lf::parse_tracks(written, kName)) == written);
+}
+
+}  // namespace
+
+// Rigs, views and tracks in JSON: a letter says which, the text follows. What is taken is written as a text that says
+// the same, and errors name the file.
+LF_FUZZ_TARGET(json)(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
+  try {
+    if (data[0] == 'r') rig(text);
+    if (data[0] == 'v') views(text);
+    if (data[0] == 't') tracks(text);
+  } catch (const lf::Error& error) {
+    require(error.what()[0] != 0);
+  }
+  return 0;
+}
+
+namespace {
+
+constexpr uint8_t kPicture[] = {  // a PNG of 1 x 1
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
+    0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x00, 0x00, 0x00, 0x00, 0x3a, 0x7e, 0x9b, 0x55, 0x00,
+    0x00, 0x00, 0x0a, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x60, 0x00, 0x00, 0x00, 0x02, 0x00, 0x01,
+    0x48, 0xaf, 0xa4, 0x71, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82};
+
+lf::RigImport import_names(const std::string& text) {
+  constexpr size_t kMostFiles = 32, kLongestName = 200;
+  const TempDir folder;
+  size_t files = 0;
+  for (size_t begin = 0; begin < text.size() && files < kMostFiles; files++) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string name = text.substr(begin, std::min(end - begin, kLongestName));
+    begin = end + 1;
+    if (name.empty() || name == "." || name == ".." || name.find('/') != name.npos || name.find('\0') != name.npos)
+      continue;
+    folder.write(name, {reinterpret_cast<const char*>(kPicture), sizeof(kPicture)});
+  }
+  return lf::import_stanford(folder.path(), {.f = 1});
+}
+
+lf::RigImport import(const TempDir& folder, char kind, const std::string& text) {
+  if (kind == 's') return import_names(text);
+  const size_t end = std::min(text.find('\f'), text.size());
+  const std::string first = text.substr(0, end), second = end < text.size() ? text.substr(end + 1) : "";
+  if (kind == 'c' || kind == 'g') {
+    folder.write("cameras.txt", first);
+    folder.write("images.txt", second);
+    const int side = kind == 'g' ? 2 : 0;
+    return lf::import_colmap(folder.path(), {.rows = side, .columns = side});
+  }
+  if (kind == 'k' || kind == 'n') {
+    const std::string path = folder.write("input", text);
+    return kind == 'k' ? lf::import_kalibr(path) : lf::import_nerf(path);
+  }
+  folder.write("extrinsics.yml", second);
+  return lf::import_opencv_yaml(folder.write("input", first));
+}
+
+}  // namespace
+
+// Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
+// images.txt, divided by a form feed, g as a grid of 2x2; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml behind a
+// form feed; s: the names of a folder in the Stanford archive's way, a line each. Every rig that an importer accepts
+// can be written, read again and meshed.
+LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
+  static const TempDir folder;
+  if (size == 0) return 0;
+  try {
+    const lf::Rig rig =
+        import(folder, static_cast<char>(data[0]), {reinterpret_cast<const char*>(data) + 1, size - 1}).rig;
+    require(!rig.cameras.empty() && rig.cameras.size() <= lf::kMaxCameras);
+    const std::string written = lf::rig_to_json(rig);
+    require(lf::rig_to_json(lf::parse_rig(written, "rig.json")) == written);
+    require(!lf::build_mesh(rig).faces.empty());
+  } catch (const lf::Error& error) {
+    require(error.what()[0] != 0);
+  }
+  return 0;
+}

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <string>
+
+#include "base/text.h"
+#include "focus/trial_levels.h"
+#include "fuzz/fuzz.h"
+#include "fuzz/repair.h"
+#include "render/ownership.h"
+#include "scene/scene.h"
+#include "wire/answer_codec.h"
+#include "wire/command_codec.h"
+#include "wire/fragment_codec.h"
+#include "wire/moments_codec.h"
+#include "wire/request_codec.h"
+#include "wire/unit.h"
+
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+// Sizes of units, negative for bytes passed over (neighbouring ones together).
+std::vector<int64_t> cut(Bytes stream, size_t piece) {
+  std::vector<int64_t> out;
+  size_t begin = 0, end = std::min(piece, stream.size());
+  while (begin < stream.size()) {
+    const bool more = end < stream.size();
+    const Bytes bytes = stream.subspan(begin, end - begin);
+    const std::optional<lf::wire::UnitHeader> unit = lf::wire::peek_unit(bytes);
+    if (more && (bytes.size() < lf::wire::kUnitHeaderBytes || (unit && unit->size > bytes.size()))) {
+      end = std::min(end + piece, stream.size());
+    } else if (unit && unit->size <= bytes.size()) {
+      out.push_back(static_cast<int64_t>(unit->size));
+      begin += unit->size;
+    } else {
+      const size_t count = lf::wire::distance_to_magic(bytes, more);
+      lf::fuzz::require(count > 0 && count <= bytes.size());
+      if (out.empty() || out.back() > 0) out.push_back(0);
+      out.back() -= static_cast<int64_t>(count);
+      begin += count;
+    }
+    end = std::max(end, begin);
+  }
+  return out;
+}
+
+}  // namespace
+
+// Finding units in a stream of bytes that comes in pieces, as lfparse does it: every byte is either of a unit or passed
+// over, and where the pieces end makes no difference.
+LF_FUZZ_TARGET(framing)(const uint8_t* data, size_t size) {
+  lf::fuzz::Input input(data, size);
+  const size_t piece = 1 + input.number(1);
+  const Bytes stream = input.take(size);
+  const std::vector<int64_t> whole = cut(stream, stream.size() + 1);
+  lf::fuzz::require(cut(stream, piece) == whole);
+  size_t sum = 0;
+  for (const int64_t part : whole) sum += static_cast<size_t>(std::abs(part));
+  lf::fuzz::require(sum == stream.size());
+  return 0;
+}
+
+// View requests and commands: what is taken can be written again, and is the same; and of it a view can be planned.
+LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
+  using namespace lf;
+  std::string reason;
+  const std::optional<wire::AnyRequest> request = wire::decode_any_request({data, size}, &reason);
+  fuzz::require(request || !reason.empty());
+  if (!request) return 0;
+  std::vector<uint8_t> again;
+  if (const auto* view = std::get_if<ViewRequest>(&*request)) {
+    again = wire::encode_request(*view);
+    for (const Trial& trial : view->trials)
+      if (view->view.width <= 256 && view->view.height <= 256) trial_levels(view->view, trial);
+    if (view->view.width <= 64 && view->view.height <= 64) {
+      static const Rig rig = scene_rig(2, 2, 64, 48);
+      static const Mesh mesh = build_mesh(rig);
+      OwnerRuns(ViewPlan(rig, mesh, view->view), {0, 0, view->view.width, view->view.height});
+    }
+  }
+  if (const auto* pixels = std::get_if<wire::PixelCommand>(&*request)) again = wire::encode_command(*pixels);
+  if (const auto* warp = std::get_if<wire::WarpCommand>(&*request)) {
+    again = wire::encode_command(*warp);
+    try {
+      if (warp->warp.width <= 64 && warp->warp.height <= 64)
+        OwnerRuns(ViewPlan(warp->warp, 1000), {0, 0, warp->warp.width, warp->warp.height});
+    } catch (const Error&) {
+    }
+  }
+  fuzz::require(wire::decode_any_request(again) == request);
+  return 0;
+}
+
+namespace {
+
+// So that the sanitizer sees what lies outside.
+uint64_t g_sum = 0;
+
+void read_plane(const uint8_t* plane, ptrdiff_t stride, int width, int height) {
+  for (int y = 0; y < height; y++) g_sum += plane[y * stride] + plane[y * stride + width - 1];
+}
+
+void read(const lf::FragmentPlanes& f) {
+  const int w = f.rect.width(), h = f.rect.height();
+  const bool rgb = f.family == lf::PixelFamily::kRgb;
+  read_plane(f.plane[0], f.stride[0], rgb ? 3 * w : w, h);
+  for (int c = 1; c < 3 && !rgb; c++) read_plane(f.plane[c], f.stride[c], lf::chroma_size(w), lf::chroma_size(h));
+  if (f.lost) read_plane(f.lost, f.lost_stride, w, h);
+}
+
+}  // namespace
+
+LF_FUZZ_ANSWERS(answer, 0)
+
+// Answers: parsed and decoded, JPEG and all, as a compositor does it.
+LF_FUZZ_TARGET(answer)(const uint8_t* data, size_t size) {
+  static lf::wire::FragmentDecoder decoder;
+  std::string reason;
+  const std::optional<lf::wire::AnswerView> answer = lf::wire::parse_answer({data, size}, &reason);
+  lf::fuzz::require(answer || !reason.empty());
+  if (!answer) return 0;
+  lf::fuzz::require(lf::wire::parse_answer_header({data, size}).has_value());
+  for (const lf::wire::FragmentView& fragment : answer->fragments) {
+    if (fragment.codec == lf::wire::Codec::kRaw16) {
+      const lf::ConstSumPlanes sums = decoder.sums(fragment);
+      const lf::Rect& rect = fragment.rect;
+      for (int c = 0; c < 3; c++)
+        g_sum += sums.plane[c][(lf::plane_height(sums.family, rect, c) - 1) * sums.stride[c] +
+                               lf::plane_width(sums.family, rect, c) - 1];
+    } else if (const std::optional<lf::FragmentPlanes> planes = decoder.decode(fragment)) {
+      read(*planes);
+    }
+  }
+  return 0;
+}
+
+// Moments: what is taken can be written again and is the same, and adds up to something.
+LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
+  using namespace lf;
+  std::string reason;
+  wire::MomentsShape shape;
+  if (!wire::parse_moments_header({data, size}, &shape, &reason)) {
+    fuzz::require(!reason.empty());
+    return 0;
+  }
+  if (shape.columns > 64 || shape.rows > 64) shape = {64, 64, 4};  // what might have been asked for
+  std::optional<wire::MomentsUnit> unit = wire::decode_moments({data, size}, shape, &reason);
+  fuzz::require(unit || !reason.empty());
+  if (!unit) return 0;
+  std::vector<Moments> sums = unit->sums();
+  const ByteBuffer bytes = wire::encode_moments(*unit, sums);
+  const std::optional<wire::MomentsUnit> again = wire::decode_moments(bytes, shape);
+  fuzz::require(again && again->trials.size() == sums.size());
+  const std::vector<Moments> same = again->sums();
+  for (size_t t = 0; t < sums.size(); t++) {
+    Moments& moments = sums[t];
+    for (size_t i = 0; i < moments.weight.size(); i++) {
+      // What has no weight anywhere may have been left out.
+      fuzz::require(same[t].weight[i] == moments.weight[i]);
+      if (moments.weight[i] > 0) fuzz::require(same[t].square[i] == moments.square[i]);
+    }
+    moments.add(same[t]);
+    for (size_t i = 0; i < moments.weight.size(); i++) moments.deviation(i);
+  }
+  return 0;
+}

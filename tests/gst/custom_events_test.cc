@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "common/custom_events.h"
+
+namespace lf::test {
+namespace {
+
+using EventPtr = std::unique_ptr<GstEvent, void (*)(GstEvent*)>;
+
+// By way of a copy, as elements make one where they write into an event.
+std::shared_ptr<const ViewFeedback> there_and_back(const ViewFeedback& feedback) {
+  const EventPtr event(view_feedback_event(feedback), gst_event_unref);
+  const EventPtr copy(gst_event_copy(event.get()), gst_event_unref);
+  EXPECT_EQ(parse_view_feedback(copy.get()), parse_view_feedback(event.get())) << "it is shared";
+  return parse_view_feedback(copy.get());
+}
+
+EventPtr custom_event(GstStructure* structure) {
+  return {gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure), gst_event_unref};
+}
+
+ViewRequest some_request() {
+  ViewRequest request;
+  request.view_id = 7;
+  request.sequence = 12;
+  request.view.width = 64;
+  request.view.height = 48;
+  request.view.focus.plane = {{0, 0, 1}, 2.5};
+  return request;
+}
+
+TEST(ViewFeedback, EachPartComesBack) {
+  const ViewRequest request = some_request();
+  FocusControl::Plan plan{.view = request.view, .trials = {{Trial::Kind::kPlane, 200}}, .on_plane = true};
+  plan.plane = Plane{{0, 0, 1}, 1.5};
+  FocalMap map = FocalMap::for_view(64, 48);
+  map.farthest = 0.05;
+  map.nearest = 0.3;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+  map.from = {{0, 0, 1}, 0};
+  plan.view.focus.map = std::make_shared<FocalMap>(map);
+  ViewRequest probe = request;
+  probe.probe = true;
+  const ViewFeedback sent{.view_id = 7,
+                          .focus = FoundFocus{12, plan, {.use = true}},
+                          .out_of_service = CameraSet{0, 5, 63},
+                          .extra_requests = {request, probe}};
+  const std::shared_ptr<const ViewFeedback> came = there_and_back(sent);
+  ASSERT_TRUE(came);
+  EXPECT_EQ(came->view_id, 7u);
+  ASSERT_TRUE(came->focus);
+  EXPECT_EQ(came->focus->sequence, 12u);
+  EXPECT_EQ(came->focus->plan.trials, plan.trials);
+  EXPECT_EQ(came->focus->plan.on_plane, plan.on_plane);
+  EXPECT_EQ(came->focus->plan.plane, plan.plane);
+  ASSERT_TRUE(came->focus->plan.view.focus.map);
+  EXPECT_EQ(*came->focus->plan.view.focus.map, map);
+  EXPECT_TRUE(came->focus->gains.use);
+  EXPECT_EQ(came->out_of_service, sent.out_of_service);
+  EXPECT_EQ(came->extra_requests, sent.extra_requests);
+}
+
+// A set without cameras says that all are back, and no set says nothing of them.
+TEST(ViewFeedback, PartsThatAreNotThere) {
+  const std::shared_ptr<const ViewFeedback> back = there_and_back({.view_id = 1, .out_of_service = CameraSet{}});
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->out_of_service, CameraSet{});
+  EXPECT_FALSE(back->focus);
+  const std::shared_ptr<const ViewFeedback> nothing = there_and_back({.view_id = 2});
+  ASSERT_TRUE(nothing);
+  EXPECT_FALSE(nothing->out_of_service);
+  EXPECT_TRUE(nothing->extra_requests.empty());
+}
+
+TEST(ViewFeedback, AnotherEventIsNone) {
+  EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty("another")).get()));
+  EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get())) << "no feedback";
+  const EventPtr eos(gst_event_new_eos(), gst_event_unref);
+  EXPECT_FALSE(parse_view_feedback(eos.get()));
+}
+
+// An application may send an event of that name, too.
+TEST(ViewFeedback, AnotherFieldIsNone) {
+  GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "feedback", G_TYPE_UINT, 3, nullptr);
+  EXPECT_FALSE(parse_view_feedback(custom_event(structure).get()));
+}
+
+}  // namespace
+}  // namespace lf::test

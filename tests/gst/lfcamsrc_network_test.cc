@@ -1,0 +1,515 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "../gst/common/common.h"
+#include "gst/camera_pipeline.h"
+#include "gst/gst_test.h"
+#include "gst/loss_fixture.h"
+#include "gst/rtsp_server.h"
+#include "support/recorded.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+//
+// Network cameras: an RTSP server on loopback, where its library is installed.
+
+class RtspTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    if (kRtspServerMissing) return;
+    files = new CameraFiles;
+    server = new RtspServer;
+  }
+  static void TearDownTestSuite() {
+    delete server;
+    if (server) RtspServer::clean_up();
+    delete files;
+  }
+  void SetUp() override {
+    if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
+  }
+  static std::string rig(const std::string& path, int width = CameraFiles::kWidth) {
+    return files->save("rig.json", 1, [&](Camera& camera) {
+      camera.source = server->uri(path);
+      camera.width = width;
+    });
+  }
+  static CameraFiles* files;
+  static RtspServer* server;
+};
+CameraFiles* RtspTest::files = nullptr;
+RtspServer* RtspTest::server = nullptr;
+
+TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
+  for (const std::string path : {"/jpeg", "/h264"}) {
+    if (path == "/h264" && CameraFiles::h264_encoder().empty()) {
+      std::printf("no encoder and decoder of H.264 are installed\n");
+      continue;
+    }
+    CameraPipeline camera("num-frames=10 latency=50000000 rig=" + rig(path));
+    for (int i = 0; i < 4; ++i) {
+      camera.frames.clear();
+      ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << path << ": live, said or not";
+      ASSERT_EQ(camera.play(), "EOS") << path << " " << i;
+      ASSERT_EQ(camera.frames.size(), 10u);
+      EXPECT_EQ(camera.info.width, 64);
+      const GstClockTime base_time = gst_element_get_base_time(camera.pipeline());
+      for (const Frame& frame : camera.frames) {
+        // As it came, or as the server says, which is the same machine.
+        const GstClockTimeDiff age = GST_CLOCK_DIFF(frame.capture_time, base_time + frame.running_time);
+        EXPECT_LT(std::abs(age), static_cast<GstClockTimeDiff>(2 * GST_SECOND)) << path;
+        EXPECT_GT(frame.level, 220) << path << ": white";
+      }
+    }
+  }
+}
+
+// The server's sender reports come by and by: then frames have the times of day that it gives them.
+TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
+  const ElementPtr pipeline =
+      launch("lfcamsrc name=c latency=50000000 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
+  ASSERT_TRUE(pipeline);
+  const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+  const auto capture_time = [&]() -> std::string {
+    GstStructure* stats = nullptr;
+    g_object_get(camera.get(), "stats", &stats, nullptr);
+    const StructurePtr owned(stats);
+    const gchar* how = gst_structure_get_string(stats, "capture-time");
+    return how ? how : "";
+  };
+  ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(capture_time(), testing::AnyOf("arrival", "sender-reports"));
+  for (int i = 0; i < 600 && capture_time() != "sender-reports"; ++i) g_usleep(50000);
+  EXPECT_EQ(capture_time(), "sender-reports");
+
+  // The clock of what shows it is that of the server: so frames are as old as they are.
+  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  GstPad* pad = gst_element_get_static_pad(sink.get(), "sink");
+  static std::atomic<int> frames, wrong;
+  frames = wrong = 0;
+  gst_pad_add_probe(
+      pad, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad* at, GstPadProbeInfo* info, gpointer) {
+        GstCaps* reference = gst_caps_new_empty_simple("timestamp/x-lightfield-capture");
+        const auto* meta = gst_buffer_get_reference_timestamp_meta(GST_PAD_PROBE_INFO_BUFFER(info), reference);
+        gst_caps_unref(reference);
+        GstElement* element = gst_pad_get_parent_element(at);
+        GstClock* clock = gst_element_get_clock(element);
+        const GstClockTimeDiff age = meta && clock ? GST_CLOCK_DIFF(meta->timestamp, gst_clock_get_time(clock))
+                                                   : -static_cast<gint64>(GST_SECOND);
+        if (age < -static_cast<gint64>(GST_SECOND / 10) || age > static_cast<gint64>(3 * GST_SECOND)) wrong++;
+        gst_object_unref(clock);
+        gst_object_unref(element);
+        frames++;
+        return GST_PAD_PROBE_OK;
+      },
+      nullptr, nullptr);
+  gst_object_unref(pad);
+  for (int i = 0; i < 600 && frames < 10; ++i) g_usleep(50000);
+  EXPECT_GE(frames, 10);
+  EXPECT_EQ(wrong, 0);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+TEST_F(RtspTest, JpegStaysJpegWhereItIsNotDecoded) {
+  EXPECT_EQ(run("lfcamsrc decode=false latency=50000000 num-frames=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink"),
+            "");
+}
+
+TEST_F(RtspTest, ErrorsNameThePlace) {
+  EXPECT_THAT(CameraPipeline("rig=" + rig("/jpeg", 66)).play(),
+              HasSubstr(server->uri("/jpeg") + ": the picture is 64x48, the rig says 66x48"));
+  EXPECT_THAT(CameraPipeline("rig=" + rig("/nothing")).play(),
+              HasSubstr("camera 0 (cam_0): " + server->uri("/nothing")));
+}
+
+// Another client of the camera knows what it gives.
+TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  const TempDir dir;
+  const std::string other = dir / "other.mkv", folder = dir / "recording";
+  const ElementPtr client = launch("rtspsrc latency=50 location=" + server->uri("/h264") +
+                                   " ! rtph264depay ! h264parse ! matroskamux ! filesink location=" + other);
+  const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50000000 rig=" + rig("/h264") +
+                                     " record=" + folder + " ! fakesink async=false");
+  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  const auto size = [&](const std::string& file) {
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(file, error);
+    return error ? 0 : bytes;
+  };
+  gst_element_set_state(client.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return size(other) > 1000; })) << "the other client has pictures first";
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return size(folder + "/camera0.mkv") >= 3000; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  gst_element_send_event(client.get(), gst_event_new_eos());
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(client.get()));
+  GstMessage* end = gst_bus_timed_pop_filtered(bus.get(), 60 * GST_SECOND, GST_MESSAGE_EOS);
+  EXPECT_TRUE(end);
+  gst_clear_message(&end);
+  gst_element_set_state(client.get(), GST_STATE_NULL);
+  const RecordedFile recorded = read_recorded(folder + "/camera0.mkv");
+  const auto came = slices_of(read_recorded(other)), kept = slices_of(recorded);
+  ASSERT_GT(kept.size(), 10u) << came.size();
+  EXPECT_EQ(recorded.kind, "video/x-h264");
+  EXPECT_TRUE(recorded.keys[0]);
+  // Pictures of one colour have the same bytes time and again: the recording begins with one of those that are alike.
+  size_t most = 0;
+  for (size_t begin = 0; begin < came.size(); begin++) {
+    const size_t common = std::min(kept.size(), came.size() - begin);
+    if (std::equal(kept.begin(), kept.begin() + static_cast<ptrdiff_t>(common),
+                   came.begin() + static_cast<ptrdiff_t>(begin)))
+      most = std::max(most, common);
+  }
+  EXPECT_GT(most, 10u);
+}
+
+// A node of a network camera, which is late, and a film: both are in the picture.
+TEST_F(RtspTest, BesideAFilmInOneNode) {
+  const std::string rig = files->save(
+      "mixed.json", 2, [](Camera& camera) { camera.source = camera.id == 0 ? server->uri("/jpeg") : "mjpeg.mkv"; });
+  const ElementPtr pipeline =
+      launch("lfviewrequest is-live=true framerate=15/1 capture-delay=400000000 rig=" + rig +
+             " ! lfcameranode name=n is-live=true loop=true latency=100000000 rig=" + rig + " ! fakesink");
+  ASSERT_TRUE(pipeline);
+  ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  uint64_t whole = 0, answers = 0, missing = 0;
+  for (int i = 0; i < 300 && whole < 10; ++i) {  // answers with a frame of both cameras
+    const uint64_t missing_now = stat(node.get(), "missing-frames"), answers_now = stat(node.get(), "answers");
+    if (missing_now == missing) whole += answers_now - answers;
+    missing = missing_now;
+    answers = answers_now;
+    g_usleep(50000);
+  }
+  EXPECT_GE(whole, 10u);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+// --- HTTP ------------------------------------------------------------------------------------------------------------
+//
+// Network cameras that send Motion JPEG over HTTP, as mjpg-streamer, ESP32-CAM, OctoPrint and Axis do.
+
+// Answers one client at a time.
+class Server {
+ public:
+  // Returns whether the client takes more of them.
+  using Send = std::function<bool(const std::string& bytes)>;
+  // Called for each client that has said something.
+  using Answer = std::function<void(const Send& send)>;
+
+  explicit Server(Answer answer) : answer_(std::move(answer)) {
+    listening_ = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    EXPECT_EQ(bind(listening_, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(listen(listening_, 8), 0);
+    getsockname(listening_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+    thread_ = std::thread([this] { serve(); });
+  }
+  ~Server() {
+    stopping_ = true;
+    shutdown(listening_, SHUT_RDWR);
+    thread_.join();
+    close(listening_);
+  }
+  Server(const Server&) = delete;
+  std::string uri(const std::string& scheme = "http") const {
+    return scheme + "://127.0.0.1:" + std::to_string(port_) + "/stream";
+  }
+  int connections() const { return connections_; }
+
+ private:
+  void serve() {
+    while (!stopping_) {
+      const int client = accept(listening_, nullptr, nullptr);
+      if (client < 0) return;
+      connections_++;
+      char request[4096];
+      if (recv(client, request, sizeof request, 0) > 0)
+        answer_([this, client](const std::string& bytes) { return !stopping_ && send_all(client, bytes); });
+      close(client);
+    }
+  }
+  static bool send_all(int client, const std::string& bytes) {
+    return send(client, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
+  }
+
+  const Answer answer_;
+  int listening_ = -1, port_ = 0;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<int> connections_ = 0;
+  std::thread thread_;
+};
+
+constexpr char kHeader[] = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n";
+
+// Sends the pictures jpeg_00.jpg, jpeg_01.jpg, ... of the fixture at 20 pictures/s.
+class MjpegServer : public Server {
+ public:
+  // `most`: pictures after which a connection is closed.
+  MjpegServer(const CameraFiles& files, bool with_length, int most)
+      : Server([pictures = load(files), with_length, most](const Send& send) {
+          bool goes_on = send(kHeader);
+          for (int i = 0; i < most && goes_on; i++) {
+            const std::string& picture = pictures[static_cast<size_t>(i % kFrames)];
+            std::string part = "--frame\r\nContent-Type: image/jpeg\r\n";
+            if (with_length) part += "Content-Length: " + std::to_string(picture.size()) + "\r\n";
+            goes_on = send(part + "\r\n" + picture + "\r\n");
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+          }
+        }) {}
+
+ private:
+  static std::vector<std::string> load(const CameraFiles& files) {
+    std::vector<std::string> pictures;
+    for (int k = 0; k < kFrames; k++) {
+      std::ifstream file(files.path("jpeg_0" + std::to_string(k) + ".jpg"), std::ios::binary);
+      pictures.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+    }
+    return pictures;
+  }
+};
+
+class CamSrcHttpTest : public CamSrcTest {};
+
+TEST_F(CamSrcHttpTest, FramesAreDatedByTheirArrival) {
+  for (const bool with_length : {true, false})
+    for (const std::string live : {"true", "false"}) {
+      SCOPED_TRACE(live + (with_length ? "" : ", without Content-Length"));
+      const MjpegServer server(*files, with_length, 1000);
+      CameraPipeline camera("num-frames=12 is-live=" + live + " rig=" + rig_with_source(server.uri()));
+      ASSERT_TRUE(camera.reach(GST_STATE_PLAYING));
+      const GstClockTime begin = gst_element_get_base_time(camera.pipeline());
+      ASSERT_EQ(camera.wait(), "EOS");
+      camera.set_state(GST_STATE_NULL);
+      ASSERT_EQ(camera.frames.size(), 12u);
+      // The first ones come together, as the kind of stream is found from them, and may have waited for PLAYING.
+      size_t first = 2;
+      while (first < 6 && camera.frames[first - 1].running_time == 0) first++;
+      for (size_t k = first; k < camera.frames.size(); k++) {
+        EXPECT_GT(camera.frames[k].running_time, camera.frames[k - 1].running_time) << k;
+        EXPECT_NEAR(static_cast<double>(camera.frames[k].capture_time),
+                    static_cast<double>(begin + camera.frames[k].running_time), 1e6)
+            << k;
+      }
+    }
+}
+
+TEST_F(CamSrcHttpTest, StaysJpegForANode) {
+  const MjpegServer server(*files, true, 1000);
+  EXPECT_EQ(run("lfcamsrc decode=false is-live=true num-frames=5 rig=" + rig_with_source(server.uri()) +
+                " ! image/jpeg ! jpegdec ! fakesink sync=false"),
+            "");
+}
+
+// No second stream is waited for, which would take 10 s at pictures as small as these.
+TEST_F(CamSrcHttpTest, StartsWithTheFirstPictures) {
+  const MjpegServer server(*files, true, 1000);
+  CameraPipeline camera("num-frames=1 is-live=true rig=" + rig_with_source(server.uri()));
+  camera.set_state(GST_STATE_PLAYING);
+  EXPECT_EQ(camera.wait(5 * GST_SECOND), "EOS");
+}
+
+TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
+  const MjpegServer server(*files, true, 5);
+  CameraPipeline camera("num-frames=12 is-live=true loop=true retry=true rig=" + rig_with_source(server.uri()));
+  ASSERT_EQ(camera.play(), "EOS");
+  EXPECT_EQ(camera.frames.size(), 12u);
+  EXPECT_GE(server.connections(), 3);
+}
+
+// A part without an end, and one of two gigabytes: what has been sent is kept until the part is complete.
+TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
+  for (const std::string length : {"", "Content-Length: 2147483640\r\n"}) {
+    size_t sent = 0;
+    const Server server([&](const Server::Send& send) {
+      const std::string nothing(1 << 20, 'a');
+      if (!send(kHeader + ("--frame\r\nContent-Type: image/jpeg\r\n" + length) + "\r\n")) return;
+      while (send(nothing)) sent += nothing.size();
+    });
+    CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("it sends more than 64 MB without a picture"));
+    camera.set_state(GST_STATE_NULL);
+    EXPECT_LT(sent, size_t{1} << 30);
+  }
+}
+
+TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
+  const Server server([&](const Server::Send& send) {
+    send(
+        "HTTP/1.0 200 OK\r\nContent-Type: application/vnd.apple.mpegurl\r\n\r\n#EXTM3U\n#EXT-X-TARGETDURATION:4\n"
+        "#EXT-X-MEDIA-SEQUENCE:0\n#EXTINF:4,\nfile://" +
+        files->path("mjpeg.mkv") + "\n#EXT-X-ENDLIST\n");
+  });
+  CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+  camera.set_state(GST_STATE_PLAYING);
+  EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("its playlist names a file of this machine"));
+  camera.set_state(GST_STATE_NULL);
+  EXPECT_TRUE(camera.frames.empty());
+}
+
+// rtspsrc waits for the end of an answer as long as anything comes.
+TEST_F(CamSrcHttpTest, ACameraThatNeverEndsItsAnswerIsLeftBehind) {
+  const Server server([](const Server::Send& send) {
+    for (bool goes_on = send("RTSP/1.0 200 OK\r\nCSeq: 1\r\nX: "); goes_on; goes_on = send("a"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  });
+  CameraPipeline camera("is-live=true retry=true rig=" + rig_with_source(server.uri("rtsp")));
+  camera.set_state(GST_STATE_PLAYING);
+  while (server.connections() == 0) g_usleep(1000);
+  g_usleep(300'000);
+  const gint64 begin = g_get_monotonic_time();
+  camera.set_state(GST_STATE_NULL);
+  EXPECT_LT(g_get_monotonic_time() - begin, 10'000'000);
+}
+
+//
+// One camera that fails, alone: an error, or with `retry` a gap in its stream.
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class RetryTest : public LossTest {
+ protected:
+  static std::string camera(const std::string& properties) {
+    return "lfcamsrc name=camera " + properties + " ! fakesink name=sink sync=false";
+  }
+};
+
+TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
+  failing_device(0).frames_at_most = 10;
+  const WatchedPipeline pipeline(camera("trusted=true rig=" + devices(1)));
+  EXPECT_TRUE(eventually([&] { return !pipeline.errors().empty(); }));
+  EXPECT_THAT(pipeline.errors()[0], HasSubstr("failing://0: Device 0 is gone"));
+  pipeline.set_state(GST_STATE_NULL);
+  EXPECT_EQ(pipeline.lost(0), 0);
+}
+
+TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
+  failing_device(0).frames_at_most = 10;
+  const WatchedPipeline pipeline(camera("retry=true trusted=true rig=" + devices(1)));
+  const ElementPtr sink = pipeline.child("sink"), camera = pipeline.child("camera");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return frames.count() >= 30; }));
+  EXPECT_GE(pipeline.lost(0), 2);
+  EXPECT_GE(pipeline.found(0), 2);
+  EXPECT_EQ(camera_stats(camera.get()).retries, static_cast<uint64_t>(pipeline.found(0))) << "each attempt succeeds";
+  failing_device(0).frames_at_most = 0;
+  pipeline.set_state(GST_STATE_NULL);
+  EXPECT_EQ(camera_stats(camera.get()).state, "stopped");
+  EXPECT_THAT(pipeline.errors(), IsEmpty());
+}
+
+// After days nobody could run through what a film that loops has shown since.
+TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
+  const std::string late = files->path("late.mkv");
+  const WatchedPipeline pipeline(
+      camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late.mkv"; })), GST_STATE_NULL);
+  constexpr GstClockTime kRunning = 1000 * 3600 * GST_SECOND;
+  GstClock* clock = GST_CLOCK(g_object_new(GST_TYPE_SYSTEM_CLOCK, "clock-type", GST_CLOCK_TYPE_REALTIME, nullptr));
+  gst_pipeline_use_clock(GST_PIPELINE(pipeline.get()), clock);
+  gst_element_set_start_time(pipeline.get(), GST_CLOCK_TIME_NONE);
+  gst_element_set_base_time(pipeline.get(), gst_clock_get_time(clock) - kRunning);
+  gst_object_unref(clock);
+  pipeline.set_state(GST_STATE_PLAYING);
+  const ElementPtr sink = pipeline.child("sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
+  std::filesystem::copy(files->path("mjpeg.mkv"), late);
+  EXPECT_TRUE(eventually([&] { return pipeline.found(0) == 1 && frames.count() > 5; }));
+  g_autoptr(GstSample) sample = nullptr;
+  g_object_get(sink.get(), "last-sample", &sample, nullptr);
+  ASSERT_TRUE(sample);
+  const GstClockTime shown = gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
+                                                         GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
+  EXPECT_GE(shown, kRunning);
+  pipeline.stop();
+  std::filesystem::remove(late);
+}
+
+// Viewers would wait for frames that are late because their film has to come to where it is in its round first.
+TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
+  const std::string late = files->path("late-long.mkv"), whole = files->path("whole-long.mkv");
+  run_to_end(
+      "videotestsrc num-buffers=60 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! jpegenc ! "
+      "matroskamux ! filesink location=" +
+      whole);
+  const WatchedPipeline pipeline(
+      camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late-long.mkv"; })));
+  const ElementPtr sink = pipeline.child("sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
+  g_usleep(2'000'000);
+  std::filesystem::copy(whole, late);
+  EXPECT_TRUE(eventually([&] { return frames.count() > 0; }));
+  g_autoptr(GstSample) first = nullptr;
+  g_object_get(sink.get(), "last-sample", &first, nullptr);
+  ASSERT_TRUE(first);
+  const GstClockTime taken = gst_segment_to_running_time(gst_sample_get_segment(first), GST_FORMAT_TIME,
+                                                         GST_BUFFER_PTS(gst_sample_get_buffer(first)));
+  EXPECT_LT(gst_element_get_current_running_time(pipeline.get()), taken + GST_SECOND / 2);
+  pipeline.stop();
+}
+
+// In PAUSED, too; and the end that an application asks for comes while there is no camera.
+TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
+  failing_device(0).broken = true;
+  const WatchedPipeline pipeline(camera("is-live=true retry=true trusted=true rig=" + devices(1)), GST_STATE_NULL);
+  EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  EXPECT_EQ(pipeline.lost(0), 1);
+  const ElementPtr camera = pipeline.child("camera");
+  EXPECT_TRUE(eventually([&] { return camera_stats(camera.get()).retries >= 1; }));
+  pipeline.set_state(GST_STATE_PLAYING);
+  EXPECT_TRUE(gst_element_send_event(pipeline.get(), gst_event_new_eos()));
+  EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); }));
+}
+
+// Of a file that is not live the frames after a gap follow those before it.
+TEST_F(RetryTest, RunningTimeGoesOn) {
+  const std::string path = rig(1, [](guint) { return "late.mkv"; });
+  const WatchedPipeline pipeline(camera("retry=true rig=" + path));
+  const ElementPtr sink = pipeline.child("sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
+  std::filesystem::copy(files->path("mjpeg.mkv"), files->path("late.mkv"));
+  EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); })) << "at its end";
+  EXPECT_EQ(pipeline.found(0), 1);
+  EXPECT_EQ(frames.count(), CameraFiles::kFrames);
+  pipeline.set_state(GST_STATE_NULL);
+  std::filesystem::remove(files->path("late.mkv"));
+}
+
+TEST_F(RetryTest, ARigThatCanNotBeReadIsAnError) {
+  const WatchedPipeline pipeline(camera("retry=true rig=" + files->path("none.json")), GST_STATE_NULL);
+  EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(pipeline.errors(), ElementsAre(HasSubstr("none.json: no such file")));
+}
+
+}  // namespace
+}  // namespace lf::test

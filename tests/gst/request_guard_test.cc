@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common/request_guard.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace lf {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class LimitsTest : public testing::Test {
+ protected:
+  void SetUp() override { gst_init(nullptr, nullptr); }
+  RequestLimits parse(const char* text) {
+    g_autoptr(GstStructure) structure = gst_structure_from_string(text, nullptr);
+    EXPECT_TRUE(structure) << text;
+    problems_.clear();
+    return parse_limits(structure, problems_);
+  }
+  std::vector<std::string> problems_;
+};
+
+TEST_F(LimitsTest, WhatIsNotGivenHasItsDefault) {
+  EXPECT_EQ(parse_limits(nullptr, problems_), RequestLimits());
+  EXPECT_EQ(parse("limits"), RequestLimits());
+  RequestLimits expected;
+  expected.pixels = 4'000'000;
+  EXPECT_EQ(parse("limits,max-pixels=4000000"), expected);
+  EXPECT_THAT(problems_, IsEmpty());
+}
+
+TEST_F(LimitsTest, NumbersAreOfAnyType) {
+  const RequestLimits expected = {4'000'000, 0.25, 2, 60, 100};
+  EXPECT_EQ(parse("limits,max-pixels=4e6,max-aperture=1/4,max-trials=2,max-requests-per-second=(gint64)60,"
+                  "max-views=(guint64)100"),
+            expected);
+  EXPECT_EQ(parse("limits,max-aperture=3").aperture, 3);
+  EXPECT_THAT(problems_, IsEmpty());
+}
+
+TEST_F(LimitsTest, TheEndsOfTheRangesAreTaken) {
+  const RequestLimits least = {1, 0, 0, 0, 1}, most = {uint64_t{1} << 28, 1e6, 16, G_MAXUINT, 65536};
+  EXPECT_EQ(parse("limits,max-pixels=1,max-aperture=0,max-trials=0,max-requests-per-second=0,max-views=1"), least);
+  EXPECT_EQ(parse("limits,max-pixels=268435456,max-aperture=1e6,max-trials=16,"
+                  "max-requests-per-second=(guint)4294967295,max-views=65536"),
+            most);
+  EXPECT_THAT(problems_, IsEmpty());
+}
+
+TEST_F(LimitsTest, WhatIsWrongIsNamedAndIgnored) {
+  RequestLimits expected;
+  expected.trials = 3;
+  EXPECT_EQ(parse("limits,max-pixels=0,max-aperture=-1,max-trials=3,max-requests-per-second=1.5,max-views=65537"),
+            expected);
+  EXPECT_THAT(problems_, ElementsAre("max-pixels: must be a whole number of 1 to 268435456, not 0",
+                                     "max-aperture: must be a number of 0 to 1000000, not -1",
+                                     "max-requests-per-second: must be a whole number of 0 to 4294967295, not 1.5",
+                                     "max-views: must be a whole number of 1 to 65536, not 65537"));
+  EXPECT_EQ(parse("limits,max-pixels=many,max-views=true,max-trials=(gint)[ 1, 3 ],max-cameras=5"), RequestLimits());
+  EXPECT_THAT(problems_, ElementsAre("max-pixels: must be a whole number of 1 to 268435456, not many",
+                                     "max-views: must be a whole number of 1 to 65536, not true",
+                                     "max-trials: must be a whole number of 0 to 16, not [ 1, 3 ]",
+                                     "max-cameras: there is no such limit"));
+}
+
+TEST_F(LimitsTest, TheirStructureHasAllOfThem) {
+  const RequestLimits limits = {1000, 0.5, 4, 20, 7};
+  g_autoptr(GstStructure) structure = limits_structure(limits);
+  EXPECT_STREQ(gst_structure_get_name(structure), "limits");
+  EXPECT_EQ(gst_structure_n_fields(structure), 5);
+  guint64 pixels = 0;
+  gdouble aperture = 0;
+  guint trials = 0, rate = 0, views = 0;
+  EXPECT_TRUE(gst_structure_get(structure, "max-pixels", G_TYPE_UINT64, &pixels, "max-aperture", G_TYPE_DOUBLE,
+                                &aperture, "max-trials", G_TYPE_UINT, &trials, "max-requests-per-second", G_TYPE_UINT,
+                                &rate, "max-views", G_TYPE_UINT, &views, nullptr));
+  EXPECT_EQ((RequestLimits{pixels, aperture, trials, rate, views}), limits);
+  EXPECT_EQ(parse_limits(structure, problems_), limits);
+  g_autofree gchar* text = gst_structure_to_string(structure);
+  EXPECT_EQ(parse(text), limits);
+  EXPECT_THAT(problems_, IsEmpty());
+}
+
+}  // namespace
+}  // namespace lf

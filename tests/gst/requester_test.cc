@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <chrono>
+#include <map>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "fragment/requester.h"
+
+namespace lf {
+namespace {
+
+std::shared_ptr<FragmentJob> job(uint64_t time, int side = 100) {
+  ViewRequest request;
+  request.target_time = time;
+  request.view.width = request.view.height = side;
+  request.place = {.layout = SetLayout::kRow, .columns = 9, .rows = 1, .index = 1};
+  return std::make_shared<FragmentJob>(FragmentJob{request, 0, 0, {}});
+}
+
+using Jobs = std::vector<std::shared_ptr<FragmentJob>>;
+
+TEST(WaitingJobs, GoWithThoseOfTheirSet) {
+  WaitingJobs waiting;
+  const auto a = job(1), b = job(2), c = job(1), d = job(1);
+  for (const auto& each : {a, b, c}) waiting.add(each);
+  EXPECT_EQ(waiting.take_with(d, false), Jobs()) << "it does not wait";
+  EXPECT_EQ(waiting.take_with(a, false), (Jobs{a, c}));
+  EXPECT_EQ(waiting.take_with(c, false), Jobs()) << "it has gone";
+  waiting.add(d);
+  EXPECT_EQ(waiting.take_with(b, false), (Jobs{b}));
+  EXPECT_EQ(waiting.take_with(d, false), (Jobs{d}));
+}
+
+TEST(WaitingJobs, GoAloneWhereThatIsAsked) {
+  WaitingJobs waiting;
+  const auto a = job(1), b = job(1);
+  for (const auto& each : {a, b}) waiting.add(each);
+  EXPECT_EQ(waiting.take_with(b, true), (Jobs{b}));
+  EXPECT_EQ(waiting.take_with(a, true), (Jobs{a}));
+}
+
+// The node has dropped them.
+TEST(WaitingJobs, AreForgottenWithWhoeverHoldsThem) {
+  WaitingJobs waiting;
+  const auto a = job(1), b = job(1);
+  waiting.add(a);
+  waiting.add(job(1));
+  waiting.add(b);
+  EXPECT_EQ(waiting.forget_dropped(), 1u);
+  EXPECT_EQ(waiting.forget_dropped(), 0u);
+  waiting.add(job(1));
+  EXPECT_EQ(waiting.take_with(b, false), (Jobs{b, a}));
+}
+
+TEST(WaitingJobs, AreNotTooManyPixels) {
+  WaitingJobs waiting;
+  constexpr int kSide = 2000;  // four of them are all
+  Jobs all;
+  for (int i = 0; i < 9; i++) waiting.add(all.emplace_back(job(1, kSide)));
+  EXPECT_EQ(waiting.take_with(all[0], false), (Jobs{all[0], all[1], all[2], all[3]}));
+  EXPECT_EQ(waiting.take_with(all[4], false), (Jobs{all[4], all[5], all[6], all[7]}));
+  EXPECT_EQ(waiting.take_with(all[8], false), (Jobs{all[8]}));
+  const auto huge = job(1, 30000);
+  waiting.add(huge);
+  EXPECT_EQ(waiting.take_with(huge, false), (Jobs{huge})) << "one goes in any case";
+}
+
+// Requests come in one thread and are answered in another.
+TEST(WaitingJobs, EachIsTakenOnce) {
+  WaitingJobs waiting;
+  Jobs all;
+  for (int i = 0; i < 300; i++) all.push_back(job(static_cast<uint64_t>(i / 9)));
+  std::jthread adding([&] {
+    for (const auto& each : all) waiting.add(each);
+  });
+  std::map<std::shared_ptr<FragmentJob>, int> taken;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (taken.size() < all.size() && std::chrono::steady_clock::now() < end)
+    for (const auto& each : all)
+      for (const auto& one : waiting.take_with(each, false)) taken[one]++;
+  EXPECT_EQ(taken.size(), all.size());
+  for (const auto& [one, times] : taken) EXPECT_EQ(times, 1);
+}
+
+GstSegment from(GstClockTime start) {
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  segment.start = segment.time = segment.position = start;
+  return segment;
+}
+
+TEST(RequestPlace, CamerasFollowWhereANewSegmentGoesBack) {
+  RequestPlace place;
+  place.begin(false);
+  EXPECT_FALSE(place.moves(from(0), 50));
+  EXPECT_FALSE(place.moves(from(0), 20)) << "the same segment";
+  EXPECT_FALSE(place.moves(from(10), 30)) << "it goes on";
+  EXPECT_TRUE(place.moves(from(0), 20));
+  EXPECT_FALSE(place.moves(from(0), 20)) << "once";
+}
+
+TEST(RequestPlace, AfterAFlushTheyFollowInAnyCase) {
+  RequestPlace place;
+  place.moves(from(0), 50);
+  place.flush();
+  EXPECT_TRUE(place.moves(from(0), 90));
+  EXPECT_FALSE(place.moves(from(0), 91));
+  place.flush();
+  place.clear();
+  EXPECT_FALSE(place.moves(from(0), 10));
+}
+
+TEST(RequestPlace, LiveCamerasAreWhereTheyAre) {
+  RequestPlace place;
+  place.begin(true);
+  EXPECT_TRUE(place.is_live());
+  place.flush();
+  EXPECT_FALSE(place.moves(from(0), 90));
+  place.begin(false);
+  EXPECT_FALSE(place.moves(from(0), 91)) << "that flush is over";
+}
+
+}  // namespace
+}  // namespace lf

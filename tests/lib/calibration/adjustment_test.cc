@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/text.h"
+#include "calibration/adjustment.h"
+#include "calibration/noise.h"
+#include "calibration/simulator.h"
+
+namespace lf {
+namespace {
+
+// A scene at the truth, of lights or bars, and what is wrong before it is adjusted.
+class BundleAdjustmentTest : public testing::TestWithParam<double> {
+ protected:
+  void watch(double noise, double outliers) {
+    sim::PathOptions path;
+    path.bar = GetParam();
+    path.noise = noise;
+    path.outliers = outliers;
+    watched_ = sim::watch(truth_, path, 2);
+    sim::measure_lenses(truth_, {}, 3, known_);
+    scene_ = sim::true_scene(truth_, watched_, known_);
+    scene_.lens_priors.assign(scene_.cameras.size(), {});
+    use_.assign(observations().size(), true);
+  }
+  const std::vector<Observation>& observations() const { return watched_.tracks.observations; }
+  void push_away() {
+    std::mt19937_64 random(4);
+    std::normal_distribution<double> normal;
+    for (CameraState& camera : scene_.cameras) {
+      Pose pose = camera.pose();
+      pose.position += 0.01 * Vec3(normal(random), normal(random), normal(random));
+      pose.orientation =
+          Quat(1, 0.01 * normal(random), 0.01 * normal(random), 0.01 * normal(random)) * pose.orientation;
+      camera.set_pose({pose.position, glm::normalize(pose.orientation)});
+    }
+    for (TargetState& target : scene_.targets)
+      for (int k = 0; k < 3; k++) target.v[k] += 0.02 * normal(random);
+  }
+  // Over the good observations.
+  double largest_residual() const {
+    double largest = 0;
+    const std::vector<double> lengths = residual_lengths(scene_, observations());
+    for (size_t i = 0; i < lengths.size(); i++)
+      if (watched_.good[i]) largest = std::max(largest, lengths[i]);
+    return largest;
+  }
+
+  const Rig truth_ = sim::make_array({.rows = 3, .columns = 3}, 1);
+  SolveOptions known_;
+  sim::Watched watched_;
+  Reconstruction scene_;
+  Inliers use_;
+};
+
+TEST_P(BundleAdjustmentTest, EndsWhereEveryRayMeetsItsLight) {
+  watch(0, 0);
+  EXPECT_LT(largest_residual(), 1e-6);
+  push_away();
+  EXPECT_GT(largest_residual(), 1);
+  const Reconstruction before = scene_;
+  const AdjustmentSummary summary = adjust(scene_, observations(), use_, {.tolerance = 1e-16});
+  EXPECT_TRUE(summary.ok);
+  EXPECT_LT(largest_residual(), 1e-4);
+  for (size_t i = 0; i < scene_.cameras.size(); i++)
+    for (int k = 0; k < kNumLensTerms; k++)
+      EXPECT_EQ(scene_.cameras[i].lens_terms()[k], before.cameras[i].lens_terms()[k]) << "was not free";
+}
+
+TEST_P(BundleAdjustmentTest, LensesComeRightThatAreFree) {
+  watch(0, 0);
+  const Reconstruction exact = scene_;
+  for (CameraState& camera : scene_.cameras) camera.lens_terms()[kF] *= 1.02;
+  AdjustmentOptions options{.sigma = 1e-3, .tolerance = 1e-16};
+  options.free[kF] = true;
+  adjust(scene_, observations(), use_, options);
+  for (size_t i = 0; i < scene_.cameras.size(); i++)
+    EXPECT_NEAR(scene_.cameras[i].lens_terms()[kF] / exact.cameras[i].lens_terms()[kF], 1, 1e-3) << i;
+}
+
+TEST_P(BundleAdjustmentTest, StaysWhereItIsTold) {
+  watch(0.2, 0);
+  const Reconstruction before = scene_;
+  adjust(scene_, observations(), use_, {.free_poses = false});
+  for (size_t i = 0; i < scene_.cameras.size(); i++) EXPECT_EQ(scene_.cameras[i].v, before.cameras[i].v);
+  EXPECT_NE(scene_.targets[5].v, before.targets[5].v);
+  scene_ = before;
+  adjust(scene_, observations(), use_, {.free_targets = false});
+  EXPECT_NE(scene_.cameras[4].v, before.cameras[4].v);
+  for (size_t i = 0; i < scene_.targets.size(); i++) EXPECT_EQ(scene_.targets[i].v, before.targets[i].v);
+}
+
+TEST_P(BundleAdjustmentTest, OutliersMoveItLessWhereItIsRobust) {
+  watch(0.2, 0.1);
+  const Reconstruction before = scene_;
+  adjust(scene_, observations(), use_, {.sigma = 0.2});
+  const double least_squares = largest_residual();
+  scene_ = before;
+  adjust(scene_, observations(), use_, {.sigma = 0.2, .robust = 3});
+  EXPECT_LT(largest_residual(), 1.5);
+  EXPECT_GT(least_squares, 3 * largest_residual());
+  // Nor do they where they are told not to be used.
+  scene_ = before;
+  adjust(scene_, observations(), watched_.good, {.sigma = 0.2});
+  EXPECT_LT(largest_residual(), 1.5);
+}
+
+TEST_P(BundleAdjustmentTest, WhatIsNotUsedIsLeftAlone) {
+  watch(0.2, 0);
+  push_away();
+  scene_.cameras[4].used = false;
+  const Reconstruction before = scene_;
+  adjust(scene_, observations(), use_, {});
+  EXPECT_EQ(scene_.cameras[4].v, before.cameras[4].v);
+  EXPECT_NE(scene_.cameras[3].v, before.cameras[3].v);
+}
+
+INSTANTIATE_TEST_SUITE_P(LightOrBar, BundleAdjustmentTest, testing::Values(0, 0.3));
+
+std::vector<Pose> poses_of(const Rig& rig) {
+  std::vector<Pose> poses;
+  for (const Camera& camera : rig.cameras) poses.push_back(camera.pose);
+  return poses;
+}
+
+Similarity some_similarity(const Vec3& translation) {
+  return {3.5, glm::angleAxis(2.0, glm::normalize(Vec3(1, -2, 0.5))), translation};
+}
+
+void expect_found(const std::vector<Pose>& a, const Similarity& truth, double tolerance) {
+  std::vector<Pose> b;
+  for (const Pose& pose : a) b.push_back(truth(pose));
+  const Similarity found = align(a, b);
+  EXPECT_NEAR(found.scale, truth.scale, tolerance);
+  for (size_t i = 0; i < a.size(); i++) {
+    EXPECT_LE(glm::length(found(a[i]).position - b[i].position), tolerance);
+    EXPECT_GE(std::abs(glm::dot(found(a[i]).orientation, b[i].orientation)), 1 - tolerance);
+  }
+}
+
+TEST(Alignment, FindsASimilarity) { expect_found(poses_of(sim::make_array({}, 1)), some_similarity({5, 6, 7}), 1e-9); }
+
+TEST(Alignment, OrientationsDecideForOneRow) {
+  sim::ArrayOptions row;
+  row.rows = 1, row.position_jitter = 0;
+  expect_found(poses_of(sim::make_array(row, 1)), some_similarity({0, 0, 1}), 1e-6);
+}
+
+TEST(Alignment, FarFromTheOriginNothingIsLost) {
+  expect_found(poses_of(sim::make_array({}, 1)), some_similarity({1e4, 0, -1e4}), 1e-8);
+}
+
+TEST(Alignment, ScaleStaysWhereItIsFixed) {
+  const std::vector<Pose> a = poses_of(sim::make_array({}, 1));
+  std::vector<Pose> b;
+  for (const Pose& pose : a) b.push_back(some_similarity({0, 0, 0})(pose));
+  EXPECT_EQ(align(a, b, true).scale, 1);
+}
+
+// That the covariance is right is what tests/calibration/accuracy_test.cc shows over many seeds.
+class UncertaintyTest : public testing::Test {
+ protected:
+  UncertaintyTest() {
+    sim::ArrayOptions array;
+    array.rows = array.columns = 3;
+    truth_ = sim::make_array(array, 1);
+    watched_ = sim::watch(truth_, {}, 2);
+    sim::measure_lenses(truth_, {}, 3, options_);
+    scene_ = sim::true_scene(truth_, watched_, options_);
+    model_.free = {true, true, true, true, true};
+    model_.sigma = 0.2;
+  }
+  Uncertainty estimate() { return estimate_uncertainty(scene_, watched_.tracks.observations, watched_.good, model_); }
+
+  Rig truth_;
+  sim::Watched watched_;
+  SolveOptions options_;
+  Reconstruction scene_;
+  AdjustmentOptions model_;
+};
+
+TEST_F(UncertaintyTest, HasRowsForWhatIsUsedAndFree) {
+  scene_.cameras[4].used = false;
+  model_.free[kK2] = false;
+  const Uncertainty u = estimate();
+  EXPECT_EQ(u.camera_size, 10);
+  EXPECT_EQ(u.covariance.rows(), 80);
+  EXPECT_EQ(u.prior_covariance.rows(), 32);
+  EXPECT_EQ(u.camera_row[4], -1);
+  EXPECT_EQ(u.camera_row[5], 40);
+  EXPECT_EQ(u.lens_terms, (std::vector<int>{kF, kCx, kCy, kK1}));
+  EXPECT_GT(u.covariance.diagonal().minCoeff(), 0);
+}
+
+TEST_F(UncertaintyTest, GrowsWithTheNoiseUpToWhatWasKnown) {
+  model_.free = {true};
+  const double before = estimate().covariance(6, 6);
+  model_.sigma *= 2;
+  const Uncertainty noisy = estimate();
+  EXPECT_GT(noisy.covariance(6, 6), before);
+  EXPECT_LT(noisy.covariance(6, 6), noisy.prior_covariance(0, 0));
+  // An observation's own sigma counts as that of all.
+  for (Observation& o : watched_.tracks.observations) o.sigma = 2;
+  model_.sigma /= 2;
+  EXPECT_NEAR(estimate().covariance(6, 6), noisy.covariance(6, 6), 1e-9 * before);
+}
+
+// Moving, turning or scaling all cameras is no error: the centres' common steps have no variance.
+TEST_F(UncertaintyTest, IsInTheAlignedGauge) {
+  const Uncertainty u = estimate();
+  for (int axis = 0; axis < 3; axis++) {
+    Eigen::VectorXd all = Eigen::VectorXd::Zero(u.covariance.rows());
+    for (const int row : u.camera_row) all[row + 3 + axis] = 1;
+    EXPECT_NEAR(all.dot(u.covariance * all), 0, 1e-6 * u.covariance(3 + axis, 3 + axis));
+  }
+}
+
+std::optional<CameraCovariance> parse(const std::string& text) {
+  const std::string name = "rig.json";
+  const nlohmann::json root = parse_json(text, name);
+  return parse_camera_covariance(JsonValue(root, name));
+}
+
+TEST(CameraCovariance, WhatIsWrittenIsReadAgain) {
+  const CameraCovariance covariance{{"f", "cx"}, {4, 1, 1, 2}};
+  const nlohmann::json camera = {{"covariance", nlohmann::json::parse(to_json(covariance).dump())}};
+  const auto again = parse(camera.dump());
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->parameters, covariance.parameters);
+  EXPECT_EQ(again->matrix, covariance.matrix);
+  EXPECT_EQ(again->index_of("cx"), 1u);
+  EXPECT_EQ(again->index_of("k1"), std::nullopt);
+}
+
+TEST(CameraCovariance, NoneIsNone) {
+  EXPECT_FALSE(parse("{}"));
+  EXPECT_FALSE(parse(R"({"covariance": {}})"));
+}
+
+TEST(CameraCovariance, ErrorsNameThePlace) {
+  const auto expect_error = [](const std::string& parameters, const std::string& matrix, const std::string& part) {
+    try {
+      parse(R"({"covariance": {"parameters": )" + parameters + R"(, "matrix": )" + matrix + "}}");
+      FAIL() << "no error: " << part;
+    } catch (const Error& e) {
+      EXPECT_THAT(e.what(), testing::HasSubstr(part));
+    }
+  };
+  expect_error(R"(["f", "zoom"])", "[[1, 0], [0, 1]]", "covariance.parameters[1]: \"zoom\" is not");
+  expect_error(R"(["f", "f"])", "[[1, 0], [0, 1]]", "comes twice");
+  expect_error(R"(["f", "cx"])", "[[1, 0], [0]]", "covariance.matrix[1]: must have 2");
+  expect_error(R"(["f", "cx"])", "[[1, 0], [0, -1]]", "variance is negative");
+  expect_error(R"(["f", "cx"])", "[[1, 0.5], [0, 1]]", "not symmetric");
+  expect_error(R"(["f", "cx"])", "[[1, 2], [2, 1]]", "correlation above 1");
+}
+
+}  // namespace
+}  // namespace lf

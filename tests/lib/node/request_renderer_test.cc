@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <iterator>
+#include <list>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "focus/camera_gains.h"
+#include "image/correction.h"
+#include "image/image.h"
+#include "lib/focus/array_of_walls.h"
+#include "node/request_renderer.h"
+#include "wire/moments_codec.h"
+
+namespace lf {
+namespace {
+
+constexpr size_t kNodes = 100;
+
+WideLuma::Camera seen(CameraIndex camera, uint8_t luma) {
+  return {camera, std::vector<uint8_t>(kNodes, luma), std::vector<float>(kNodes, WideLuma::kPeak)};
+}
+
+GainRequest mean_of(uint32_t sequence, uint8_t luma) {
+  return {.use = true, .mean = std::vector<uint8_t>(kNodes, luma), .mean_of = sequence};
+}
+
+TEST(GainMatcher, ComparesWithTheMeanOfTheSameRequest) {
+  GainMatcher matcher;
+  matcher.keep(1, 7, {seen(3, 110)});
+  EXPECT_EQ(matcher.gains_for(1, mean_of(6, 100)).of(3), 1) << "of another request";
+  EXPECT_EQ(matcher.gains_for(2, mean_of(7, 100)).of(3), 1) << "of another view";
+  const float first = matcher.gains_for(1, mean_of(7, 100)).likely(3);
+  EXPECT_GT(first, 1.05);
+  EXPECT_EQ(matcher.gains_for(1, mean_of(7, 100)).likely(3), first) << "once";
+  EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1) << "of a mean that all have made";
+  for (const uint32_t sequence : {8, 9}) {
+    matcher.keep(1, sequence, {seen(3, 100)});
+    matcher.gains_for(1, mean_of(sequence, 100));
+  }
+  const float gain = matcher.gains_for(1, {}).of(3);
+  EXPECT_EQ(gain, first);
+  EXPECT_EQ(matcher.gains_for(9, {}).of(3), gain) << "a view that is new begins there";
+  matcher.clear();
+  EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1);
+}
+
+// A camera is 20 % too bright, and each request comes `underway` requests before what came of it is sent.
+TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
+  for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
+    GainMatcher matcher;
+    MeanTurns turns;
+    std::deque<std::pair<bool, GainRequest>> requests(underway);  // what they ask, what they bring
+    float largest = 0;
+    for (uint32_t i = 0; i < 16 * (underway + 3); i++) {
+      const auto [asks, brings] = requests.front();
+      requests.pop_front();
+      const float gain = matcher.gains_for(1, brings).likely(3);
+      largest = std::max(largest, gain);
+      if (asks) matcher.keep(1, i, {seen(3, static_cast<uint8_t>(std::lround(120 / gain)))});
+      requests.emplace_back(turns.next(true, asks), asks ? mean_of(i, 100) : GainRequest());
+    }
+    EXPECT_NEAR(matcher.gains_for(1, {}).of(3), 1.2, 0.01) << underway;
+    EXPECT_LT(largest, 1.21) << underway;
+  }
+}
+
+TEST(GainMatcher, DividesImages) {
+  Image grey(PixelFamily::kRgb, 8, 8);
+  std::ranges::fill(grey.data(), 110);
+  const Camera camera{.width = 8, .height = 8};
+  const std::vector<Source> sources{{0, &camera, grey.view()}, {1, &camera, grey.view()}, {2, &camera, {}}};
+  CameraGains gains;
+  for (unsigned i = 0; i < CameraGains::kMeans; i++)
+    gains.take({{0, {std::log(1.5f / gains.likely(0)), 0}}, {2, {std::log(1.5f / gains.likely(2)), 0}}});
+  ASSERT_NEAR(gains.of(0), 1.5, 0.001);
+  std::vector<ByteBuffer> memory;
+  const std::vector<Source> out = GainMatcher::match(
+      sources, gains,
+      [](CameraIndex) {
+        return Rect{0, 0, 8, 8};
+      },
+      memory);
+  EXPECT_NEAR(out[0].image.plane[0][100], 110 / gains.of(0), 1);
+  EXPECT_EQ(out[1].image.plane[0], grey.view().plane[0]) << "costs nothing";
+  EXPECT_EQ(out[2].image.family, PixelFamily::kNone);
+}
+
+TEST(GainMatcher, ForgetsViewsThatAreGone) {
+  GainMatcher matcher;
+  for (uint32_t view = 0; view < 1000; view++) {
+    matcher.keep(view, 1, {seen(0, 120)});
+    if (view <= 500) continue;
+    EXPECT_EQ(matcher.gains_for(0, mean_of(1, 100)).of(0), 1) << "forgotten";
+  }
+}
+
+class RequestRendererTest : public testing::Test {
+ protected:
+  RequestRendererTest() {
+    request_.view = walls_.view(60);
+    request_.rig_hash = header_.rig_hash = walls_.rig.hash();
+    header_.view_width = request_.view.width;
+    header_.view_height = request_.view.height;
+    header_.family = PixelFamily::kRgb;
+    options_.codec = CodecChoice::kRaw16;
+  }
+  RequestPlan plan() const { return {walls_.rig, walls_.mesh, request_, walls_.own}; }
+  RenderedAnswer render(const std::vector<Source>& all) {
+    const RequestPlan plan = this->plan();
+    std::vector<Source> sources;
+    for (const CameraIndex camera : plan.cameras()) sources.push_back(all[camera]);
+    return renderer_.render({&plan, header_}, sources, options_, scratch_);
+  }
+  test::ArrayOfWalls walls_;
+  ViewRequest request_;
+  wire::AnswerHeader header_;
+  RenderOptions options_;
+  RequestRenderer renderer_;
+  ImageMemory scratch_;
+};
+
+TEST_F(RequestRendererTest, SharpensWhereThatIsAsked) {
+  const ByteBuffer plain = render(walls_.sources()).bytes;
+  options_.resampling = Resampling::kSharpened;
+  const ByteBuffer sharp = render(walls_.sources()).bytes;
+  EXPECT_NE(sharp, plain);
+  options_.resampling = Resampling::kBilinear;
+  std::vector<Image> sharpened_images;
+  for (const Image& image : walls_.images) sharpened_images.push_back(sharpened(image));
+  std::vector<Source> sources = walls_.sources();
+  for (size_t i = 0; i < sources.size(); i++) sources[i].image = sharpened_images[i].view();
+  EXPECT_EQ(render(sources).bytes, sharp);
+}
+
+TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
+  Rig rig = walls_.rig;
+  for (size_t i = 0; i < rig.cameras.size(); i += 2)
+    rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
+  std::vector<Image> images;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    images.push_back(camera.colour ? corrected(walls_.images[i], *camera.colour, camera.principal_point())
+                                   : walls_.images[i]);
+  }
+  std::vector<Source> sources = walls_.sources();
+  for (size_t i = 0; i < sources.size(); i++) sources[i].image = images[i].view();
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  const RenderedAnswer want = render(sources), plain = render(walls_.sources());
+  const CameraColours colours(rig);
+  options_.colours = &colours;
+  const RenderedAnswer answer = render(walls_.sources());
+  EXPECT_EQ(answer.bytes, want.bytes);
+  EXPECT_EQ(answer.trials.unit, want.trials.unit);
+  EXPECT_EQ(answer.brightness, want.brightness);
+  EXPECT_NE(answer.bytes, plain.bytes);
+  // A rig without colours costs nothing.
+  const CameraColours none(walls_.rig);
+  EXPECT_FALSE(none.any());
+  options_.colours = &none;
+  EXPECT_EQ(render(walls_.sources()).bytes, plain.bytes);
+}
+
+TEST_F(RequestRendererTest, TrialsAndBrightnessGoBeforeTheAnswer) {
+  RenderedAnswer answer = render(walls_.sources());
+  EXPECT_TRUE(answer.trials.unit.empty());
+  EXPECT_TRUE(answer.brightness.empty());
+  EXPECT_EQ(answer.gains, nullptr);
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  answer = render(walls_.sources());
+  EXPECT_FALSE(wire::parse_moments_header(answer.trials.unit)->gains);
+  EXPECT_TRUE(wire::parse_moments_header(answer.brightness)->gains);
+  ASSERT_NE(answer.gains, nullptr);
+  EXPECT_EQ(answer.gains->of(4), 1);
+
+  // The means say that all cameras are too bright, and so their images are divided once there are enough.
+  const ByteBuffer before = std::move(answer.bytes);
+  request_.gains.mean.assign(20 * 15, 100);
+  for (unsigned i = 1; i < CameraGains::kMeans; i++) EXPECT_EQ(render(walls_.sources()).bytes, before);
+  answer = render(walls_.sources());
+  EXPECT_NE(answer.gains->of(4), 1);
+  EXPECT_NE(answer.bytes, before);
+  renderer_.clear();
+  EXPECT_EQ(render(walls_.sources()).gains->of(4), 1);
+}
+
+// An image that is said to be on a card; without one all of it is fetched.
+class FarImage : public CardImage {
+ public:
+  explicit FarImage(const Image& image) : image_(image) {}
+  Texture plane(int) const override { return {}; }
+  void wait() const override {}
+  ImageView fetch() const override { return is_gone_ ? ImageView{} : image_.view(); }
+  bool is_fetched() const override { return true; }
+  ImageView view() const {
+    return {.family = image_.family(), .width = image_.width(), .height = image_.height(), .on_card = {this}};
+  }
+  void lose() { is_gone_ = true; }
+
+ private:
+  const Image& image_;
+  bool is_gone_ = false;
+};
+
+// What is made of them, colours, gains, moments and brightness included, is to the bit what it is of images here.
+TEST_F(RequestRendererTest, ImagesMayBeOnACard) {
+  Rig rig = walls_.rig;
+  for (size_t i = 0; i < rig.cameras.size(); i += 2)
+    rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
+  const CameraColours some(rig);
+  std::list<FarImage> images;
+  std::vector<Source> far = walls_.sources();
+  for (size_t i = 0; i < far.size(); i++) far[i].image = images.emplace_back(walls_.images[i]).view();
+  options_.resampling = Resampling::kSharpened;
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  for (const CameraColours* const colours : {static_cast<const CameraColours*>(nullptr), &some}) {
+    options_.colours = colours;
+    RequestRenderer of_near, of_far;
+    request_.gains.mean.clear();
+    for (unsigned i = 0; i < 2 + CameraGains::kMeans; i++) {
+      const RequestPlan plan = this->plan();
+      const RenderedAnswer near = of_near.render({&plan, header_}, walls_.sources(), options_, scratch_);
+      ImageMemory other;
+      const RenderedAnswer answer = of_far.render({&plan, header_}, far, options_, other);
+      EXPECT_EQ(answer.bytes, near.bytes);
+      EXPECT_EQ(answer.trials.unit, near.trials.unit);
+      EXPECT_EQ(answer.brightness, near.brightness);
+      ASSERT_TRUE(answer.gains && near.gains);
+      EXPECT_EQ(answer.gains->of(4), near.gains->of(4));
+      if (i == 1 + CameraGains::kMeans) {
+        EXPECT_NE(answer.gains->of(4), 1);
+      }
+      request_.gains.mean.assign(20 * 15, 100);
+    }
+  }
+  // Those that can't be had are as none.
+  for (size_t i = 0; i < far.size(); i += 2) std::next(images.begin(), static_cast<ptrdiff_t>(i))->lose();
+  std::vector<Source> some_sources = walls_.sources();
+  for (size_t i = 0; i < some_sources.size(); i += 2) some_sources[i].image = {.family = PixelFamily::kNone};
+  const RequestPlan plan = this->plan();
+  RequestRenderer of_near, of_far;
+  ImageMemory other;
+  const RenderedAnswer near = of_near.render({&plan, header_}, some_sources, options_, scratch_);
+  const RenderedAnswer answer = of_far.render({&plan, header_}, far, options_, other);
+  EXPECT_EQ(answer.bytes, near.bytes);
+  EXPECT_EQ(answer.trials.unit, near.trials.unit);
+}
+
+// Megabytes are not kept for each view that ever was.
+TEST_F(RequestRendererTest, ImagesOfOneViewAreMadeInAnothersMemory) {
+  KeptImages kept;
+  options_.resampling = Resampling::kSharpened;
+  request_.gains = {.use = true, .ask = true};
+  const auto answer = [&](uint32_t view_id, RequestRenderer& renderer) {
+    header_.view_id = view_id;
+    const RequestPlan plan = this->plan();
+    std::vector<Source> sources;
+    for (const CameraIndex camera : plan.cameras()) sources.push_back(walls_.sources()[camera]);
+    ImageMemory memory = kept.take();
+    const ByteBuffer bytes = renderer.render({&plan, header_}, sources, options_, memory).bytes;
+    std::vector<const uint8_t*> places;
+    for (const ByteBuffer& image : memory.sharpened) places.push_back(image.data());
+    kept.give_back(std::move(memory));
+    return std::pair(places, bytes);
+  };
+  const auto [first, picture] = answer(1, renderer_);
+  EXPECT_FALSE(first.empty());
+  const size_t needed = kept.kept_bytes();
+  EXPECT_GT(needed, 0u);
+  for (uint32_t view = 2; view < 20; view++) {
+    RequestRenderer other;
+    EXPECT_EQ(answer(view, other).first, first);
+  }
+  EXPECT_EQ(answer(1, renderer_).second, picture);
+  EXPECT_EQ(kept.kept_bytes(), needed);
+}
+
+}  // namespace
+}  // namespace lf

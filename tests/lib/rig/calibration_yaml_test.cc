@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include "rig/exchange.h"
+#include "support/expect_error.h"
+#include "support/rigs.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+constexpr char kMatrix[] =
+    "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    "   data: [ 5., 0., 2., 0., 6., 1.5, 0., 0., 1. ]\n";
+
+TEST(OpenCvYaml, RoundTripsEveryModelWithin1e9Pixels) {
+  const TempDir dir;
+  const Rig rig = mixed_rig();
+  EXPECT_LE(export_opencv_yaml(rig, dir / "x.yaml").max_error, 1e-9);
+  const Rig back = import_opencv_yaml(dir / "x.yaml").rig;
+  for (const double distance : {0.5, 3.0, 100.0}) EXPECT_LE(max_reprojection_error(rig, back, distance), 1e-9);
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    EXPECT_EQ(back.cameras[i].name, rig.cameras[i].name);
+    EXPECT_EQ(std::filesystem::absolute(back.cameras[i].image).lexically_normal(),
+              std::filesystem::absolute(rig.cameras[i].image));
+    EXPECT_EQ(back.cameras[i].id, i);
+  }
+}
+
+TEST(OpenCvYaml, OpenCvReadsWhatWeWrite) {
+  const TempDir dir;
+  const Rig rig = mixed_rig();
+  export_opencv_yaml(rig, dir / "x.yaml");
+  const cv::FileStorage file(dir / "x.yaml", cv::FileStorage::READ);
+  const cv::FileNode camera = file["cameras"][1];
+  cv::Mat k, r, t, distortion;
+  camera["camera_matrix"] >> k;
+  camera["distortion_coefficients"] >> distortion;
+  camera["R"] >> r;
+  camera["T"] >> t;
+  EXPECT_EQ(static_cast<std::string>(camera["name"]), "cam_1");
+  EXPECT_EQ(k.at<double>(1, 1), 410);
+  EXPECT_EQ(k.at<double>(0, 2), 160);
+  EXPECT_EQ(distortion.total(), 4u);
+  const cv::Vec3d world(1, 2, 3);
+  const cv::Mat seen = r * cv::Mat(world) + t;
+  const Vec3 expected = rig.cameras[1].pose.camera_from_world(Vec3(1, 2, 3));
+  for (int i = 0; i < 3; i++) EXPECT_NEAR(seen.at<double>(i), expected[i], 1e-12);
+}
+
+TEST(OpenCvYaml, ReadsTheFileOfOneCamera) {
+  const TempDir dir;
+  const std::string head = "%YAML:1.0\n---\nimage_width: 4\nimage_height: 3\n";
+  const std::string terms = "distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n";
+  dir.write("x.yml", head + kMatrix + terms + "   data: [ -0.1, 0., 0., 0., 0. ]\n");
+  const Camera camera = import_opencv_yaml(dir / "x.yml").rig.cameras.at(0);
+  EXPECT_EQ(camera.lens, Lens(LensModel::kOpenCv, {5, 6, 2, 1.5, -0.1, 0, 0, 0}));
+  EXPECT_EQ(camera.pose, Pose());
+  dir.write("x.yml", head + kMatrix + terms + "   data: [ -0.1, 0., 0., 0., 0.2 ]\n");
+  EXPECT_ERROR(import_opencv_yaml(dir / "x.yml"), dir / "x.yml" + ": distortion_coefficients: k3 is not 0");
+}
+
+TEST(OpenCvYaml, ErrorsNameFileAndPlace) {
+  const TempDir dir;
+  const auto error = [&](const std::string& text) {
+    dir.write("x.yml", "%YAML:1.0\n---\n" + text);
+    return text_of_error([&] { import_opencv_yaml(dir / "x.yml"); });
+  };
+  EXPECT_EQ(error("cameras: []\n"), dir / "x.yml" + ": cameras: must be 1 to 65535 cameras");
+  EXPECT_NE(error("cameras:\n   - { image_width: 4 }\n").find("cameras[0]"), std::string::npos);
+  EXPECT_NE(error("image_width: 4\nimage_height: 3\ncamera_matrix:\n   rows: 3\n   cols: 3\n   data: [1, 2]\n")
+                .find("camera_matrix.data: must "),
+            std::string::npos);
+  EXPECT_NE(error(std::string("image_width: 4\nimage_height: 3\n") + kMatrix +
+                  "R: { rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 2] }\n")
+                .find("R: must be a rotation"),
+            std::string::npos);
+  EXPECT_ERROR(import_opencv_yaml(dir / "none.yml"), "none.yml: can't be read");
+}
+
+// As OpenCV and ROS write a single camera.
+std::string single(const std::string& more, const std::string& terms = "[-0.1, 0.02, 0.001, -0.002]") {
+  return "%YAML:1.0\n---\nimage_width: 1280.0\nimage_height: 960\n" + more +
+         "camera_matrix: { rows: 3, cols: 3, data: [402.5, 0, 641.2, 0, 402.1, 478.9, 0, 0, 1] }\n"
+         "distortion_coefficients: { rows: 1, cols: 4, data: " +
+         terms + " }\n";
+}
+
+TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
+  const TempDir dir;
+  const auto error = [&](const std::string& text) {
+    return text_of_error([&] { import_opencv_yaml(dir.write("x.yaml", text)); });
+  };
+  for (const char* key : {"distortion_model: equidistant", "distortion_model: fisheye", "fisheye_model: 1", "xi: 1.2",
+                          "skew: 0.1", "camera_model: omnidirectional", "rolling_shutter_readout_time: 0.02"}) {
+    const std::string what = error(single(std::string(key) + "\n"));
+    EXPECT_NE(what.find("a rig cannot hold"), std::string::npos) << key << ": " << what;
+  }
+  std::string rational = single("distortion_model: rational_polynomial\n", "[0.31, -0.02, 0, 0, 0, 0.68, 0.04, 0]");
+  rational.replace(rational.find("cols: 4"), 7, "cols: 8");
+  EXPECT_NE(error(rational).find("distortion_coefficients: term 5 is not 0"), std::string::npos) << error(rational);
+  for (const char* key :
+       {"distortion_model: plumb_bob", "fisheye_model: 0", "distortion_model: none", "camera_name: left"})
+    EXPECT_EQ(error(single(std::string(key) + "\n")), "no lf::Error was thrown") << key;
+  EXPECT_EQ(import_opencv_yaml(dir / "x.yaml").rig.cameras.at(0).name, "left");
+  EXPECT_EQ(import_opencv_yaml(dir / "x.yaml").rig.cameras.at(0).width, 1280);
+  EXPECT_NE(error("%YAML:1.0\n---\nK: [1, 2]\n").find("has none of the keys"), std::string::npos);
+}
+
+// calibrateCamera() and solvePnP() give rvec and tvec.
+TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
+  const TempDir dir;
+  const auto error = [&](const std::string& place) {
+    const std::string camera = "{ image_width: 4, image_height: 3, " + place +
+                               "camera_matrix: { rows: 3, cols: 3, data: [5, 0, 2, 0, 5, 1, 0, 0, 1] } }";
+    return text_of_error([&] {
+      import_opencv_yaml(dir.write("x.yml", "%YAML:1.0\n---\ncameras: [ " + camera + ", " + camera + " ]\n"));
+    });
+  };
+  EXPECT_NE(
+      error("").find("cameras[1]: R (3x3) and T (3x1), which take points of the world to the camera, are missing"),
+      std::string::npos)
+      << error("");
+  EXPECT_NE(error("tvec: [1, 2, 3], ").find("T is tvec"), std::string::npos);
+  EXPECT_ERROR(import_opencv_yaml(dir.write("x.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>")),
+               "x.xml: is XML; save it as .yml");
+}
+
+TEST(OpenCvYaml, ListsWhatItDidNotRead) {
+  const TempDir dir;
+  EXPECT_EQ(import_opencv_yaml(dir.write("x.yaml", single("exposure: 4\nflags: 10\nboard_width: 9\n"))).notes,
+            std::vector<std::string>{"keys that were not read: exposure"});
+}
+
+TEST(OpenCvYaml, ReadsTheStereoSamplesFiles) {
+  const TempDir dir;
+  const std::string head = "%YAML:1.0\n---\n", size = "image_size: [ 640, 480 ]\n";
+  const std::string lenses =
+      "M1: { rows: 3, cols: 3, data: [400, 0, 320, 0, 401, 240, 0, 0, 1] }\nD1: { rows: 1, cols: 5, data: [-0.1, 0, 0, "
+      "0, 0] }\n"
+      "M2: { rows: 3, cols: 3, data: [410, 0, 322, 0, 411, 242, 0, 0, 1] }\nD2: { rows: 1, cols: 4, data: [0, 0, 0, 0] "
+      "}\n";
+  const std::string places =
+      "R: { rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1] }\nT: { rows: 3, cols: 1, data: [-0.12, 0, 0] }\n";
+  const auto read = [&](const std::string& text) {
+    return import_opencv_yaml(dir.write("intrinsics.yml", head + text));
+  };
+  EXPECT_ERROR(read(lenses + places), "add image_width and image_height");
+  EXPECT_ERROR(read(size + lenses), "R and T of the second camera are missing");
+  const RigImport whole = read(size + lenses + places);
+  ASSERT_EQ(whole.rig.cameras.size(), 2u);
+  EXPECT_EQ(whole.rig.cameras[0].pose, Pose());
+  EXPECT_LT(glm::length(whole.rig.cameras[1].pose.position - Vec3(0.12, 0, 0)), 1e-15);
+  EXPECT_EQ(whole.rig.cameras[1].lens, Lens(LensModel::kPinhole, {410, 411, 322, 242}));
+  EXPECT_EQ(whole.rig.cameras[0].width, 640);
+  EXPECT_EQ(whole.notes,
+            std::vector<std::string>{"the cameras are 0.12 m apart, if the squares of the board were given in metres"});
+  dir.write("extrinsics.yml", head + places + "R1: { rows: 1, cols: 1, data: [1] }\n");
+  const RigImport beside = read(size + lenses);
+  EXPECT_EQ(beside.rig.cameras[1].pose, whole.rig.cameras[1].pose);
+  EXPECT_NE(beside.notes.at(0).find("extrinsics.yml"), std::string::npos);
+}
+
+// As Kalibr writes it: sequences as far to the left as their keys.
+constexpr char kStereo[] = R"(cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.28, 0.07, 0.00019, 1.76e-05]
+  distortion_model: radtan
+  intrinsics: [458.654, 457.296, 367.215, 248.375]
+  resolution: [752, 480]
+  rostopic: /left/image_raw
+cam1:
+  T_cn_cnm1:
+  - [0.0, 0.0, -1.0, 0.5]
+  - [0.0, 1.0, 0.0, 0.0]
+  - [1.0, 0.0, 0.0, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+  camera_model: pinhole
+  distortion_coeffs: []
+  distortion_model: none
+  intrinsics: [400, 400, 320, 240]
+  resolution: [752, 480]
+)";
+
+TEST(Kalibr, ReadsAStereoPair) {
+  const TempDir dir;
+  const Rig rig = import_kalibr(dir.write("x.yaml", kStereo)).rig;
+  ASSERT_EQ(rig.cameras.size(), 2u);
+  EXPECT_EQ(rig.cameras[0].lens,
+            Lens(LensModel::kOpenCv, {458.654, 457.296, 367.215, 248.375, -0.28, 0.07, 0.00019, 1.76e-05}));
+  EXPECT_EQ(rig.cameras[0].name, "left");
+  EXPECT_EQ(rig.cameras[0].pose, Pose());
+  EXPECT_EQ(rig.cameras[1].lens, Lens::pinhole(400, 320, 240));
+  EXPECT_EQ(rig.cameras[1].name, "cam1");
+  // R c + t = 0: x_1 = -z_0 + 0.5, z_1 = x_0.
+  EXPECT_LT(glm::length(rig.cameras[1].pose.position - Vec3(0, 0, 0.5)), 1e-15);
+  EXPECT_LT(glm::length(rig.cameras[1].pose.forward() - Vec3(1, 0, 0)), 1e-15);
+}
+
+TEST(Kalibr, RoundTripsEveryModelWithin1e9Pixels) {
+  const TempDir dir;
+  const Rig rig = mixed_rig();
+  const RigExport result = export_kalibr(rig, dir / "x.yaml");
+  EXPECT_LE(result.max_error, 1e-9);
+  EXPECT_EQ(result.notes.size(), 2u) << "ids and images";
+  const Rig back = import_kalibr(dir / "x.yaml").rig;
+  for (const double distance : {0.5, 3.0, 100.0}) EXPECT_LE(max_reprojection_error(rig, back, distance), 1e-9);
+  EXPECT_EQ(back.cameras[3].name, "cam_3");
+}
+
+TEST(Kalibr, WhatWeLackIsRefusedByPlace) {
+  const TempDir dir;
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = kStereo;
+    text.replace(text.find(from), from.size(), to);
+    dir.write("x.yaml", text);
+    return text_of_error([&] { import_kalibr(dir / "x.yaml"); });
+  };
+  const std::string file = dir / "x.yaml";
+  EXPECT_NE(with("radtan", "equidistant").find(file + ": cam0.distortion_model: a rig cannot hold"), std::string::npos);
+  EXPECT_NE(with("pinhole", "omni").find(file + ": cam0.camera_model: a rig cannot hold"), std::string::npos);
+  EXPECT_NE(with("radtan", "rational_polynomial").find("cam0.distortion_model: a rig cannot hold"), std::string::npos);
+  EXPECT_NE(
+      with("resolution: [752, 480]\n  rostopic", "line_delay: 2e-5\n  rostopic").find("cam0.line_delay: is 2e-05"),
+      std::string::npos);
+  EXPECT_EQ(with("[458.654, ", "["), file + ": cam0.intrinsics: must be [fx, fy, cx, cy]");
+  EXPECT_EQ(with("- [0.0, 1.0,", "- [0.0, 9.0,"),
+            file + ": cam1.T_cn_cnm1: must be a rotation (orthonormal, right-handed)");
+  EXPECT_NE(with("T_cn_cnm1", "T"), "no lf::Error was thrown");
+  EXPECT_NE(with("cam0", "cam7").find("cam0"), std::string::npos);
+}
+
+// A camera's T_cam_imu, `x` metres to the left of the IMU.
+std::string at_imu(const char* key, double x) {
+  return std::string("  ") + key + ": [[1, 0, 0, " + std::to_string(x) +
+         "], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+}
+
+std::string plain_camera(int number) {
+  return "cam" + std::to_string(number) +
+         ":\n  camera_model: pinhole\n  intrinsics: [400, 400, 320, 240]\n  distortion_model: none\n"
+         "  resolution: [640.0, 480]\n";
+}
+
+TEST(Kalibr, TimeShiftsBecomeTimeOffsets) {
+  const TempDir dir;
+  const std::string text = plain_camera(0) + "  timeshift_cam_imu: 0.0019\n" + plain_camera(1) +
+                           at_imu("T_cn_cnm1", -0.1) + "  timeshift_cam_imu: -0.025\n";
+  const Rig rig = import_kalibr(dir.write("x.yaml", text)).rig;
+  EXPECT_EQ(rig.cameras.at(0).time_offset, 0.0019);
+  EXPECT_EQ(rig.cameras.at(1).time_offset, -0.025);
+  EXPECT_EQ(rig.cameras.at(1).width, 640);
+  EXPECT_TRUE(export_kalibr(rig, dir / "y.yaml").notes.empty()) << "they are written, too";
+  EXPECT_EQ(import_kalibr(dir / "y.yaml").rig.cameras.at(1).time_offset, -0.025);
+}
+
+TEST(Kalibr, CamerasAfterAGapAreKeptOrRefused) {
+  const TempDir dir;
+  const std::string two = plain_camera(0) + at_imu("T_cam_imu", 0) + plain_camera(1) + at_imu("T_cn_cnm1", -0.1);
+  const Rig rig =
+      import_kalibr(dir.write("x.yaml", two + plain_camera(10) + at_imu("T_cn_cnm1", -0.1) + at_imu("T_cam_imu", -0.3) +
+                                            plain_camera(12) + at_imu("T_imu_cam", 0.5)))
+          .rig;
+  ASSERT_EQ(rig.cameras.size(), 4u);
+  EXPECT_EQ(rig.cameras[2].id, 10u);
+  EXPECT_EQ(rig.cameras[2].name, "cam10") << "by number, not by letter";
+  EXPECT_NEAR(rig.cameras[2].pose.position.x, 0.3, 1e-12);
+  EXPECT_NEAR(rig.cameras[3].pose.position.x, 0.5, 1e-12);
+  dir.write("x.yaml", two + plain_camera(3) + at_imu("T_cn_cnm1", -0.1));
+  EXPECT_ERROR(import_kalibr(dir / "x.yaml"), "cam3.T_cn_cnm1: is relative to cam2, which the file does not have");
+  dir.write("x.yaml", two + plain_camera(3));
+  EXPECT_ERROR(import_kalibr(dir / "x.yaml"), "cam3: key \"T_cn_cnm1\" is missing");
+  dir.write("x.yaml", two + plain_camera(2) + "cam02:\n  x: 1\n");
+  EXPECT_ERROR(import_kalibr(dir / "x.yaml"), "cam02 and cam2 have the same number");
+}
+
+TEST(Kalibr, ListsWhatItDidNotRead) {
+  const TempDir dir;
+  const RigImport result = import_kalibr(dir.write("x.yaml", plain_camera(0) + "  exposure: 3\nimu0:\n  rate: 200\n"));
+  EXPECT_EQ(result.notes, std::vector<std::string>{"keys that were not read: exposure, imu0"});
+}
+
+}  // namespace
+}  // namespace lf

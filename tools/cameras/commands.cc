@@ -1,0 +1,420 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "cameras/commands.h"
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <glib-unix.h>
+#include <gst/gst.h>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "base/json_value.h"
+#include "base/text.h"
+#include "cameras/doctor.h"
+#include "cameras/guided_recording.h"
+#include "cameras/identify_server.h"
+#include "cameras/lock.h"
+#include "cameras/mosaic.h"
+#include "cameras/recorder.h"
+#include "cameras/rig_cameras.h"
+#include "progress.h"
+#include "rig/rig_json.h"
+
+namespace fs = std::filesystem;
+using namespace lf::cameras;
+
+// lf-rig doctor: what each camera of a rig delivers, what is wrong, and what helps.
+namespace {
+
+struct DoctorArguments {
+  std::string rig;
+  ExamOptions exam;
+  bool json = false;
+};
+
+int examine(DoctorArguments options) {
+  gst_init(nullptr, nullptr);
+  const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
+  if (!options.json) {
+    options.exam.on_plan = [](const std::vector<LinkLoad>& planned) {
+      std::fputs(links_of(planned, "as planned").c_str(), stdout);
+      std::fflush(stdout);
+    };
+    options.exam.on_progress = [bar = std::make_shared<Progress>("watching", 100), shown = 0](double part) mutable {
+      for (; shown < 100 * part && shown < 100; shown++) bar->step();
+    };
+    std::fprintf(stderr, "opening %zu cameras\n", rig->cameras.size());
+  }
+  const Exam exam = examine(rig, options.rig, options.exam);
+  options.exam.on_progress = {};  // the bar goes before the page comes
+  std::fputs((options.json ? json_of(*rig, exam) + "\n" : page_of(*rig, exam)).c_str(), stdout);
+  return exam.errors() > 0 ? 1 : 0;
+}
+
+}  // namespace
+
+void add_doctor_command(cli::App& app, int& status) {
+  const auto o = std::make_shared<DoctorArguments>();
+  cli::App* command = app.add_subcommand(
+      "doctor",
+      "Opens every camera: what each delivers, what is wrong, what helps; exit status 1 if something is wrong");
+  command->add_option("RIG", o->rig, "Rig file")->required();
+  command->add_option("--seconds", o->exam.seconds, "To watch the cameras for")
+      ->capture_default_str()
+      ->check(cli::Range(1.0, 600.0));
+  command->add_option("--patience", o->exam.patience, "Seconds until a camera must have given a frame")
+      ->capture_default_str()
+      ->check(cli::Range(1.0, 120.0));
+  command->add_option("--fps", o->exam.fps, "Frames per second to ask of devices (default: as they have them)")
+      ->check(cli::Range(1, 1000));
+  command->add_flag("--json", o->json, "For programs, in place of a page for people");
+  cli::add_trust_option(*command, o->exam.trusted);
+  command->callback([o, &status] { status = examine(*o); });
+}
+
+// lf-rig identify: which camera is where, on a page.
+namespace {
+
+struct IdentifyArguments {
+  std::string rig;
+  int port = 8090;
+  bool trusted = false;
+};
+
+// The cameras stay open as they are, by a copy of the rig, while the rig file says where they belong.
+class Identify {
+ public:
+  explicit Identify(const IdentifyArguments& options)
+      : path_(options.rig),
+        text_(lf::parse_json(lf::read_text_file(path_), path_)),
+        rig_(lf::load_rig(path_)),
+        copy_(rig_, text_, path_, options.trusted),
+        mosaic_(rig_),
+        place_of_(rig_.cameras.size()),
+        cameras_(copy_.rig(), copy_.path(), {.decode = false, .trusted = options.trusted},
+                 [this](const CameraFrame& frame) {
+                   mosaic_.see(rig_.cameras[place_of_[frame.camera]].id, gst_sample_get_buffer(frame.sample),
+                               gst_sample_get_caps(frame.sample), frame.came);
+                 }),
+        server_(options.port, {[this] { return mosaic_.jpeg(cameras_.now()); }, [this] { return state(); },
+                               [this](uint32_t a, uint32_t b) { return swap(a, b); }}) {
+    for (lf::CameraIndex i = 0; i < place_of_.size(); i++) place_of_[i] = i;
+  }
+
+  void run() {
+    GMainLoop* loop = g_main_loop_new(nullptr, FALSE);
+    const auto quit = [](gpointer data) -> gboolean {
+      g_main_loop_quit(static_cast<GMainLoop*>(data));
+      return G_SOURCE_CONTINUE;
+    };
+    const guint sources[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop),
+                             g_timeout_add(
+                                 200,
+                                 [](gpointer identify) -> gboolean {
+                                   static_cast<Identify*>(identify)->look();
+                                   return G_SOURCE_CONTINUE;
+                                 },
+                                 this)};
+    cameras_.start();
+    std::printf("%zu cameras at %s\nHold a hand before one, drag it to where it stands; ctrl-C ends it.\n",
+                rig_.cameras.size(), server_.url().c_str());
+    std::fflush(stdout);
+    opening_.emplace("opening cameras", rig_.cameras.size());
+    g_main_loop_run(loop);
+    opening_.reset();
+    for (const guint source : sources) g_source_remove(source);
+    g_main_loop_unref(loop);
+    cameras_.stop();
+  }
+
+ private:
+  void look() {
+    cameras_.wait(0);
+    if (!opening_) return;
+    size_t settled = 0;
+    for (const lf::CameraIndex i : cameras_.cameras())
+      settled += cameras_.frames(i) > 0 || !cameras_.problem(i).empty();
+    opening_->reach(static_cast<double>(settled) / static_cast<double>(rig_.cameras.size()));
+    if (settled < rig_.cameras.size()) return;
+    opening_.reset();
+    for (const lf::CameraIndex i : cameras_.cameras())
+      if (const std::string problem = cameras_.problem(i); !problem.empty())
+        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_of(rig_.cameras[i], problem).c_str());
+  }
+
+  std::string state() {
+    nlohmann::json state = mosaic_.state(cameras_.now(), [this](uint32_t id) {
+      const lf::CameraIndex place = *rig_.index_of_id(id);
+      const auto camera = std::find(place_of_.begin(), place_of_.end(), place) - place_of_.begin();
+      return cameras_.problem(static_cast<lf::CameraIndex>(camera));
+    });
+    state["swaps"] = true;
+    return state.dump();
+  }
+
+  std::string swap(uint32_t a, uint32_t b) {
+    const auto first = rig_.index_of_id(a), second = rig_.index_of_id(b);
+    if (!first || !second) return "there is no such camera";
+    try {
+      nlohmann::json text = text_;
+      lf::swap_devices(text, a, b);
+      lf::save_rig(lf::parse_rig(text.dump(), path_), path_, &text);
+      text_ = std::move(text);
+    } catch (const lf::Error& error) {
+      return error.what();
+    }
+    for (std::atomic<lf::CameraIndex>& place : place_of_)
+      place = place == *first ? *second : place == *second ? *first : place.load();
+    mosaic_.swap(a, b);
+    std::printf("%s: the cameras of %s and %s have changed places\n", path_.c_str(),
+                name_of(rig_.cameras[*first]).c_str(), name_of(rig_.cameras[*second]).c_str());
+    std::fflush(stdout);
+    return "";
+  }
+
+  std::string path_;
+  nlohmann::json text_;
+  const lf::Rig rig_;
+  TemporaryRig copy_;
+  Mosaic mosaic_;
+  std::vector<std::atomic<lf::CameraIndex>> place_of_;  // in the rig file, of each camera that is open
+  RigCameras cameras_;
+  IdentifyServer server_;
+  std::optional<Progress> opening_;  // until all cameras have given a frame, or have failed
+};
+
+}  // namespace
+
+void add_identify_command(cli::App& app) {
+  const auto o = std::make_shared<IdentifyArguments>();
+  cli::App* command = app.add_subcommand(
+      "identify", "A page with all cameras live: hold a hand before one and it lights up, drag it to where it stands");
+  command->add_option("RIG", o->rig, "Rig file; what is dragged is written into it")->required();
+  command->add_option("--port", o->port, "Of the page, on this machine alone; 0: any")
+      ->capture_default_str()
+      ->check(cli::Range(0, 65535));
+  cli::add_trust_option(*command, o->trusted);
+  command->callback([o] {
+    gst_init(nullptr, nullptr);
+    Identify(*o).run();
+  });
+}
+
+// lf-rig lock: what one camera has chosen by itself becomes the setting of all.
+namespace {
+
+struct LockArguments {
+  std::string rig, out;
+  uint32_t camera = 0;
+  int mains = 0;
+  bool no_check = false;
+  LockOptions lock;
+};
+
+int lock_cameras(LockArguments options) {
+  gst_init(nullptr, nullptr);
+  lf::Rig rig = lf::load_rig(options.rig);
+  nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
+  const auto reference = rig.index_of_id(options.camera);
+  if (!reference) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
+  options.lock.reference = *reference;
+  options.lock.path = options.rig;
+  if (options.mains > 0) options.lock.mains = options.mains;
+  // Cameras take a second to open, about.
+  const double look = options.lock.settle + 1;
+  std::optional<TimedProgress> progress;
+  progress.emplace("camera " + name_of(rig.cameras[*reference]) + " looks around", look);
+  ControlValues values;
+  try {
+    values = choose_controls(rig, options.lock);
+  } catch (const CameraFailure& failure) {
+    throw lf::Error(std::string(failure.what()) + ": " +
+                    remedy_of(rig.cameras[*reference], failure.what()));
+  }
+  progress.reset();
+  std::map<uint32_t, lf::Controls> controls = lf::parse_controls(original, options.rig);
+  for (const lf::Camera& camera : rig.cameras) {
+    for (const auto& [name, value] : values) controls[camera.id][name] = value;
+    if (options.mains > 0) controls[camera.id]["mains_frequency"] = options.mains;
+  }
+  lf::put_controls(controls, original);
+  for (const auto& [name, value] : values) std::printf("%s: %.6g\n", name.c_str(), value);
+  std::vector<StuckControl> stuck;
+  if (!options.no_check)
+    stuck = find_stuck_controls(rig, values, options.lock, [&](const std::string& step) {
+      progress.reset();
+      progress.emplace(step, look);
+    });
+  progress.reset();
+  for (const StuckControl& one : stuck)
+    std::printf("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
+                one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
+  const std::string out = options.out.empty() ? options.rig : options.out;
+  lf::relocate(rig, fs::path(out).parent_path().string());
+  lf::save_rig(rig, out, &original);
+  std::printf("%s: %zu cameras are set alike\n", out.c_str(), rig.cameras.size());
+  return stuck.empty() ? 0 : 1;
+}
+
+}  // namespace
+
+void add_lock_command(cli::App& app, int& status) {
+  const auto o = std::make_shared<LockArguments>();
+  cli::App* command = app.add_subcommand(
+      "lock",
+      "Sets all cameras to the exposure, gain, white balance and focus that one of them has chosen by "
+      "itself, and finds controls that do not respond; exit status 1 if there are some");
+  command->add_option("RIG", o->rig, "Rig file")->required();
+  command->add_option("--camera", o->camera, "Id of the camera that chooses")->capture_default_str();
+  command->add_option("--mains", o->mains, "Frequency of the lamps' mains, hertz: exposures that do not flicker")
+      ->check(cli::IsMember({50, 60}));
+  command->add_option("--settle", o->lock.settle, "Seconds that cameras get to adjust")
+      ->capture_default_str()
+      ->check(cli::Range(0.1, 120.0));
+  command->add_flag("--no-check", o->no_check, "Believe that all cameras respond");
+  command->add_option("--out", o->out, "Rig file to write (default: the same)");
+  cli::add_trust_option(*command, o->lock.trusted);
+  command->callback([o, &status] { status = lock_cameras(*o); });
+}
+
+// lf-rig record: what all cameras see for a while, as recordings for lf-calibrate.
+namespace {
+
+struct RecordArguments {
+  std::string rig, out, cameras;
+  RecordingOptions recording;
+  RecordingGuide guide;
+  int page = -1;
+};
+
+// Ctrl-C ends a recording, and what there is becomes whole files.
+volatile std::sig_atomic_t interrupted = 0;
+
+int record_films(RecordArguments options) {
+  gst_init(nullptr, nullptr);
+  const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
+  options.recording.cameras = lf::parse_camera_list(*rig, options.cameras);
+  if (options.page >= 0) options.guide.page = options.page;
+  std::signal(SIGINT, [](int) { interrupted = 1; });
+  std::signal(SIGTERM, [](int) { interrupted = 1; });
+  const std::vector<Recorded> recorded = record_guided(
+      rig, options.rig, options.out, options.recording, options.guide, [] { return interrupted == 0; });
+  size_t whole = 0;
+  for (const auto& [index, frames, problem, note] : recorded) {
+    const lf::Camera& camera = rig->cameras[index];
+    std::printf("camera %s: %llu frames%s%s\n", name_of(camera).c_str(),
+                static_cast<unsigned long long>(frames), problem.empty() ? "" : ": ",
+                problem.empty() ? "" : (problem + ": " + remedy_of(camera, problem)).c_str());
+    if (!note.empty()) std::printf("  %s\n", note.c_str());
+    whole += problem.empty();
+  }
+  std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());
+  return whole < recorded.size() ? 1 : 0;
+}
+
+}  // namespace
+
+void add_record_command(cli::App& app, int& status) {
+  const auto o = std::make_shared<RecordArguments>();
+  cli::App* command = app.add_subcommand(
+      "record", "A film of each camera, all by one clock, for lf-calibrate; exit status 1 if one is missing");
+  command->add_option("RIG", o->rig, "Rig file")->required();
+  command->add_option("--out", o->out, "Folder to write: NAME.mkv of each camera")->required();
+  command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
+  command->add_option("--seconds", o->recording.seconds, "Length; ctrl-C ends it before")
+      ->capture_default_str()
+      ->check(cli::Range(0.1, 86400.0));
+  command
+      ->add_option("--lights", o->guide.lights,
+                   "So many are moved through the dark: says meanwhile where they were not yet")
+      ->check(cli::Range(1, 2));
+  command
+      ->add_option("--page", o->page,
+                   "Port of a page on this machine that shows the cameras, and what is said; 0: any (default: none)")
+      ->check(cli::Range(0, 65535));
+  cli::add_trust_option(*command, o->recording.trusted);
+  command->callback([o, &status] { status = record_films(*o); });
+}
+
+// lf-rig snapshot: a still of each camera at one instant.
+namespace {
+
+struct SnapshotArguments {
+  std::string rig, out, cameras;
+  SnapshotOptions snapshot;
+};
+
+// By the cameras' names where these are different and fit for files, else by their ids.
+std::string file_name(const lf::Rig& rig, const lf::Camera& camera) {
+  const auto fits = [](const std::string& name) {
+    return !name.empty() && name[0] != '.' && name.find_first_of("/\\%") == std::string::npos;
+  };
+  std::set<std::string> names;
+  bool all = true;
+  for (const lf::Camera& one : rig.cameras) all = all && fits(one.name) && names.insert(one.name).second;
+  return (all ? camera.name : "camera_" + std::to_string(camera.id)) + ".png";
+}
+
+int take_snapshot(SnapshotArguments options) {
+  gst_init(nullptr, nullptr);
+  const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
+  options.snapshot.cameras = lf::parse_camera_list(*rig, options.cameras);
+  std::vector<Still> stills;
+  {
+    // Beside the seconds that they run, one to open them.
+    const TimedProgress progress("opening " + std::to_string(options.snapshot.cameras.size()) + " cameras",
+                                 options.snapshot.warm_up + 1);
+    stills = take_snapshot(rig, options.rig, options.snapshot);
+  }
+  lf::FolderUpdate update(options.out);
+  lf::Rig result = *rig;
+  const nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
+  lf::relocate(result, options.out);
+  int missing = 0;
+  for (const Still& still : stills) {
+    lf::Camera& camera = result.cameras[still.camera];
+    if (still.rgb.data().empty()) {
+      missing++;
+      std::printf("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
+                  remedy_of(camera, still.problem).c_str());
+      continue;
+    }
+    camera.image = file_name(*rig, camera);
+    lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
+    std::printf("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(),
+                1e3 * still.off);
+  }
+  if (static_cast<size_t>(missing) == stills.size())
+    throw lf::Error("no camera gave a still: " + options.out + " stays as it was");
+  update.commit();
+  lf::save_rig(result, (fs::path(options.out) / "rig.json").string(), &original);
+  std::printf("%s/rig.json: %zu stills of one instant, %d cameras without\n", options.out.c_str(),
+              stills.size() - static_cast<size_t>(missing), missing);
+  return missing > 0 ? 1 : 0;
+}
+
+}  // namespace
+
+void add_snapshot_command(cli::App& app, int& status) {
+  const auto o = std::make_shared<SnapshotArguments>();
+  cli::App* command = app.add_subcommand(
+      "snapshot", "A still of each camera at one instant, and a rig file of them; exit status 1 if one is missing");
+  command->add_option("RIG", o->rig, "Rig file")->required();
+  command->add_option("--out", o->out, "Folder to write: a PNG file a camera, and rig.json")->required();
+  command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
+  command->add_option("--after", o->snapshot.warm_up, "Seconds that the cameras run before")
+      ->capture_default_str()
+      ->check(cli::Range(0.0, 600.0));
+  cli::add_trust_option(*command, o->snapshot.trusted);
+  command->callback([o, &status] { status = take_snapshot(*o); });
+}

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "serve/process.h"
+
+#include <cstdint>
+#include <cstdio>
+#include <mutex>
+#include <thread>
+
+#include <glib.h>
+
+#include "rig/source_security.h"
+#include "serve/limits.h"
+
+namespace lf::serve {
+
+std::string printable(const std::string& line) {
+  std::string text = line.substr(0, kLongestLine);
+  for (char& c : text)
+    if (c < ' ' || c > '~') c = '?';
+  return text;
+}
+
+void say(const std::string& said) {
+  const std::string line = location_text(said);
+  static std::mutex mutex;
+  static TokenBucket lines(kLinesPerSecond, kLinesAtOnce);
+  static uint64_t left_away = 0;
+  const std::lock_guard lock(mutex);
+  if (!lines.take(g_get_monotonic_time())) {
+    left_away++;
+    return;
+  }
+  if (left_away > 0) std::printf("%llu lines left away\n", static_cast<unsigned long long>(left_away));
+  left_away = 0;
+  std::printf("%s\n", printable(line).c_str());
+}
+
+void Departures::add(std::function<void()> end) {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->under_way++;
+  }
+  std::thread([state = state_, end = std::move(end)]() mutable {
+    end();
+    end = nullptr;  // destroys its captures
+    const std::lock_guard lock(state->mutex);
+    state->under_way--;
+    state->changed.notify_all();
+  }).detach();
+}
+
+size_t Departures::size() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->under_way;
+}
+
+bool Departures::wait(std::chrono::milliseconds longest) const {
+  std::unique_lock lock(state_->mutex);
+  return state_->changed.wait_for(lock, longest, [this] { return state_->under_way == 0; });
+}
+
+}  // namespace lf::serve
