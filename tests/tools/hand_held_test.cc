@@ -75,7 +75,8 @@ std::map<std::string, double> fern(const TempDir& dir, const std::string& option
                                    dir.path()),
                        0);
   std::map<std::string, double> found;
-  for (const nlohmann::json& view : nlohmann::json::parse(read_text_file(dir / "table.json"))["views"])
+  const nlohmann::json table = nlohmann::json::parse(read_text_file(dir / "table.json"));
+  for (const nlohmann::json& view : table["views"])
     if (100 * view["coverage"].get<double>() >= kLeastCompared) found[view["name"]] = view["psnr_db"];
   return found;
 }
