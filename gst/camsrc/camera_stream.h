@@ -19,8 +19,8 @@
 
 namespace lf {
 
-// What is to be known of a stream of coded pictures to keep them: from which one on they can be decoded, and in which
-// order they are to be seen. Of one stream; without locks.
+// Tracks one stream of coded pictures for recording: the first picture that can be decoded, and the display order.
+// Not thread-safe.
 class CodedPictures {
  public:
   struct Picture {

@@ -31,19 +31,18 @@ class SecondlyMessage {
 // The value of the property `limits`: a structure with the fields max-pixels (uint64), max-aperture (double),
 // max-trials, max-requests-per-second and max-views (uint). The caller owns it.
 GstStructure* limits_structure(const RequestLimits& limits);
-// Reads such a structure, or null; its numbers may be of any type. What it does not give has the default, and so has
-// what it gives wrongly. Of each wrong field, and each with another name, a text that begins with that name is added to
-// `problems`.
+// Reads such a structure, or null. Numbers may have any type. Missing and wrong fields keep their defaults. For each
+// wrong or unknown field, adds a text to `problems` that begins with the name of the field.
 RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems);
 
-// The limits to what requests may ask of an element, which are its property `limits`. What is refused for them is
-// counted, and a warning tells of it once a second at most. Thread-safe.
+// Checks requests against the property `limits` of an element. Counts refused requests, and posts a warning about them
+// at most once a second. Thread-safe.
 class RequestGuard {
  public:
   static constexpr guint kLimits = 100;  // id of the property; other properties of the class have lower ones
   static void install(GObjectClass* klass);
-  // Sets or reads the limits; false if the id is that of another property. Warnings tell of values that are wrong, at
-  // once where the element runs, else when it starts.
+  // Sets or reads the limits; false if the id belongs to another property. Posts warnings about wrong values, at once
+  // if the element is running, otherwise when it starts.
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 

@@ -21,7 +21,7 @@ using Bytes = std::vector<uint8_t>;
 // A time that no frame has: the newest frames are meant.
 constexpr uint64_t kNewest = std::numeric_limits<uint64_t>::max();
 
-// What whoever carries requests, or chooses frames, has to know of one.
+// The fields of a request that a transport or a frame buffer needs.
 struct RequestInfo {
   uint32_t view_id = 0;     // the number of the viewer whose request this is
   uint32_t sequence = 0;    // grows by one with each request of this viewer, and wraps

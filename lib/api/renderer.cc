@@ -62,7 +62,7 @@ class LocalNode {
   LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, unsigned threads);
 
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
-  // What the request comes to. Throws Error for a request of another rig, and for what does not fit this one.
+  // Plans the request. Throws Error for a request that was made for another rig or does not fit this rig.
   RequestPlan plan(const ViewRequest& request);
   // The answer. `frames`: one for each of cameras(). `in_process`: as RenderOptions has it. `memory` is recycled.
   // Throws Error as plan() does, and for frames that do not fit.

@@ -38,7 +38,7 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality);
 // How many empty pixels of a view cost as much as one more fragment: see sum_tiles().
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process);
 
-// What the trials of a request came to.
+// The moments of all trials of a request.
 struct RenderedTrials {
   ByteBuffer unit;  // unit of moments; empty: there are no trials
   Drawing drawing;
@@ -46,8 +46,7 @@ struct RenderedTrials {
   uint64_t ns = 0;   // nanoseconds of wall time
 };
 
-// What a request came to: up to three units of the answer stream, in the order in which they are sent, and what making
-// them took.
+// The answer to a request: up to three units of the answer stream, in sending order, and the time that each step took.
 struct RenderedAnswer {
   ByteBuffer brightness;  // unit of moments; empty: the request does not ask how bright cameras are
   RenderedTrials trials;

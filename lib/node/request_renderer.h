@@ -26,8 +26,8 @@ namespace gl {
 class SumDrawer;
 }
 
-// The images that one answer is made of where cameras' own are not as they are to be drawn, by their place among the
-// answer's: each as large as the camera's.
+// Memory for the processed images of one answer, by the index of the image in the answer. Each has the size of the
+// camera's image.
 struct ImageMemory {
   std::vector<ByteBuffer> corrected, matched, sharpened;
 
@@ -37,7 +37,7 @@ struct ImageMemory {
   void clear();
 };
 
-// Those of answers that have been made, for those that come: there are as many as answers at once, of whichever views.
+// Image memory that answers reuse: one for each answer that is made at the same time.
 using KeptImages = KeptMemory<ImageMemory>;
 
 // The gains of a node's cameras, found view by view: what a camera shows depends on where it looks from, and views

@@ -158,7 +158,7 @@ struct ViewWarp {
   bool operator==(const ViewWarp&) const = default;
 };
 
-// What cameras are to be told of the plan. `rig`: that of the plan.
+// The part of the plan that cameras receive. `rig`: the rig of the plan.
 ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
 
 // Throws Error naming the field where a ViewPlan can't be made of it: sizes, numbers that are not finite, rectangles

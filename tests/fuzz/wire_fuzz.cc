@@ -142,7 +142,7 @@ LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
     fuzz::require(!reason.empty());
     return 0;
   }
-  if (shape.columns > 64 || shape.rows > 64) shape = {64, 64, 4};  // what might have been asked for
+  if (shape.columns > 64 || shape.rows > 64) shape = {64, 64, 4};  // a shape that a request may have
   std::optional<wire::MomentsUnit> unit = wire::decode_moments({data, size}, shape, &reason);
   fuzz::require(unit || !reason.empty());
   if (!unit) return 0;

@@ -141,7 +141,7 @@ std::vector<uint8_t> counting(size_t n) {
   return bytes;
 }
 
-// What a node answers whose camera 5 shows an image, of which this part is asked for.
+// The answer of a node to a request for `rect` of the image of its camera 5.
 RenderedAnswer pixel_answer(const Camera& camera, const ImageView& image, const Rect& rect, int quality = 0) {
   Rig rig;
   rig.cameras.assign(6, camera);

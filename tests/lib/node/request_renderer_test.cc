@@ -53,7 +53,7 @@ TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
   for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
     GainMatcher matcher;
     MeanTurns turns;
-    std::deque<std::pair<bool, GainRequest>> requests(underway);  // what they ask, what they bring
+    std::deque<std::pair<bool, GainRequest>> requests(underway);  // whether each asks for the mean, and its gains
     float largest = 0;
     for (uint32_t i = 0; i < 16 * (underway + 3); i++) {
       const auto [asks, brings] = requests.front();
