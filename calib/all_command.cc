@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate all: recordings of an afternoon become a calibrated rig and a report, one step after the other.
+// lf-calibrate all: runs all calibration steps on recordings and writes a calibrated rig and a report.
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
@@ -37,30 +37,30 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// The steps of an afternoon, each a command of lf-calibrate that runs by itself. What a step was made of is kept beside
-// what it wrote: as long as that is the same, and its files are there, it is not done again.
-class Steps {
+// Runs the steps, each a separate lf-calibrate command. Stores the inputs and arguments of each step, and skips a step
+// if they and its output files are unchanged.
+class StepRunner {
  public:
-  // `folder`: for steps.json and the steps' own words, STEP.log. Throws lf::Error where it can't be made.
-  explicit Steps(const std::string& folder);
+  // `folder`: for steps.json and the output of the steps, STEP.log. Throws lf::Error if it cannot be created.
+  explicit StepRunner(const std::string& folder);
 
   struct Step {
-    std::string name;                    // name of the step for people and of its log
+    std::string name;                    // for messages and the log
     std::vector<std::string> arguments;  // of lf-calibrate
-    std::vector<std::string> inputs;     // files and folders that it reads, all that is in these
-    std::vector<std::string> outputs;    // files; the first is what the step is for
+    std::vector<std::string> inputs;     // input files, and folders with all their files
+    std::vector<std::string> outputs;    // output files
   };
-  // Runs the step unless there is nothing to do, and prints a line of what came of it. False where it failed and left
-  // nothing to go on with: its error is on standard error then, and in failure().
+  // Runs the step unless it is up to date, and prints its last line of output. Returns false if the step failed without
+  // writing all outputs; failure() then has the error, which is also on standard error.
   bool run(const Step& step);
   const std::string& failure() const { return failure_; }
 
  private:
-  std::string failure_;  // of the last step that failed
+  std::string failure_;  // error of the last failed step
   std::string folder_;
 };
 
-// What tells a file from one that was written anew: its size and when it was written.
+// Identifies a version of a file by its size and modification time.
 json mark_of(const fs::path& path) {
   struct stat s = {};
   if (stat(path.c_str(), &s) != 0) return nullptr;
@@ -80,7 +80,7 @@ json marks_of(const std::vector<std::string>& paths) {
   return marks;
 }
 
-// Standard output goes to `log`; standard error stays where progress bars are seen. Returns the exit status.
+// Redirects standard output to `log`; standard error stays on the terminal for progress bars. Returns the exit status.
 int run_program(const std::vector<std::string>& arguments, const std::string& log) {
   std::vector<char*> words;
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
@@ -107,22 +107,22 @@ std::string last_line(const std::string& text) {
                      end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
-Steps::Steps(const std::string& folder) : folder_(folder) {
+StepRunner::StepRunner(const std::string& folder) : folder_(folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw lf::Error(folder + ": can't be made: " + error.message());
+  if (error) throw lf::Error(folder + ": can't be created: " + error.message());
 }
 
-bool Steps::run(const Step& step) {
+bool StepRunner::run(const Step& step) {
   const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
   json done = json::object();
-  // A damaged book is as good as none.
+  // A damaged file counts as missing.
   if (fs::exists(book)) try {
       done = json::parse(lf::read_text_file(book));
     } catch (const json::exception&) {
     }
   if (!done.is_object()) done = json::object();
-  // A program that was built anew may know better.
+  // A new build of this program invalidates the steps.
   std::vector<std::string> inputs = step.inputs;
   inputs.push_back("/proc/self/exe");
   const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
@@ -134,7 +134,7 @@ bool Steps::run(const Step& step) {
   }
   std::fflush(stdout);
   done.erase(step.name);
-  // What an earlier run has made stays beside until the new output is there. A step that fails leaves it there.
+  // Keeps the previous outputs under another name until the new outputs exist, also if the step fails.
   const auto aside = [](const std::string& output) { return output + ".before"; };
   for (const std::string& output : step.outputs)
     if (fs::exists(output)) fs::rename(output, aside(output));
@@ -145,19 +145,19 @@ bool Steps::run(const Step& step) {
   constexpr std::string_view kError = "error: ";
   if (status != 0 && said.starts_with(kError)) {
     failure_ = said.substr(kError.size());
-    // It is on the terminal already; what was said before is the step's own last word.
+    // The error is already on the terminal. The line before it is the result of the step.
     const std::string text = lf::read_text_file(log);
     said = last_line(text.substr(0, text.rfind(kError)));
   }
   const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
   std::printf("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
               status == 0 ? ""
-              : left_all  ? " (not all is well)"
+              : left_all  ? " (with errors)"
                           : "");
   std::fflush(stdout);
   if (!left_all) return false;
   for (const std::string& output : step.outputs) fs::remove(aside(output));
-  // What ended with an error, and left something all the same, is as it is until its inputs change.
+  // A step that failed but wrote its outputs counts as done until its inputs change.
   done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
   lf::write_text_file(done.dump(1) + "\n", book);
   return true;
@@ -170,15 +170,15 @@ struct AllArguments {
   int page = -1;
 };
 
-class Afternoon {
+class CalibrationRun {
  public:
-  explicit Afternoon(const AllArguments& o)
+  explicit CalibrationRun(const AllArguments& o)
       : o_(o),
         out_(o.out.empty() ? (fs::path(o.rig).parent_path() / "calibrated.json").string() : o.out),
         folder_(fs::path(out_).replace_extension().string()),
         steps_(folder_) {
     if (fs::exists(out_) && fs::equivalent(o.rig, out_))
-      throw lf::Error(out_ + ": is the rig that the calibration begins with: give another file as --out");
+      throw lf::Error(out_ + ": is the input rig: give another file as --out");
     if (o.record == 0) {
       check_folder(o.lights);
       check_folder(o.boards);
@@ -192,13 +192,13 @@ class Afternoon {
       record(o_.lights,
              o_.bar > 0 ? "Make the room dark, switch on both lights of the bar"
                         : "Make the room dark, switch on the light",
-             "move it near and far and into all corners of the pictures", {.lights = o_.bar > 0 ? 2 : 1});
+             "move it near and far, and into all corners of the images", {.lights = o_.bar > 0 ? 2 : 1});
       if (!o_.boards.empty())
         record(o_.boards, ("Light the room evenly, take the board of " + o_.board + " inner corners").c_str(),
-               "hold it where you are told to", {.prompts = lf::cameras::board_prompts()});
+               "follow the prompts", {.prompts = lf::cameras::board_prompts()});
       if (!o_.colour.empty())
         record(o_.colour, "Light the room evenly, take the chart",
-               "hold it before the cameras, still for a moment, at a dozen places", {});
+               "hold it still in front of the cameras, at a dozen places", {});
     }
     std::optional<std::string> rig = geometry();
     if (rig && !o_.colour.empty()) rig = colour(*rig);
@@ -207,41 +207,41 @@ class Afternoon {
   }
 
  private:
-  // Asks for what is to be recorded, and records it; what is there already may stay.
+  // Prompts the operator and records, unless existing recordings are reused.
   void record(const std::string& folder, const char* before, const char* meanwhile,
               const lf::cameras::RecordingGuide& guide) const {
     const auto ask = [](const std::string& question) {
       std::printf("%s ", question.c_str());
       std::fflush(stdout);
       std::string answer;
-      if (!std::getline(std::cin, answer)) throw lf::Error("--record: nobody answers; without it recordings are read");
+      if (!std::getline(std::cin, answer))
+        throw lf::Error("--record: no answer on standard input; omit --record to use existing recordings");
       return answer;
     };
     if (fs::is_directory(folder) && !fs::is_empty(folder) &&
-        ask(folder + " has recordings. Enter: they are used; n and Enter: they are made anew.") != "n")
+        ask(folder + " has recordings. Enter: use them; n and Enter: record again.") != "n")
       return;
     const std::string seconds = lf::number_text(o_.record);
-    ask(std::string(before) + ". Enter: the cameras are opened, and record for " + seconds + " s, while you " +
-        meanwhile + ".");
+    ask(std::string(before) + ". Enter: the cameras record for " + seconds + " s. Meanwhile, " + meanwhile + ".");
     gst_init(nullptr, nullptr);
     lf::cameras::RecordingGuide guided = guide;
     if (o_.page >= 0) guided.page = o_.page;
     const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
-    const std::vector<lf::cameras::Recorded> recorded = lf::cameras::record_guided(
+    const std::vector<lf::cameras::RecordedCamera> recorded = lf::cameras::record_guided(
         rig, o_.rig, folder, {.trusted = o_.trusted, .seconds = o_.record}, guided, [] { return true; });
-    for (const lf::cameras::Recorded& one : recorded) {
+    for (const lf::cameras::RecordedCamera& one : recorded) {
       const lf::Camera& camera = rig->cameras[one.camera];
       const std::string name = lf::cameras::name_of(camera);
       if (!one.problem.empty())
         std::printf("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
-                    lf::cameras::remedy_of(camera, one.problem).c_str());
+                    lf::cameras::remedy_for(camera, one.problem).c_str());
       if (!one.note.empty()) std::printf("record      camera %s: %s\n", name.c_str(), one.note.c_str());
     }
   }
 
   std::string file(const char* name) const { return folder_ + "/" + name; }
 
-  // The lenses that boards tell, in a rig file; the rig itself where there are none.
+  // Calibrates the lenses from board images. Returns a rig file with these lenses, or the input rig without boards.
   std::string lenses() {
     if (o_.boards.empty()) return o_.rig;
     gst_init(nullptr, nullptr);
@@ -250,10 +250,10 @@ class Afternoon {
     size_t measured = 0;
     for (size_t i = 0; i < rig.cameras.size(); i++) {
       const lf::Camera& camera = rig.cameras[i];
-      const std::vector<std::string> pictures = boards_in(o_.boards, camera);
+      const std::vector<std::string> pictures = board_images(o_.boards, camera);
       if (pictures.empty()) {
         std::printf(
-            "boards      camera %u (%s): %s has neither %s.* nor pictures in %s/: its lens is left to the lights\n",
+            "boards      camera %u (%s): %s has neither %s.* nor images in %s/: the lights determine its lens\n",
             camera.id, camera.name.c_str(), o_.boards.c_str(), camera.name.c_str(), camera.name.c_str());
         continue;
       }
@@ -276,7 +276,7 @@ class Afternoon {
     if (measured == 0) return o_.rig;
     lf::Rig with_lenses = lf::parse_rig(text.dump(), o_.rig);
     with_lenses.directory = rig.directory;
-    lf::relocate(with_lenses, folder_);
+    lf::rebase_paths(with_lenses, folder_);
     write_if_other(with_lenses, file("lenses.json"), text);
     return file("lenses.json");
   }
@@ -297,7 +297,7 @@ class Afternoon {
     return file("geometry.json");
   }
 
-  // What is without is still better than nothing.
+  // A rig without colours is still useful.
   std::string colour(const std::string& rig) {
     const std::string coloured = file("coloured.json");
     const bool done =
@@ -309,7 +309,7 @@ class Afternoon {
     return done ? coloured : rig;
   }
 
-  // A rig file that says the same is left as it is: whoever watches it need not read it again.
+  // Leaves an unchanged rig file untouched, so that programs that watch it do not reload it.
   static void write_if_other(const lf::Rig& rig, const std::string& path, const json& text) {
     if (!fs::exists(path) || lf::read_text_file(path) != lf::rig_to_json(rig, &text)) lf::save_rig(rig, path, &text);
   }
@@ -317,7 +317,7 @@ class Afternoon {
   void publish(const std::string& path) {
     lf::Rig rig = lf::load_rig(path);
     const json text = lf::parse_json(lf::read_text_file(path), path);
-    lf::relocate(rig, fs::path(out_).parent_path().string());
+    lf::rebase_paths(rig, fs::path(out_).parent_path().string());
     write_if_other(rig, out_, text);
   }
 
@@ -328,10 +328,10 @@ class Afternoon {
     if (has_rig && !o_.colour.empty() && !colour_failure_) reports.push_back("colour.json");
     for (const char* name : reports)
       if (fs::exists(file(name))) data.add(lf::parse_json(lf::read_text_file(file(name)), file(name)), file(name));
-    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: " + steps_.failure()});
+    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig was written: " + steps_.failure()});
     if (colour_failure_)
       data.findings.push_back({"warning", "no-colour", "colours are not measured: " + *colour_failure_});
-    const ReportVerdict verdict = judge(data);
+    const ReportVerdict verdict = grade_calibration(data);
     const std::string page = file("report.html");
     lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
     std::printf("\n%s\n", verdict.headline.c_str());
@@ -343,7 +343,7 @@ class Afternoon {
 
   const AllArguments& o_;
   const std::string out_, folder_;
-  Steps steps_;
+  StepRunner steps_;
   std::optional<std::string> colour_failure_;
 };
 
@@ -353,45 +353,45 @@ void add_all_command(cli::App& app, int& status) {
   const auto o = std::make_shared<AllArguments>();
   cli::App* command =
       app.add_subcommand("all",
-                         "The afternoon in one command: lenses, lights, cameras, colours and a report, of recordings "
-                         "or live. What is done and "
-                         "whose inputs have not changed is not done again. Exit status 0: all cameras are fit for use");
-  command->add_option("RIG", o->rig, "Rig file, nominal (lf-rig new); is left as it is")->required();
-  command->add_option("--lights", o->lights, "Folder with NAME.* of each camera: a light moved through the dark")
+                         "Runs all calibration steps on recordings or live cameras: lenses, lights, geometry, colours "
+                         "and a report. Skips steps with unchanged inputs. Exit status 0: all cameras are fit for use");
+  command->add_option("RIG", o->rig, "Nominal rig file (lf-rig new); not modified")->required();
+  command
+      ->add_option("--lights", o->lights, "Folder with recordings NAME.* of a light moved in the dark, for each camera")
       ->required()
       ->type_name("DIR");
   cli::Option* record = command->add_option(
       "--record", o->record,
-      "Record first, so many seconds each, with the cameras of RIG: says when to move the light and where it "
-      "was not yet, when to hold the board where, when to show the chart, and writes these folders");
+      "First make the recordings with the cameras of RIG, this many seconds each; prompts for light, board and "
+      "chart, and reports missing coverage");
   record->type_name("SECONDS")->check(cli::PositiveNumber);
   command
       ->add_option("--page", o->page,
-                   "Port of a page on this machine that shows the cameras as they record, and what is said; 0: any")
+                   "Port of a local web page with live images and prompts during recording (0: any free port)")
       ->check(cli::Range(0, 65535))
       ->needs(record);
   cli::add_trust_option(*command, o->trusted);
-  command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
+  command->add_option("--bar", o->bar, "Distance between two lights on a bar, metres; determines the scale")
       ->check(cli::PositiveNumber);
   cli::Option* boards =
       command
-          ->add_option(
-              "--boards", o->boards,
-              "Folder with NAME.*, videos of a checkerboard, or pictures of it in NAME/, of each camera or some")
+          ->add_option("--boards", o->boards,
+                       "Folder with videos NAME.* of a checkerboard, or images of it in NAME/, for some or all cameras")
           ->type_name("DIR");
   command->add_option("--board", o->board, "Inner corners of the board along x and y")->type_name("CxR")->needs(boards);
-  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary")
+  command->add_option("--charuco", o->charuco, "ArUco dictionary of a ChArUco board")
       ->type_name("5X5_100")
       ->needs(boards);
   command
-      ->add_option("--colour", o->colour,
-                   "Folder with NAME.* of each camera, or a rig file whose cameras have them: a colour chart, or any "
-                   "scene that they all see")
+      ->add_option(
+          "--colour", o->colour,
+          "Recordings of a colour chart, or of a scene in view of all cameras: folder with NAME.*, or a rig file "
+          "with sources or images")
       ->type_name("DIR|RIG");
   command
       ->add_option("--out", o->out,
-                   "Rig file to write (default: calibrated.json beside RIG); the folder of that "
-                   "name without its ending has the report and all steps")
+                   "Rig file to write (default: calibrated.json beside RIG); the report and intermediate files go to a "
+                   "folder of the same name without extension")
       ->type_name("RIG");
-  command->callback([o, &status] { status = Afternoon(*o).run(); });
+  command->callback([o, &status] { status = CalibrationRun(*o).run(); });
 }

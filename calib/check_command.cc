@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate check: whether a calibrated rig still holds, by a later recording or by what the running monitor says.
+// lf-calibrate check: checks a calibrated rig against a later recording, or with the camera monitor of lf-serve.
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -27,10 +27,9 @@ namespace {
 using lf::format_text;
 using nlohmann::json;
 
-constexpr guint kPatience = 10;                  // seconds without a byte
+constexpr guint kPatience = 10;                  // seconds without data
 constexpr size_t kMostBytes = size_t{32} << 20;  // enough for 65,535 cameras
 
-// Reads a body of at most `kMostBytes`.
 std::string read_body(GInputStream* stream, const std::string& address) {
   std::string body;
   std::string part(size_t{1} << 16, '\0');
@@ -46,14 +45,14 @@ std::string read_body(GInputStream* stream, const std::string& address) {
 }
 
 std::string fetch(std::string address, const std::string& token_file) {
-  // As people copy it: the address of the page, with a view or a token behind it.
+  // Accepts the address of the page as copied from a browser, with a view or a token in its fragment.
   address = address.substr(0, address.find('#'));
   if (!address.ends_with("/")) address += '/';
   address += "monitor.json";
   g_autoptr(SoupSession) session = soup_session_new_with_options("timeout", kPatience, nullptr);
   g_autoptr(SoupMessage) message = soup_message_new("GET", address.c_str());
-  if (!message) throw lf::Error(address + ": is no address");
-  soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // the token is for this address alone
+  if (!message) throw lf::Error(address + ": is not a valid address");
+  soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // the token must not reach another server
   if (!token_file.empty()) {
     std::string token = lf::read_secret_file(token_file);
     while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back()))) token.pop_back();
@@ -64,16 +63,16 @@ std::string fetch(std::string address, const std::string& token_file) {
   g_autoptr(GInputStream) body = soup_session_send(session, message, nullptr, &error);
   if (!body) throw lf::Error(address + ": " + error->message + ": is lf-serve running there?");
   const guint status = soup_message_get_status(message);
-  if (status == SOUP_STATUS_UNAUTHORIZED) throw lf::Error(address + ": asks for its token: give --token-file");
+  if (status == SOUP_STATUS_UNAUTHORIZED) throw lf::Error(address + ": requires a token: give --token-file");
   if (status != SOUP_STATUS_OK)
     throw lf::Error(address + ": answers " + std::to_string(status) + " " + soup_status_get_phrase(status));
   return read_body(body, address);
 }
 
-// A camera of the monitor's answer. A member that is null counts as missing.
-class WatchedCamera {
+// A camera in monitor.json; null members count as missing.
+class MonitoredCamera {
  public:
-  WatchedCamera(const lf::JsonValue& value, const json& raw) : value_(value), raw_(raw) {}
+  MonitoredCamera(const lf::JsonValue& value, const json& raw) : value_(value), raw_(raw) {}
   std::string text(const char* key) const { return has(key) ? value_.at(key).text() : ""; }
   double number(const char* key) const { return has(key) ? value_.at(key).number() : NAN; }
 
@@ -84,31 +83,31 @@ class WatchedCamera {
   const json& raw_;
 };
 
-// What is wrong with a camera, and what to do; its state goes into `judged`.
+// Returns the problem of a camera with its remedy, and sets its state in `judged`.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
   const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
   if (fault == "direction") {
     judged["state"] = "moved";
     const double shift = judged["shift_px"];
     return format_text(
-        "%s looks elsewhere than the rig says: its picture is off by %.0f pixels or so, about %.1f degrees. Put "
-        "it back, or calibrate anew",
+        "%s looks elsewhere than in the rig: its image is off by about %.0f pixels, or %.1f degrees. Put it back, or "
+        "calibrate again",
         who.c_str(), shift, std::atan(shift / camera.lens.fx()) * 180 / M_PI);
   }
   if (fault == "colour") {
     judged["state"] = "colour";
-    return format_text("%s is %.0f %% %s than the others: lock its exposure (lf-rig lock), or run lf-calibrate colour",
-                       who.c_str(), 100 * std::abs(judged["gain"].get<double>() - 1),
-                       judged["gain"] > 1 ? "brighter" : "darker");
+    return format_text(
+        "%s is %.0f %% %s than other cameras: lock its exposure (lf-rig lock), or run lf-calibrate colour", who.c_str(),
+        100 * std::abs(judged["gain"].get<double>() - 1), judged["gain"] > 1 ? "brighter" : "darker");
   }
   judged["state"] = "picture";
-  return who + " shows another picture than the others foretell: is it out of focus, dirty or covered?";
+  return who + " shows an image that other cameras do not predict: is it out of focus, dirty or covered?";
 }
 
-// What the monitor of a running lf-serve says of a rig's cameras, as check_report() has it: "from" is
-// "monitor"; cameras have "id", "name", "state" (holds, moved, colour, picture or unknown), "shift_px" and "gain".
-// `place`: the server's address, or a file with its monitor.json. `token_file`: of its bearer token; may be empty.
-// Throws lf::Error where there is no answer, or it is of other cameras.
+// Returns the result of lf-serve's camera monitor in the format of check_report(). "from" is "monitor"; cameras have
+// "id", "name", "state" (holds, moved, colour, picture or unknown), "shift_px" and "gain". `place`: address of the
+// server, or a file with its monitor.json. `token_file`: file with a bearer token; may be empty. Throws lf::Error if
+// there is no answer, or if its cameras differ from the rig's.
 json check_monitor(const lf::Rig& rig, const std::string& place, const std::string& token_file) {
   const bool remote = place.starts_with("http://") || place.starts_with("https://");
   const json said = lf::parse_json(remote ? fetch(place, token_file) : lf::read_text_file(place), place);
@@ -120,19 +119,19 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
   const std::vector<lf::JsonValue> cameras = root.at("cameras").elements();
   if (cameras.empty())
     throw lf::Error(place +
-                    ": the monitor has looked at no camera yet: start lf-serve with --monitor 30, and have "
-                    "somebody look at the light field for a minute");
+                    ": the monitor has not checked any camera yet: start lf-serve with --monitor 30, and view the "
+                    "light field for a minute");
   if (cameras.size() != rig.cameras.size())
-    throw lf::Error(place + ": shows " + std::to_string(cameras.size()) + " cameras, the rig has " +
+    throw lf::Error(place + ": has " + std::to_string(cameras.size()) + " cameras, the rig has " +
                     std::to_string(rig.cameras.size()));
   for (size_t i = 0; i < cameras.size(); i++) {
     const lf::Camera& camera = rig.cameras[i];
-    const WatchedCamera watched(cameras[i], said["cameras"][i]);
+    const MonitoredCamera watched(cameras[i], said["cameras"][i]);
     const std::string name = watched.text("name");
     if (!camera.name.empty() && !name.empty() && name != camera.name)
       throw lf::Error(place + ": its camera " + std::to_string(i) + " is " + name + ", the rig's is " + camera.name);
     const auto number = [&](const char* key) { return watched.number(key); };
-    // The monitor compares every so many pixels of a camera.
+    // The monitor compares subsampled images.
     const int step = (camera.width + lf::kProbeColumns - 1) / lf::kProbeColumns;
     const bool seen = std::isfinite(number("psnr"));
     known += seen;
@@ -141,7 +140,7 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
     judged["gain"] = std::isfinite(number("gain")) ? number("gain") : 1;
     if (const std::string fault = watched.text("fault"); !fault.empty()) {
       const std::string what = judge(camera, fault, judged);
-      // Colours are no part of where cameras stand.
+      // A colour difference does not mean that the camera moved.
       const bool moved = judged["state"] == "moved";
       if (moved) report["holds"] = false;
       report["findings"].push_back(
@@ -151,8 +150,8 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
   }
   if (known == 0)
     throw lf::Error(place +
-                    ": no camera could be foretold from the others yet: cameras at the corners of an array, and "
-                    "arrays of two, can't be watched");
+                    ": no camera could be predicted from its neighbours yet: the monitor cannot check corner cameras "
+                    "or arrays of two");
   const auto turns = root.find("turns");
   report["turns"] = turns ? turns->integer(0, INT64_MAX) : 0;
   return report;
@@ -164,7 +163,7 @@ struct CheckArguments {
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 };
 
-// What is known of the lenses: positions are what is to be found out.
+// Returns lens priors only, because the check must not assume the cameras' poses.
 lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
   lf::SolveOptions options;
   options.prior = rig;
@@ -186,19 +185,18 @@ lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
   return options;
 }
 
-// At common instants: the cameras' clocks are found out anew, for a later recording may begin at any time.
+// Returns tracks at common instants. Estimates the camera clocks again, because a recording can start at any time.
 lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
-  std::optional<lf::LightSights> sights;
+  std::optional<lf::LightDetections> sights;
   if (o.tracks.empty()) {
     gst_init(nullptr, nullptr);
-    const LightRecordings recordings = watch_lights(rig, o.recordings, o.bar > 0, o.threads);
+    const LightRecordings recordings = detect_lights(rig, o.recordings, o.bar > 0, o.threads);
     for (const std::string& trouble : recordings.troubles(rig)) std::printf("warning: %s\n", trouble.c_str());
-    if (recordings.useful() < 3)
-      throw lf::Error("fewer than three cameras saw a moving light: nothing tells whether the rig holds");
+    if (recordings.useful() < 3) throw lf::Error("fewer than three cameras saw a moving light, too few for a check");
     sights = recordings.sights;
   } else {
     const std::string text = lf::read_text_file(o.tracks);
-    sights = lf::parse_light_sights(text, o.tracks);
+    sights = lf::parse_light_detections(text, o.tracks);
     if (!sights) return lf::parse_tracks(text, o.tracks);
   }
   lf::SolveOptions options = with_lenses(rig, o.rig);
@@ -213,7 +211,7 @@ json check_tracks(const CheckArguments& o, const lf::Rig& rig) {
   for (const lf::RigCheck::Camera& camera : check.cameras)
     std::printf("%-8u %-16s %8zu %12.3f %10.3f\n", camera.id, rig.cameras[*rig.index_of_id(camera.id)].name.c_str(),
                 camera.sights, camera.residual_px, camera.shift_px);
-  if (check.bar) std::printf("bar         %.1f mm by this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
+  if (check.bar) std::printf("bar         %.1f mm in this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
   return json::parse(lf::check_report(rig, check, findings).dump());
 }
 
@@ -243,21 +241,20 @@ void add_check_command(cli::App& app, int& status) {
   const auto o = std::make_shared<CheckArguments>();
   cli::App* command = app.add_subcommand(
       "check",
-      "Whether a rig still holds, by a later recording of a moving light or by the monitor of lf-serve: which camera "
-      "moved, and by how much. Exit status 0: it holds, 1: it does not, 2: nothing can be told");
-  command->add_option("RIG", o->rig, "Rig file, calibrated")->required();
-  cli::App* what = command->add_option_group("what tells");
-  what->add_option("--recordings", o->recordings, "Folder with NAME.* of each camera")->type_name("DIR");
-  what->add_option("--tracks", o->tracks, "Tracks (JSON) of track")->type_name("FILE");
-  cli::Option* monitor =
-      what->add_option("--monitor", o->monitor,
-                       "Address of an lf-serve --monitor 30 that shows this rig, or what its monitor.json said")
-          ->type_name("URL|FILE");
+      "Checks a calibrated rig against a later recording of a moving light, or with the camera monitor of lf-serve, "
+      "and reports moved cameras. Exit status 0: the rig holds, 1: it does not, 2: error or not enough data");
+  command->add_option("RIG", o->rig, "Calibrated rig file")->required();
+  cli::App* what = command->add_option_group("source of the check");
+  what->add_option("--recordings", o->recordings, "Folder with recordings NAME.* of each camera")->type_name("DIR");
+  what->add_option("--tracks", o->tracks, "Tracks (JSON), written by track")->type_name("FILE");
+  cli::Option* monitor = what->add_option("--monitor", o->monitor,
+                                          "Address of an lf-serve --monitor 30 with this rig, or a saved monitor.json")
+                             ->type_name("URL|FILE");
   what->require_option(1);
-  command->add_option("--token-file", o->token_file, "Bearer token of that lf-serve")
+  command->add_option("--token-file", o->token_file, "File with the bearer token of lf-serve")
       ->type_name("FILE")
       ->needs(monitor);
-  command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: tells whether the scale holds")
+  command->add_option("--bar", o->bar, "Distance between two lights on a bar, metres; checks the scale")
       ->check(cli::PositiveNumber)
       ->excludes(monitor);
   command->add_option("--json", o->json, "Report to write")->type_name("FILE");
@@ -265,7 +262,7 @@ void add_check_command(cli::App& app, int& status) {
     try {
       status = check(*o);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "lf-calibrate: %s\n", lf::location_text(error.what()).c_str());
+      std::fprintf(stderr, "lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
       status = 2;
     }
   });

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate colour: the colours of an array's cameras, from a chart that all are shown or from what they have in
-// common.
+// lf-calibrate colour: colour models of all cameras, from a colour chart or from overlapping views.
 #include <gst/gst.h>
 
 #include <algorithm>
@@ -37,10 +36,10 @@ struct ColourArguments {
   int frames = 24;
 };
 
-// Views are compared in so many frames: more of the same scene tell little more.
+// Number of frames for comparing views; more frames of the same scene add little.
 constexpr size_t kViewFrames = 3;
 
-// The name of image `n` of a sequence such as left_%04d.png; "" where it is no such name.
+// Returns the name of image `n` of a sequence such as left_%04d.png, or "" if the pattern is invalid.
 std::string name_of_frame(const std::string& pattern, size_t n) {
   const size_t begin = pattern.find('%'), end = pattern.find('d', begin);
   if (begin == std::string::npos || end == std::string::npos || end - begin > 4) return "";
@@ -52,29 +51,30 @@ std::string name_of_frame(const std::string& pattern, size_t n) {
   return pattern.substr(0, begin) + number + pattern.substr(end + 1);
 }
 
-// A frame that shows the same place as other cameras' of the same number.
+// A frame with its place: frames of all cameras at the same place show the same chart position.
 struct Frame {
   size_t place;
   lf::Image image;
 };
 
-// Whether a path is that of an image sequence left_%04d.png. A file's own name may hold a %, too.
+// True for an image sequence such as left_%04d.png. An existing file may contain % in its name.
 bool is_sequence(const std::string& source) {
   return source.find('%') != std::string::npos && !lf::is_uri(source) && !fs::exists(source);
 }
 
-// The time from place to place, seconds: what recordings show is spread over the longest of them. 0 where lengths are
-// not known: every frame is a place then.
+// Returns the time between places in seconds: places are distributed over the longest recording. Returns 0 if durations
+// are unknown; then every frame is a place.
 double time_between_places(const lf::Rig& recorded, size_t places) {
   double longest = 0;
   for (const lf::Camera& camera : recorded.cameras)
     if (const std::string source = recorded.resolve(camera.source);
         !source.empty() && !is_sequence(source) && (!lf::is_uri(source) || source.starts_with("file:")))
-      longest = std::max(longest, length_of_video(source));
+      longest = std::max(longest, video_duration(source));
   return longest / static_cast<double>(places);
 }
 
-// A camera's frames, of its source or its still: one a place, at most `most`. `trouble`: why there is none.
+// Returns the frames of a camera's source, or its still image: one per place, at most `most`. `trouble`: the reason if
+// the source has no frames.
 std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_t most, double between,
                              std::string& trouble) {
   std::vector<Frame> frames;
@@ -87,7 +87,7 @@ std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_
     }
   } else if (!source.empty())
     try {
-      for_each_picture(source, VideoFormat::kRgb, [&](const VideoPicture& picture) {
+      for_each_video_frame(source, VideoFormat::kRgb, [&](const VideoFrame& picture) {
         const size_t place = between > 0 ? static_cast<size_t>(picture.time / between + 1e-6) : frames.size();
         if (place >= most) return false;
         if (!frames.empty() && place <= frames.back().place) return true;
@@ -112,12 +112,12 @@ std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_
 
 struct Recording {
   lf::ColourSamples chart;                    // patches: 24 for each place
-  std::vector<std::vector<lf::Image>> views;  // by place, of each camera
-  size_t charts = 0;                          // that were found
-  std::vector<std::string> without;           // cameras without a frame, and why
+  std::vector<std::vector<lf::Image>> views;  // by place, then by camera
+  size_t charts = 0;                          // number of detected charts
+  std::vector<std::string> without;           // cameras without frames, with the reason
 };
 
-// Reads the cameras side by side and looks for the chart in each frame; frames for views are kept.
+// Reads the cameras in parallel and searches each frame for the chart. Keeps the frames for comparing views.
 Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArguments& options) {
   Recording out;
   const size_t n = rig.cameras.size();
@@ -154,7 +154,7 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArgument
           }
           if (frames[k].place < kViewFrames) out.views[frames[k].place][i] = std::move(frames[k].image);
         }
-        lf::leave_out_misread_charts(found[i]);
+        lf::remove_misread_charts(found[i]);
         const std::lock_guard lock(mutex);
         progress.step();
       } catch (...) {
@@ -174,17 +174,18 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArgument
     out.charts += charts[i];
     out.chart.patches = std::max(out.chart.patches, static_cast<uint32_t>(lengths[i] * lf::checker::kPatches));
     if (lengths[i] == 0)
-      out.without.push_back("camera " + std::to_string(rig.cameras[i].id) + ": the recording has no picture of it" +
+      out.without.push_back("camera " + std::to_string(rig.cameras[i].id) +
+                            ": the recording has no frame of this camera" +
                             (troubles[i].empty() ? "" : ": " + troubles[i]));
   }
   if (out.without.size() == n)
     throw lf::Error((options.recording.empty() ? options.rig : options.recording) +
-                    ": no camera has a picture: give --recording a folder with NAME.* of each camera, or the rig file "
-                    "of a recording, whose cameras have a source or an image");
+                    ": no camera has a frame: give --recording a folder with NAME.* of each camera, or the rig file "
+                    "of a recording with sources or images");
   return out;
 }
 
-// Of places that the cameras have in common in the first frames.
+// Samples the overlapping views of the first frames.
 lf::ColourSamples compare_views(const lf::Rig& rig, const Recording& recording) {
   lf::ColourSamples all;
   all.cameras = rig.cameras.size();
@@ -232,8 +233,8 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
 }
 
 void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
-  std::printf("%-62s %8s %8s\n", ("held-out differences of cameras, of 255 (" + from + ")").c_str(), "median", "95 %");
-  std::printf("%-62s %8.2f %8.2f\n", "as they are", solution.before.median, solution.before.p95);
+  std::printf("%-62s %8s %8s\n", ("differences on held-out patches, of 255 (" + from + ")").c_str(), "median", "95 %");
+  std::printf("%-62s %8.2f %8.2f\n", "uncorrected", solution.before.median, solution.before.p95);
   for (const auto& trial : solution.trials)
     std::printf("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
                 trial.terms == solution.terms ? "  <- chosen" : "");
@@ -249,15 +250,15 @@ void measure(const ColourArguments& options) {
   nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
   lf::Rig rig = lf::load_rig(options.rig);
   const lf::Rig recorded = options.recording.empty()             ? rig
-                           : fs::is_directory(options.recording) ? recorded_in(options.recording, rig)
+                           : fs::is_directory(options.recording) ? with_recordings(options.recording, rig)
                                                                  : lf::load_rig(options.recording);
   const Recording recording = read(rig, recorded, options);
   for (const std::string& camera : recording.without) std::printf("warning: %s\n", camera.c_str());
   if (options.from == "chart" && recording.charts == 0)
     throw lf::Error(
-        "no chart is found in any picture: show the cameras one of 24 colours (ColorChecker), a third of the "
-        "picture wide or more, in even light without shine, at a dozen places; or compare their views: --from views");
-  // A few charts that were seen by chance are no recording of one.
+        "no chart found in any frame: show all cameras a chart of 24 colours (ColorChecker), at least a third of the "
+        "image wide, in even light without reflections, at a dozen places; or use --from views");
+  // A few false detections do not make a chart recording.
   const bool from_chart = options.from == "chart" || (options.from == "auto" && recording.charts >= rig.cameras.size());
   lf::ColourSolveOptions how;
   how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
@@ -267,7 +268,7 @@ void measure(const ColourArguments& options) {
       lf::solve_colours(rig, from_chart ? recording.chart : compare_views(rig, recording), how);
   print(rig, solution, from);
   for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].colour = solution.models[i];
-  lf::relocate(rig, fs::path(options.out).parent_path().string());
+  lf::rebase_paths(rig, fs::path(options.out).parent_path().string());
   lf::save_rig(rig, options.out, &original);
   if (!options.json.empty()) lf::write_text_file(report(rig, solution, from).dump(1) + "\n", options.json);
 }
@@ -276,23 +277,23 @@ void measure(const ColourArguments& options) {
 
 void add_colour_command(cli::App& app) {
   const auto o = std::make_shared<ColourArguments>();
-  cli::App* command = app.add_subcommand(
-      "colour", "Black level, gain, colour matrix, gamma and vignetting of all cameras, so that they agree");
+  cli::App* command =
+      app.add_subcommand("colour", "Estimates black level, gain, colour matrix, gamma and vignetting of all cameras");
   command->add_option("RIG", o->rig, "Rig file")->required()->type_name("RIG");
   command
       ->add_option("--recording", o->recording,
-                   "Folder with NAME.* of each camera, recordings of a colour chart, or stills; or a rig file that has "
-                   "them as source or image (default: those of RIG)")
+                   "Folder with recordings or stills NAME.* of a colour chart, or a rig file with sources or images "
+                   "(default: RIG)")
       ->type_name("DIR|RIG");
   command
       ->add_option("--from", o->from,
-                   "What is compared: a chart of 24 colours, views of the scene through the "
-                   "calibrated geometry, or the chart where there is one")
+                   "chart: a chart of 24 colours; views: the scene, with the calibrated geometry; "
+                   "auto: the chart if found, otherwise views")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
       ->add_option("--frames", o->frames,
-                   "Of each recording, spread over its length, at most: recordings begin together")
+                   "Maximum number of frames per recording, evenly spaced; recordings must start together")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
   command->add_option("--out", o->out, "Rig file to write; may be RIG")->required()->type_name("RIG");

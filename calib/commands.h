@@ -12,9 +12,9 @@
 #include "command_line.h"
 #include "progress.h"
 
-// The large steps of lf-calibrate, NAME_command.cc (track is beside solve): each adds its subcommand with options and a
-// callback that runs it.
-// What goes wrong is thrown as lf::Error; `status`: the exit status of what can end otherwise than well without that.
+// The subcommands of lf-calibrate, in NAME_command.cc (track is in solve_command.cc). Each function adds a subcommand
+// with options and a callback. Callbacks throw lf::Error; `status` is the exit status of commands that can fail without
+// an exception.
 void add_all_command(cli::App& app, int& status);
 void add_check_command(cli::App& app, int& status);
 void add_colour_command(cli::App& app);
@@ -22,8 +22,8 @@ void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);
 void add_track_command(cli::App& app);
 
-// A progress bar for the steps of a solution, of tracks or of lights with clocks of their own; where standard error is
-// no terminal, a line for each step. Lives as long as the solver may call `progress`, which it sets.
+// Progress of a solution, with or without estimation of clocks: a progress bar, or one line per step if standard error
+// is not a terminal. Must outlive all calls of `progress`, which the constructor sets.
 class SolveProgress {
  public:
   SolveProgress(const std::string& what, std::function<void(const std::string& step)>& progress) : bar_(what, 100) {
@@ -38,7 +38,7 @@ class SolveProgress {
       std::fprintf(stderr, "%s\n", step.c_str());
       return;
     }
-    // Lights are solved twice, roughly and well, with rounds for their clocks in between: 12 of these at most.
+    // Lights are solved twice, coarsely and finely, with up to 12 clock rounds in between.
     if (step.starts_with("clocks")) {
       has_clocks_ = true;
       if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
@@ -55,5 +55,5 @@ class SolveProgress {
 
   Progress bar_;
   bool has_clocks_ = false;
-  double between_ = 0;  // percent: where the second solution begins
+  double between_ = 0;  // percent; start of the second solution
 };

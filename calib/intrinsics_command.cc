@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate intrinsics: one camera's lens, with its covariance, from images of a checkerboard.
+// lf-calibrate intrinsics: one camera's lens and its covariance, from images of a checkerboard.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -36,20 +36,20 @@ struct IntrinsicsArguments {
   const cli::Option* views_option = nullptr;
 };
 
-// What frames come from: the elements that give them, and what messages call it.
+// A video source: GStreamer elements and the name for messages.
 struct Video {
   std::string elements, name;
-  bool waits = false;  // for who takes its frames; else those that come while one is looked at are left out
+  bool waits = false;  // true if the source can wait; otherwise frames that arrive during processing are dropped
 };
 
-// Of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
+// Returns the source for a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
 Video video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto", lf::location_text(uri),
-          uri.starts_with("file:")};
+  return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
+          lf::redacted_location(uri), uri.starts_with("file:")};
 }
 
-// Of a rig's camera, opened as the light field opens it: in its size, with its controls.
+// Returns the source for a rig's camera, opened by lfcamsrc with its image size and controls.
 Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": has a quotation mark");
   const lf::Rig read = lf::load_rig(rig);
@@ -57,13 +57,14 @@ Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   if (!index) throw lf::Error(rig + ": has no camera " + std::to_string(camera));
   const std::string& source = read.cameras[*index].source;
   const std::string name = rig + ": camera " + std::to_string(camera);
-  if (source.empty()) throw lf::Error(name + ": has no source; name images or a video of the board");
-  const bool file = !lf::describes_elements(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
+  if (source.empty()) throw lf::Error(name + ": has no source; give images or a video of the board");
+  const bool file = !lf::is_launch_line(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
   return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name,
           file};
 }
 
-// The frames as RGB images until `use` returns false or the video ends. Throws Error where there is no video.
+// Calls `use` with the frames as RGB images until it returns false or the video ends. Throws Error if there is no
+// video.
 void for_each_frame(const Video& video_source, const std::function<bool(const lf::Image&)>& use) {
   const std::string pipeline = video_source.elements + " ! videoconvert ! video/x-raw,format=BGR ! appsink " +
                                (video_source.waits ? "sync=false" : "max-buffers=1 drop=true");
@@ -79,8 +80,8 @@ void for_each_frame(const Video& video_source, const std::function<bool(const lf
   }
   if (!any)
     throw lf::Error(
-        video_source.name + ": no video could be had from it" +
-        (video_source.waits ? "" : ": is it plugged in, and does no other program have it? lf-rig doctor looks"));
+        video_source.name + ": no video could be read" +
+        (video_source.waits ? "" : ": is it plugged in, and not in use by another program? Run lf-rig doctor"));
 }
 
 lf::Checkerboard parse_board(const IntrinsicsArguments& options) {
@@ -114,12 +115,12 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
   }
   if (image.width() != found.width || image.height() != found.height)
     throw lf::Error(name + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
-                    ", the others " + std::to_string(found.width) + "x" + std::to_string(found.height));
+                    ", previous images " + std::to_string(found.width) + "x" + std::to_string(found.height));
 }
 
-// Of a video or a live camera, views of a board that stands still for a moment, again and again.
+// Collects views from a video or a live camera. The board must stand still for a moment in each view.
 void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, const Video& video, Images& found) {
-  std::optional<lf::ViewChooser> chooser;
+  std::optional<lf::KeyframeSelector> chooser;
   int kept = 0, frame = 0;
   for_each_frame(video, [&](const lf::Image& image) {
     check_size(found, image, video.name);
@@ -140,10 +141,10 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
   Images found;
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
-    throw lf::Error("needs images or videos of the board, or --rig, whose camera is watched");
+    throw lf::Error("needs images or videos of the board, or --rig for a live camera");
   const auto is_video = [](const std::string& path) { return path.find("://") != std::string::npos; };
   if (*options.views_option && !options.images.empty() && std::ranges::none_of(options.images, is_video))
-    throw lf::Error("--views: of videos; all pictures that are named are used");
+    throw lf::Error("--views: applies to videos only; all given images are used");
   if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera, options.trusted), found);
   for (const std::string& path : options.images) {
     if (is_video(path)) {
@@ -199,7 +200,7 @@ ordered_json report(const IntrinsicsResult& result, const Images& images) {
           {"warnings", result.warnings}};
 }
 
-// A rig of this camera alone, or `--rig` with this camera's lens in it.
+// Saves a rig with only this camera, or the rig of `--rig` with this camera's new lens.
 void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, const Images& images) {
   lf::Rig rig;
   nlohmann::json original = {{"cameras", nlohmann::json::array()}};
@@ -219,11 +220,11 @@ void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, co
   if (!index) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
   lf::Camera& camera = rig.cameras[*index];
   if (camera.width != images.width || camera.height != images.height)
-    throw lf::Error(options.rig + ": camera " + std::to_string(options.camera) + " has another size than the images, " +
+    throw lf::Error(options.rig + ": camera " + std::to_string(options.camera) + " differs in size from the images, " +
                     std::to_string(images.width) + "x" + std::to_string(images.height));
   camera.lens = result.fit.lens;
   original["cameras"][*index]["covariance"] = lf::to_json(result.covariance);
-  lf::relocate(rig, std::filesystem::path(options.out).parent_path().string());
+  lf::rebase_paths(rig, std::filesystem::path(options.out).parent_path().string());
   lf::save_rig(rig, options.out, &original);
 }
 
@@ -238,9 +239,10 @@ void calibrate(const IntrinsicsArguments& options) {
   how.progress("looking for the board");
   const Images images = find_boards(options, board);
   if (images.views.empty())
-    throw lf::Error("no image shows the board of " + options.board +
-                    " inner corners: is that the board (--board counts corners between squares, not squares), whole in "
-                    "the picture, flat and in even light?");
+    throw lf::Error(
+        "no image shows the board of " + options.board +
+        " inner corners: is that the board (--board counts corners between squares, not squares), complete in "
+        "the image, flat and in even light?");
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);
@@ -252,30 +254,29 @@ void calibrate(const IntrinsicsArguments& options) {
 void add_intrinsics_command(cli::App& app) {
   const auto o = std::make_shared<IntrinsicsArguments>();
   cli::App* command =
-      app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
+      app.add_subcommand("intrinsics", "Calibrates one camera's lens, with covariance, from images of a checkerboard");
   command->add_option(
       "IMAGES", o->images,
-      "Images of the board, at all distances, tilted to all sides; or URIs of videos; none: what the camera "
-      "of --rig sees now, opened as the light field opens it");
-  o->views_option =
-      command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
-          ->capture_default_str()
-          ->check(cli::Range(3, 1000));
-  command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
-  command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
+      "Images of the board at all distances, tilted to all sides, or URIs of videos; without them, the live camera "
+      "of --rig is used");
+  o->views_option = command->add_option("--views", o->views, "Number of views to keep per video or live camera")
+                        ->capture_default_str()
+                        ->check(cli::Range(3, 1000));
+  command->add_option("--board", o->board, "Inner corners of the board along x and y")->required()->type_name("CxR");
+  command->add_option("--square", o->square, "Side of a square, metres (no influence on the lens)")
       ->check(cli::PositiveNumber);
   cli::Option* charuco =
-      command->add_option("--charuco", o->charuco, "The board has markers of this dictionary, and may be seen in part")
+      command->add_option("--charuco", o->charuco, "ArUco dictionary of a ChArUco board; partial views are allowed")
           ->type_name("5X5_100");
-  command->add_option("--marker", o->marker, "Side of a marker, over that of a square")
+  command->add_option("--marker", o->marker, "Side of a marker relative to a square")
       ->capture_default_str()
       ->check(cli::Range(0.01, 0.99))
       ->needs(charuco);
-  command->add_option("--model", o->model, "Lens model, or auto: by evidence")->capture_default_str();
-  command->add_option("--rig", o->rig, "Rig file whose camera this is; else the result is a rig of one camera");
+  command->add_option("--model", o->model, "Lens model; auto: the smallest model that fits")->capture_default_str();
+  command->add_option("--rig", o->rig, "Rig file that contains the camera (default: a new rig with one camera)");
   cli::add_trust_option(*command, o->trusted);
-  command->add_option("--camera", o->camera, "Its id")->capture_default_str();
-  command->add_option("--out", o->out, "Rig file to write; may be that of --rig")->required();
+  command->add_option("--camera", o->camera, "Camera id")->capture_default_str();
+  command->add_option("--out", o->out, "Rig file to write; may be the same as --rig")->required();
   command->add_option("--json", o->json, "Report to write");
   command->callback([o] { calibrate(*o); });
 }

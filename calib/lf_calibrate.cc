@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate: measures the cameras of an array, step by step. Its short commands are here.
+// lf-calibrate: calibrates the cameras of an array. Contains main() and the short commands.
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -18,7 +18,7 @@
 #include "report_data.h"
 #include "report_page.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "solver_log.h"
 
 namespace {
@@ -31,7 +31,7 @@ struct ReportArguments {
 void write_report(const ReportArguments& o) {
   ReportData data;
   for (const std::string& file : o.files) data.add(lf::parse_json(lf::read_text_file(file), file), file);
-  const ReportVerdict verdict = judge(data);
+  const ReportVerdict verdict = grade_calibration(data);
   const std::string title =
       o.title.empty() ? std::filesystem::absolute(o.files[0]).parent_path().filename().string() : o.title;
   lf::write_text_file(report_page(data, verdict, title), o.out);
@@ -42,11 +42,10 @@ void write_report(const ReportArguments& o) {
 void add_report_command(cli::App& app) {
   const auto o = std::make_shared<ReportArguments>();
   cli::App* command = app.add_subcommand(
-      "report", "One page of what the steps said: a verdict for each camera, plots, and what to do next");
-  command->add_option("FILE", o->files, "What --json of track, solve, colour and check wrote, any of them")->required();
-  command->add_option("--out", o->out, "Page to write (HTML); opens from disk, without a network")
-      ->capture_default_str();
-  command->add_option("--title", o->title, "Of the page (default: the files' folder)");
+      "report", "Writes a report page (HTML) with a verdict for each camera, plots and recommendations");
+  command->add_option("FILE", o->files, "Reports written by track, solve, colour and check with --json")->required();
+  command->add_option("--out", o->out, "Page to write (HTML); self-contained")->capture_default_str();
+  command->add_option("--title", o->title, "Page title (default: name of the folder of the first FILE)");
   command->callback([o] { write_report(*o); });
 }
 
@@ -58,31 +57,31 @@ struct FeaturesOptions {
 
 void find_features(FeaturesOptions options) {
   lf::Rig rig = lf::load_rig(options.rig);
-  if (options.every > 1) rig = lf::every_nth(rig, options.every);
-  lf::StillImages stills(rig);
+  if (options.every > 1) rig = lf::subsample_grid(rig, options.every);
+  lf::StillImageCache stills(rig);
   std::vector<lf::Image> images;
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
   options.features.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
   const lf::Tracks tracks = lf::track_features(rig, images, options.features);
   lf::write_text_file(lf::tracks_to_json(tracks), options.out);
-  std::printf("%s: %zu tracks, %zu observations, %.1f cameras a track\n", options.out.c_str(), tracks.num_positions,
+  std::printf("%s: %zu tracks, %zu observations, %.1f cameras per track\n", options.out.c_str(), tracks.num_positions,
               tracks.observations.size(),
               static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
 }
 
 void add_features_command(cli::App& app) {
   const auto o = std::make_shared<FeaturesOptions>();
-  cli::App* command =
-      app.add_subcommand("features", "Tracks of a still scene's corners, from a rig with an image each");
-  command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
-  command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
-  command->add_option("--references", o->features.references, "Cameras whose corners are followed")
+  cli::App* command = app.add_subcommand("features", "Tracks corners of a static scene through one image per camera");
+  command->add_option("RIG", o->rig, "Rig file with an image per camera; may be nominal")->required();
+  command->add_option("--every", o->every, "Use only rows and columns 0, N, 2N, ... of a grid")
+      ->check(cli::PositiveNumber);
+  command->add_option("--references", o->features.references, "Number of cameras that provide the corners")
       ->capture_default_str()
       ->check(cli::Range(1, static_cast<int>(lf::kMaxCameras)));
-  command->add_option("--features", o->features.features, "Corners a reference camera")
+  command->add_option("--features", o->features.features, "Number of corners per reference camera")
       ->capture_default_str()
       ->check(cli::Range(1, 1000000));
-  command->add_option("--least-cameras", o->features.least_cameras, "That must see a track")
+  command->add_option("--least-cameras", o->features.least_cameras, "Minimum number of cameras per track")
       ->capture_default_str()
       ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
   command->add_option("--out", o->out, "Tracks to write (JSON)")->required();
@@ -92,10 +91,10 @@ void add_features_command(cli::App& app) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  cli::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",
+  cli::App app("Calibrates the cameras of an array: lenses, positions and orientations, with uncertainties",
                "lf-calibrate");
   app.require_subcommand(1);
-  lf::catch_solver_messages();
+  lf::capture_solver_messages();
   int status = 0;
   add_all_command(app, status);
   add_check_command(app, status);
@@ -105,17 +104,17 @@ int main(int argc, char** argv) {
   add_report_command(app);
   add_solve_command(app);
   add_track_command(app);
-  // A log says why nothing came of it, as the terminal does.
+  // A log file also gets the error message.
   const int failed = cli::run_tool(
       app, argc, argv, [] {},
       [](const std::string& error) {
         struct stat out = {};
         if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) std::printf("error: %s\n", error.c_str());
       });
-  // What the solver has said may explain a failure; else it is of no use to a person.
+  // Solver messages may explain a failure; otherwise they are not useful.
   for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
-    std::fprintf(stderr, "note: the solver says: %s\n", message.c_str());
-  // The statuses 0 and 1 of check are its answers; a command line or file that is wrong gives no answer.
+    std::fprintf(stderr, "note: solver message: %s\n", message.c_str());
+  // check returns 0 or 1 for its result, so errors need another exit status.
   if (failed && *app.get_subcommand("check")) return 2;
   return failed ? failed : status;
 }

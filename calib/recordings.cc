@@ -36,9 +36,9 @@ std::string beginning_of(const fs::path& path, size_t most) {
   return bytes;
 }
 
-// Whether a JPEG file goes on with another picture.
+// True if another JPEG image follows the first.
 bool has_second_jpeg(const fs::path& path) {
-  constexpr size_t kMostBytes = size_t{32} << 20;  // the first picture is smaller
+  constexpr size_t kMostBytes = size_t{32} << 20;  // the first image is smaller
   return beginning_of(path, kMostBytes).find("\xff\xd9\xff\xd8") != std::string::npos;
 }
 
@@ -59,18 +59,18 @@ FileKind kind_of(const fs::path& path) {
   return FileKind::kOther;
 }
 
-struct Recorded {
+struct RecordingFiles {
   std::vector<std::string> films, stills, others;  // paths in natural order
 };
 
-// The files of `folder` that `belongs` to.
+// Returns the files of `folder` for which `belongs` returns true.
 template <typename Belongs>
-Recorded files_in(const std::string& folder, Belongs belongs) {
+RecordingFiles files_in(const std::string& folder, Belongs belongs) {
   std::vector<std::string> paths;
   for (const auto& entry : fs::directory_iterator(folder))
     if (entry.is_regular_file() && belongs(entry.path())) paths.push_back(entry.path().string());
   std::ranges::sort(paths, lf::natural_less);
-  Recorded found;
+  RecordingFiles found;
   for (const std::string& path : paths) {
     const FileKind kind = kind_of(path);
     (kind == FileKind::kFilm ? found.films : kind == FileKind::kStill ? found.stills : found.others).push_back(path);
@@ -78,7 +78,7 @@ Recorded files_in(const std::string& folder, Belongs belongs) {
   return found;
 }
 
-Recorded files_of(const std::string& folder, const lf::Camera& camera) {
+RecordingFiles files_of(const std::string& folder, const lf::Camera& camera) {
   return files_in(folder, [&](const fs::path& path) { return path.stem() == camera.name; });
 }
 
@@ -90,15 +90,15 @@ void require_one(const std::vector<std::string>& paths, const lf::Camera& camera
 
 }  // namespace
 
-std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera) {
+std::string find_recording(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera) {
   if (folder.empty()) {
     if (camera.source.empty())
-      throw lf::Error("the rig names no source of it: give --recordings, a folder with " + camera.name + ".*");
+      throw lf::Error("the rig has no source for it: give --recordings, a folder with " + camera.name + ".*");
     if (lf::is_uri(camera.source) && !camera.source.starts_with("file:"))
-      throw lf::Error(lf::location_text(camera.source) + " is live: record it first, and give --recordings");
+      throw lf::Error(lf::redacted_location(camera.source) + " is live: record it first, and give --recordings");
     return rig.resolve(camera.source);
   }
-  const Recorded found = files_of(folder, camera);
+  const RecordingFiles found = files_of(folder, camera);
   require_one(found.films, camera, "films");
   if (!found.films.empty()) return found.films[0];
   std::string seen;
@@ -107,15 +107,15 @@ std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf
   throw lf::Error(folder + " has no recording " + camera.name + ".*" + seen);
 }
 
-lf::Rig recorded_in(const std::string& folder, lf::Rig rig) {
+lf::Rig with_recordings(const std::string& folder, lf::Rig rig) {
   rig.directory = fs::absolute(folder).string();
   const auto name_of = [](const std::string& path) { return fs::path(path).filename().string(); };
   for (lf::Camera& camera : rig.cameras) {
-    const Recorded found = files_of(folder, camera);
+    const RecordingFiles found = files_of(folder, camera);
     require_one(found.films, camera, "films");
     if (found.films.empty()) require_one(found.stills, camera, "stills");
     camera.source = found.films.empty() ? "" : name_of(found.films[0]);
-    // A single file that is neither is a damaged film: the error of its reader names it.
+    // A single file of unknown type is treated as a damaged video, so that its reader reports the file name.
     if (found.films.empty() && found.stills.empty() && found.others.size() == 1)
       camera.source = name_of(found.others[0]);
     camera.image = found.stills.size() == 1 ? name_of(found.stills[0]) : "";
@@ -123,7 +123,7 @@ lf::Rig recorded_in(const std::string& folder, lf::Rig rig) {
   return rig;
 }
 
-std::vector<std::string> boards_in(const std::string& folder, const lf::Camera& camera) {
+std::vector<std::string> board_images(const std::string& folder, const lf::Camera& camera) {
   const fs::path own = fs::path(folder) / camera.name;
   if (fs::is_directory(own)) return files_in(own.string(), [](const fs::path&) { return true; }).stills;
   const std::vector<std::string> films = files_of(folder, camera).films;
@@ -140,10 +140,10 @@ namespace {
 
 using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
 
-// What went wrong, of the pipeline's own messages.
-std::string reason_of(GstElement* pipeline) { return lf::posted_error(pipeline, 0, "no video could be had from it"); }
+// Returns the error from the pipeline's bus.
+std::string reason_of(GstElement* pipeline) { return lf::bus_error(pipeline, 0, "no video could be read"); }
 
-// jpegdec is quick by default, at the cost of errors that show in places of a hundredth of a pixel.
+// The default of jpegdec is fast but inaccurate: it shifts positions by hundredths of a pixel.
 void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "idct-method"))
     gst_util_set_object_arg(G_OBJECT(element), "idct-method", "islow");
@@ -164,7 +164,7 @@ class Pipeline {
             .c_str(),
         &error);
     if (error || !uri) {
-      const std::string reason = error ? error->message : "is no path";
+      const std::string reason = error ? error->message : "is not a path";
       g_clear_error(&error);
       g_free(uri);
       if (made) gst_object_unref(made);
@@ -183,8 +183,8 @@ class Pipeline {
     if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   }
 
-  // False at the end. An error ends a stream, too: what came before it is good.
-  bool next(const std::function<bool(const VideoPicture&)>& use) {
+  // Returns false at the end. An error counts as the end, because frames before it are valid.
+  bool next(const std::function<bool(const VideoFrame&)>& use) {
     GstSample* sample = nullptr;
     while (!sample) {
       sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 100 * GST_MSECOND);
@@ -192,7 +192,7 @@ class Pipeline {
       if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return ended();
       GstBus* bus = gst_element_get_bus(pipeline_.get());
       GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-      if (message) gst_bus_post(bus, message);  // for reason_of()
+      if (message) gst_bus_post(bus, message);  // reason_of() reads it again
       gst_object_unref(bus);
       if (message) return ended();
     }
@@ -202,7 +202,7 @@ class Pipeline {
     GstBuffer* buffer = gst_sample_get_buffer(sample);
     if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample)) ||
         !gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ))
-      throw lf::Error(place_ + ": a picture can't be read");
+      throw lf::Error(place_ + ": a frame can't be read");
     const GstClockTime time =
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     bool more = true;
@@ -237,19 +237,19 @@ class Pipeline {
 
 }  // namespace
 
-void for_each_picture(const std::string& path_or_uri, VideoFormat format,
-                      const std::function<bool(const VideoPicture&)>& use) {
+void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
+                          const std::function<bool(const VideoFrame&)>& use) {
   Pipeline pipeline(path_or_uri, format);
   while (pipeline.next(use)) {
   }
 }
 
-double length_of_video(const std::string& path_or_uri) {
+double video_duration(const std::string& path_or_uri) {
   try {
     Pipeline pipeline(path_or_uri, VideoFormat::kGrey);
     double length = 0;
-    // It is known once the first picture is there.
-    pipeline.next([&](const VideoPicture&) {
+    // The duration is known after the first frame.
+    pipeline.next([&](const VideoFrame&) {
       length = pipeline.length();
       return false;
     });
@@ -261,23 +261,23 @@ double length_of_video(const std::string& path_or_uri) {
 
 namespace {
 
-struct Watched {
-  lf::LightSights::Camera sights;
-  lf::LightRecord record;
+struct VideoScan {
+  lf::LightDetections::Camera sights;
+  lf::LightDetectorStats record;
   std::string trouble;  // why there is no recording
 };
 
-Watched watch(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera,
-              const std::function<void(double)>& progress) {
-  Watched watched;
+VideoScan watch(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera,
+                const std::function<void(double)>& progress) {
+  VideoScan watched;
   watched.sights = {camera.id, camera.width, camera.height, {}};
   try {
     lf::LightDetector detector(camera.width, camera.height);
-    for_each_picture(recording_of(folder, rig, camera), VideoFormat::kGrey, [&](const VideoPicture& picture) {
+    for_each_video_frame(find_recording(folder, rig, camera), VideoFormat::kGrey, [&](const VideoFrame& picture) {
       if (picture.width != camera.width || picture.height != camera.height)
-        throw lf::Error("its pictures are " + lf::size_text(picture.width, picture.height) + ", the rig has it as " +
+        throw lf::Error("its frames are " + lf::size_text(picture.width, picture.height) + ", in the rig it has " +
                         lf::size_text(camera.width, camera.height));
-      // Stamps that stand still, or go back, are of a damaged recording.
+      // Stamps that do not increase indicate a damaged recording.
       auto& frames = watched.sights.frames;
       if (frames.empty() || picture.time > frames.back().time)
         frames.push_back({picture.time, detector.look(picture.samples, picture.stride)});
@@ -306,9 +306,9 @@ std::vector<std::string> LightRecordings::troubles(const lf::Rig& rig) const {
   return all;
 }
 
-LightRecordings watch_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads) {
+LightRecordings detect_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads) {
   check_folder(folder);
-  std::vector<Watched> all(rig.cameras.size());
+  std::vector<VideoScan> all(rig.cameras.size());
   constexpr int kSteps = 100;
   Progress progress_bar("looking for lights", kSteps * rig.cameras.size());
   std::mutex mutex;
@@ -324,7 +324,7 @@ LightRecordings watch_lights(const lf::Rig& rig, const std::string& folder, bool
   progress_bar.finish();
   LightRecordings result;
   result.sights.bar = bar;
-  for (const Watched& watched : all) {
+  for (const VideoScan& watched : all) {
     LightRecordings::Camera& camera = result.cameras.emplace_back();
     camera.record = watched.record;
     camera.summary = lf::summarize_lights(watched.sights, watched.record);

@@ -11,61 +11,60 @@
 #include "calibration/tracks.h"
 #include "rig/rig.h"
 
-// Recordings of a folder are files NAME.*, NAME being the camera's. Their content decides what they are, not the ending
-// of their names: cameras and recorders leave thumbnails, time codes, subtitles and sound beside their films. A file of
-// several JPEG pictures is a film. gst_init() must have been called.
+// Recordings in a folder are files NAME.*, with the name of the camera. The file type is determined from the content,
+// not from the extension, because recorders leave thumbnails, time codes, subtitles and audio beside videos. A file
+// with several JPEG images is a video. All functions require gst_init().
 
-// The path of a camera's film in `folder` or, where that is empty, the file that is its source in the rig. Throws
-// lf::Error that says what to do where there is none, or two.
-std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera);
+// Returns the path of a camera's video in `folder`, or the rig's source file if `folder` is empty. Throws lf::Error if
+// there is no video, or more than one.
+std::string find_recording(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera);
 
-// `rig` with the films in `folder` as sources and the stills as images. A camera without one has neither. Throws
-// lf::Error where a camera has two films, or no film and two stills.
-lf::Rig recorded_in(const std::string& folder, lf::Rig rig);
+// Returns `rig` with the videos in `folder` as sources and the stills as images; other sources and images are removed.
+// Throws lf::Error if a camera has two videos, or two stills and no video.
+lf::Rig with_recordings(const std::string& folder, lf::Rig rig);
 
-// The pictures of a board that a camera took: all stills in the folder NAME of `folder`, in natural order, or else the
-// URI of the film NAME.* as the only element, or nothing. Throws lf::Error where there are two films.
-std::vector<std::string> boards_in(const std::string& folder, const lf::Camera& camera);
+// Returns a camera's images of a board: all stills in the subfolder NAME of `folder`, in natural order. Without that
+// subfolder, returns the URI of the video NAME.*, or nothing. Throws lf::Error if there are two videos.
+std::vector<std::string> board_images(const std::string& folder, const lf::Camera& camera);
 
-// Throws lf::Error where `folder` is not empty and no folder.
+// Throws lf::Error if `folder` is neither empty nor a folder.
 void check_folder(const std::string& folder);
 
 enum class VideoFormat { kGrey, kRgb };
 
-// A picture of a video: 8 bits of brightness a pixel, or of R, G and B.
-struct VideoPicture {
-  const uint8_t* samples;  // valid until the next picture
-  ptrdiff_t stride;        // bytes from row to row
+// A video frame: 8 bits of luma, or of R, G and B, per pixel.
+struct VideoFrame {
+  const uint8_t* samples;  // valid during the callback
+  ptrdiff_t stride;        // bytes per row
   int width, height;
-  double time;      // stamp of the picture in the video, seconds
-  double progress;  // share of the video that has passed, as far as its length is known; else 0
+  double time;      // stream time, seconds
+  double progress;  // played share of the video; 0 if the duration is unknown
 };
 
-// Hands all pictures of a file or GStreamer URI to `use` until that returns false or the video ends. gst_init() must
-// have been called. Throws lf::Error where there is no video; one that breaks off has ended.
-void for_each_picture(const std::string& path_or_uri, VideoFormat format,
-                      const std::function<bool(const VideoPicture&)>& use);
+// Calls `use` for all frames of a file or GStreamer URI, until it returns false or the video ends. An error after the
+// first frame counts as the end. Throws lf::Error if there is no video.
+void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
+                          const std::function<bool(const VideoFrame&)>& use);
 
-// Seconds; 0 where it is not known: of what is live, or no video at all.
-double length_of_video(const std::string& path_or_uri);
+// Returns the duration in seconds, or 0 if it is unknown (live sources, no video).
+double video_duration(const std::string& path_or_uri);
 
-// What recordings of a moving light show, of each camera of a rig.
+// Detected lights in the recordings of a rig's cameras.
 struct LightRecordings {
   struct Camera {
-    lf::LightRecord record;
+    lf::LightDetectorStats record;
     lf::LightSummary summary;
-    std::string trouble;  // why the recording is of no use, and what to do about it; "": it is of use
+    std::string trouble;  // why the recording is unusable, and the remedy; "": usable
   };
-  lf::LightSights sights;
+  lf::LightDetections sights;
   std::vector<Camera> cameras;
-  std::vector<lf::Finding> findings;  // findings about all recordings together
+  std::vector<lf::Finding> findings;  // about all recordings together
 
   size_t useful() const;
-  // "camera 3 (cam_00_03) is black from ...", of each that is of no use.
+  // Returns for example "camera 3 (cam_00_03) is black from ...", for each unusable recording.
   std::vector<std::string> troubles(const lf::Rig& rig) const;
 };
 
-// Looks through the recordings in `folder` (recording_of()), `threads` at a time, with a progress bar. gst_init() must
-// have been called. Throws lf::Error where there is no such folder; recordings that are of no use are said in
-// `cameras`.
-LightRecordings watch_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads);
+// Detects lights in the recordings in `folder` (see find_recording()), `threads` at a time, with a progress bar. Throws
+// lf::Error if the folder does not exist. Unusable recordings are reported in `cameras`.
+LightRecordings detect_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads);

@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kNinetyFive = 2.7955;  // sigmas: 95 % of normal vectors of three dimensions are within
+constexpr double kNinetyFive = 2.7955;  // radius, in sigmas, of a sphere with 95 % of a 3D normal distribution
 
 std::optional<double> number(const json& object, const char* key) {
   return object.contains(key) && object[key].is_number() ? std::optional(object[key].get<double>()) : std::nullopt;
@@ -51,8 +51,7 @@ void ReportData::add(const json& report, const std::string& name) {
     else if (format == "lightfield-check")
       add_check(report);
     else
-      throw lf::Error(name +
-                      ": is no report of lf-calibrate: give what --json of track, solve, colour and check wrote");
+      throw lf::Error(name + ": is no report of lf-calibrate: give the --json files of track, solve, colour and check");
     for (const json& finding : report.at("findings"))
       findings.push_back({finding.at("severity"), finding.at("code"), finding.at("text")});
   } catch (const json::exception& e) {
@@ -110,7 +109,7 @@ void ReportData::add_solve(const json& report) {
   for (const json& value : report.at("cameras")) {
     Camera& one = camera(value);
     one.width = value.at("width"), one.height = value.at("height");
-    Camera::Solved& solved = one.solved.emplace();
+    Camera::SolveResult& solved = one.solved.emplace();
     solved.found = value.at("found");
     solved.observations = value.at("observations");
     solved.outliers = value.at("outliers");
@@ -133,20 +132,20 @@ void ReportData::add_colour(const json& report) {
     return Colour::Row{what, differences.at("median"), differences.at("p95"), chosen};
   };
   c.from = report.at("from").get<std::string>();
-  c.before = row("as they are", report.at("before"), false);
+  c.before = row("uncorrected", report.at("before"), false);
   c.after = row("corrected", report.at("after"), true);
   c.rows.push_back(c.before);
   for (const json& trial : report.at("trials"))
     c.rows.push_back(row(trial.at("terms"), trial.at("held_out"), trial.at("terms") == report.at("terms")));
   for (const json& value : report.at("cameras"))
-    camera(value).coloured = Camera::Coloured{value.at("corrected"), value.at("stuck"), value.at("gain"),
-                                              value.at("rms"), value.at("clipped")};
+    camera(value).coloured = Camera::ColourResult{value.at("corrected"), value.at("stuck"), value.at("gain"),
+                                                  value.at("rms"), value.at("clipped")};
 }
 
 void ReportData::add_check(const json& report) {
   check = Check{report.at("holds"), report.at("from"), number(report, "residual_px")};
   for (const json& value : report.at("cameras"))
-    camera(value).checked = Camera::Checked{value.at("state"), number(value, "shift_px").value_or(0)};
+    camera(value).checked = Camera::CheckResult{value.at("state"), number(value, "shift_px").value_or(0)};
 }
 
 namespace {
@@ -154,19 +153,19 @@ namespace {
 using lf::format_text;
 using Grade = ReportVerdict::Grade;
 
-constexpr double kLeastCoverage = 0.5;              // share of a picture
-constexpr double kLargeResidual = 2.5;              // times the median camera's,
-constexpr double kSmall = 0.1;                      // pixels: below, a residual is no matter
+constexpr double kMinCoverageShare = 0.5;           // share of the image
+constexpr double kLargeResidual = 2.5;              // relative to the median camera,
+constexpr double kSmall = 0.1;                      // pixels; smaller residuals are not reported
 constexpr double kManyOutliers = 0.2;               // share of a camera's observations
-constexpr double kLargeEllipsoid = 3;               // times the median camera's
-constexpr double kColourOff = 2, kColourLarge = 2;  // levels of 255; times the median camera's
-constexpr size_t kMostNext = 8;
+constexpr double kLargeEllipsoid = 3;               // relative to the median camera
+constexpr double kColourOff = 2, kColourLarge = 2;  // levels, 0..255; relative to the median camera
+constexpr size_t kMaxAdvice = 8;
 
-struct Usual {
-  double rms = 0, ellipsoid = 0, colour = 0;  // medians of all cameras
+struct TypicalErrors {
+  double rms = 0, ellipsoid = 0, colour = 0;  // medians over all cameras
 };
 
-Usual usual_of(const ReportData& data) {
+TypicalErrors typical_errors(const ReportData& data) {
   std::vector<double> rms, ellipsoids, colours;
   for (const ReportData::Camera& camera : data.cameras) {
     if (camera.solved && camera.solved->found) rms.push_back(camera.solved->rms_px);
@@ -177,16 +176,16 @@ Usual usual_of(const ReportData& data) {
   return {middle(rms), middle(ellipsoids), middle(colours)};
 }
 
-class CameraJudge {
+class CameraGrader {
  public:
-  CameraJudge(const ReportData& data, const ReportData::Camera& camera, const Usual& usual)
+  CameraGrader(const ReportData& data, const ReportData::Camera& camera, const TypicalErrors& usual)
       : data_(data), camera_(camera), usual_(usual) {}
 
   ReportVerdict::Camera run() {
     if (!camera_.trouble.empty()) say(Grade::kBad, camera_.trouble);
     for (const ReportData::Finding& finding : data_.findings_of(camera_.id))
       if (finding.severity != "note") {
-        // Colours alone end no calibration, but these cameras spoil pictures.
+        // Colour problems do not invalidate a calibration, but these cameras spoil rendered views.
         const bool spoils = finding.code == "stuck-exposure" || finding.code == "black-camera";
         say(finding.severity == "error" || spoils ? Grade::kBad : Grade::kFair, finding.text);
       }
@@ -201,7 +200,7 @@ class CameraJudge {
   }
 
  private:
-  // Reasons stand beside the camera's name.
+  // Removes the camera's name, which the page shows beside the reason.
   void say(Grade grade, std::string what) {
     verdict_.grade = std::max(verdict_.grade, grade);
     const std::string name = "camera " + std::to_string(camera_.id);
@@ -215,47 +214,46 @@ class CameraJudge {
     said_.emplace_back(grade, what);
   }
 
-  void geometry(const ReportData::Camera::Solved& solved) {
+  void geometry(const ReportData::Camera::SolveResult& solved) {
     if (!solved.found) {
-      if (verdict_.grade != Grade::kBad) say(Grade::kBad, "is not in the rig: its recording fits nowhere");
+      if (verdict_.grade != Grade::kBad) say(Grade::kBad, "is not in the rig: it could not be placed");
       return;
     }
     if (solved.rms_px > kSmall && solved.rms_px > kLargeResidual * usual_.rms)
-      say(Grade::kFair,
-          format_text("residuals of %.2f px, %.1f times most others': did it move, or is its focus automatic?",
-                      solved.rms_px, solved.rms_px / usual_.rms));
+      say(Grade::kFair, format_text("residuals of %.2f px, %.1f times the median: did it move, or is autofocus on?",
+                                    solved.rms_px, solved.rms_px / usual_.rms));
     if (solved.outliers > kManyOutliers * solved.observations)
-      say(Grade::kFair, format_text("%.0f %% of what it saw does not fit",
+      say(Grade::kFair, format_text("%.0f %% of its observations are outliers",
                                     100 * solved.outliers / std::max(1.0, solved.observations)));
-    if (const auto covered = camera_.covered(); covered && *covered < kLeastCoverage)
+    if (const auto covered = camera_.covered(); covered && *covered < kMinCoverageShare)
       say(Grade::kFair,
-          format_text("the light came to %.0f %% of its picture: its lens is guessed in the rest", 100 * *covered));
+          format_text("the light covered %.0f %% of the image: its lens is extrapolated elsewhere", 100 * *covered));
     if (const auto size = camera_.ellipsoid();
         size && *size > kLargeEllipsoid * usual_.ellipsoid && usual_.ellipsoid > 0)
-      say(Grade::kFair, format_text("its place is known to %.1f mm, that of most others to %.1f", 1e3 * *size,
+      say(Grade::kFair, format_text("its position is uncertain by %.1f mm (median camera: %.1f mm)", 1e3 * *size,
                                     1e3 * usual_.ellipsoid));
   }
 
-  void colour(const ReportData::Camera::Coloured& coloured) {
+  void colour(const ReportData::Camera::ColourResult& coloured) {
     if (coloured.stuck && verdict_.grade != Grade::kBad)
-      say(Grade::kBad, format_text("its exposure is stuck: %.0f %% as bright as most others", 100 * coloured.gain));
+      say(Grade::kBad, format_text("its exposure is stuck: %.0f %% of the median brightness", 100 * coloured.gain));
     else if (!coloured.stuck && !coloured.corrected)
-      say(Grade::kFair, "its colours are not corrected: too little was seen of the chart, or in common with others");
+      say(Grade::kFair, "its colours are not corrected: it saw too little of the chart, or overlaps too little");
     else if (!coloured.stuck && coloured.rms > kColourOff && coloured.rms > kColourLarge * usual_.colour)
-      say(Grade::kFair, format_text("its colours stay %.1f of 255 off the others'", coloured.rms));
+      say(Grade::kFair, format_text("its colours differ from other cameras by %.1f of 255", coloured.rms));
   }
 
-  void check(const ReportData::Camera::Checked& checked) {
+  void check(const ReportData::Camera::CheckResult& checked) {
     if (verdict_.grade == Grade::kBad || checked.state == "holds") return;
     if (checked.state == "moved" || checked.state == "lens")
-      say(Grade::kBad, format_text("its picture has moved by %.1f pixels since", checked.shift_px));
+      say(Grade::kBad, format_text("its image has moved by %.1f pixels since calibration", checked.shift_px));
     else if (checked.state == "unknown" && said_.empty())
-      say(Grade::kFair, "nothing tells whether it still is where it was");
+      say(Grade::kFair, "it could not be checked");
   }
 
   const ReportData& data_;
   const ReportData::Camera& camera_;
-  const Usual& usual_;
+  const TypicalErrors& usual_;
   ReportVerdict::Camera verdict_;
   std::vector<std::pair<Grade, std::string>> said_;
 };
@@ -267,10 +265,10 @@ std::string headline_of(const ReportData& data, const ReportVerdict& verdict) {
   const size_t all = verdict.cameras.size();
   const auto count = [](size_t n) { return std::to_string(n) + (n == 1 ? " camera" : " cameras"); };
   if (data.check && !data.check->holds) return data.solve ? "The rig no longer holds" : "The rig does not hold";
-  if (bad > 0) return count(bad) + " of " + std::to_string(all) + (bad == 1 ? " needs" : " need") + " you";
+  if (bad > 0) return count(bad) + " of " + std::to_string(all) + (bad == 1 ? " needs" : " need") + " attention";
   if (verdict.grade == Grade::kBad) return "The calibration can't be trusted yet";
   if (fair > 0) return "Fit for use; " + count(fair) + " of " + std::to_string(all) + " could be better";
-  if (verdict.grade == Grade::kFair) return "Fit for use; a better recording would make it firmer";
+  if (verdict.grade == Grade::kFair) return "Fit for use; a better recording would reduce the uncertainty";
   if (data.check && !data.solve) return "The rig holds";
   return "All " + count(all) + (all == 1 ? " is good" : " are good");
 }
@@ -279,16 +277,16 @@ std::string headline_of(const ReportData& data, const ReportVerdict& verdict) {
 
 const char* name_of(Grade grade) { return grade == Grade::kGood ? "good" : grade == Grade::kFair ? "fair" : "bad"; }
 
-ReportVerdict judge(const ReportData& data) {
+ReportVerdict grade_calibration(const ReportData& data) {
   ReportVerdict verdict;
-  const Usual usual = usual_of(data);
+  const TypicalErrors usual = typical_errors(data);
   std::set<std::string> said, of_cameras;
   for (const ReportData::Camera& camera : data.cameras) {
-    verdict.cameras.push_back(CameraJudge(data, camera, usual).run());
+    verdict.cameras.push_back(CameraGrader(data, camera, usual).run());
     for (const ReportData::Finding& finding : data.findings_of(camera.id)) of_cameras.insert(finding.text);
   }
   const auto add = [&](const std::string& what) {
-    if (verdict.next.size() < kMostNext && said.insert(what).second) verdict.next.push_back(what);
+    if (verdict.next.size() < kMaxAdvice && said.insert(what).second) verdict.next.push_back(what);
   };
   const auto add_cameras = [&](Grade grade) {
     for (size_t i = 0; i < data.cameras.size(); i++) {
@@ -299,10 +297,10 @@ ReportVerdict judge(const ReportData& data) {
     }
   };
   add_cameras(Grade::kBad);
-  // What is wrong with all of them together.
+  // Problems of all cameras together.
   for (const char* severity : {"error", "warning"})
     for (const ReportData::Finding& finding : data.findings) {
-      // That there was nothing to correct is no fault.
+      // "no-gain" means that cameras already agree.
       if (finding.severity != severity || finding.code == "no-gain" || of_cameras.contains(finding.text)) continue;
       verdict.grade = std::max(verdict.grade, finding.severity == "error" ? Grade::kBad : Grade::kFair);
       add(finding.text);

@@ -9,7 +9,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-// What the steps of a calibration said (the files of their --json), brought together camera by camera.
+// Results of all calibration steps (their --json files), merged by camera.
 struct ReportData {
   struct Finding {
     std::string severity, code, text;  // error, warning or note
@@ -18,34 +18,34 @@ struct ReportData {
     uint32_t id = 0;
     std::string name;
     int width = 0, height = 0;
-    std::string trouble;               // what is wrong with the camera's recording, by `track`; "": nothing
-    std::vector<std::string> remarks;  // remarks of `track` on the recording
-    struct Solved {
+    std::string trouble;               // problem of the camera's recording, from `track`; "": none
+    std::vector<std::string> remarks;  // from `track`
+    struct SolveResult {
       bool found = false;
       double observations = 0, outliers = 0, rms_px = 0;
-      std::vector<double> coverage;                       // counts, row by row
+      std::vector<double> coverage;                       // counts, row-major
       std::vector<std::array<double, 4>> residuals;       // x, y, dx, dy
       std::optional<std::array<double, 3>> position;      // metres
       std::array<std::array<double, 3>, 3> covariance{};  // square metres
       std::optional<double> offset_ms, offset_sigma_ms;
       double reflections = 0;
     };
-    std::optional<Solved> solved;
-    struct Coloured {
+    std::optional<SolveResult> solved;
+    struct ColourResult {
       bool corrected = false, stuck = false;
       double gain = 1, rms = 0, clipped = 0;
     };
-    std::optional<Coloured> coloured;
-    struct Checked {
+    std::optional<ColourResult> coloured;
+    struct CheckResult {
       std::string state;  // holds, moved, lens, colour, picture, unknown
       double shift_px = 0;
     };
-    std::optional<Checked> checked;
+    std::optional<CheckResult> checked;
 
     std::string title() const { return name.empty() ? std::to_string(id) : std::to_string(id) + " " + name; }
-    // Share of the picture's parts that the light came to; nothing where that is not known.
+    // Returns the share of image cells that the light visited; nullopt if unknown.
     std::optional<double> covered() const;
-    // Metres: the longest half axis of the ellipsoid that the camera is in with 95 %.
+    // Returns the longest semi-axis of the 95 % confidence ellipsoid of the position, metres.
     std::optional<double> ellipsoid() const;
   };
   struct Solve {
@@ -66,7 +66,7 @@ struct ReportData {
     std::vector<Depth> projection;
     struct Mode {
       std::string text;
-      double share = 0;  // part of the uncertainty that is worth a better recording
+      double share = 0;  // sigma relative to the limit above which a better recording is recommended
       bool soft = false;
     };
     std::vector<Mode> modes;
@@ -78,7 +78,7 @@ struct ReportData {
       bool chosen = false;
     };
     std::string from;
-    std::vector<Row> rows;  // differences of cameras as they are, then with each set of terms that was tried
+    std::vector<Row> rows;  // differences between cameras: uncorrected, then for each tested set of terms
     Row before, after;
   };
   struct Check {
@@ -87,16 +87,16 @@ struct ReportData {
     std::optional<double> residual_px;
   };
 
-  std::vector<Camera> cameras;  // the cameras, by id
+  std::vector<Camera> cameras;  // by id
   std::vector<Finding> findings;
   std::optional<Solve> solve;
   std::optional<Colour> colour;
   std::optional<Check> check;
 
-  // Adds what `report` says, the contents of the file `name`. Throws lf::Error naming the file where it is no report of
-  // lf-calibrate, or a damaged one.
+  // Adds a report, parsed from the file `name`. Throws lf::Error with the file name if it is not a report of
+  // lf-calibrate, or damaged.
   void add(const nlohmann::json& report, const std::string& name);
-  // The findings that name the camera.
+  // Returns the findings that name the camera.
   std::vector<Finding> findings_of(uint32_t camera) const;
 
  private:
@@ -107,19 +107,19 @@ struct ReportData {
   void add_check(const nlohmann::json& report);
 };
 
-// What a calibration is worth, camera by camera, and what to do next.
+// Assessment of a calibration, per camera and overall, with recommendations.
 struct ReportVerdict {
   enum class Grade { kGood, kFair, kBad };
   struct Camera {
     Grade grade = Grade::kGood;
-    std::vector<std::string> reasons;  // worst first; none for a good one
+    std::vector<std::string> reasons;  // worst first; empty for good cameras
   };
-  Grade grade = Grade::kGood;     // grade of the whole calibration
-  std::string headline;           // the verdict in one line
-  std::vector<Camera> cameras;    // one for each camera of the data
-  std::vector<std::string> next;  // what to do, most needed first
+  Grade grade = Grade::kGood;     // of the whole calibration
+  std::string headline;           // verdict in one line
+  std::vector<Camera> cameras;    // one per camera of the data
+  std::vector<std::string> next;  // recommendations, most important first
 };
 
-ReportVerdict judge(const ReportData& data);
+ReportVerdict grade_calibration(const ReportData& data);
 
 const char* name_of(ReportVerdict::Grade grade);  // "good", "fair", "bad"

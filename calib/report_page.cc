@@ -29,7 +29,7 @@ std::string line(double x0, double y0, double x1, double y1, const char* kind) {
   return format_text("<path d=\"M%.1f %.1fL%.1f %.1f\" class=\"%s\"/>", x0, y0, x1, y1, kind);
 }
 
-// Steps of 1, 2 or 5 times a power of ten, some `count` of them to `most`.
+// Returns 1, 2 or 5 times a power of ten, for about `count` steps up to `most`.
 double tick_step(double most, int count) {
   const double raw = most / count, power = std::pow(10, std::floor(std::log10(raw)));
   for (const double factor : {1.0, 2.0, 5.0})
@@ -37,14 +37,14 @@ double tick_step(double most, int count) {
   return 10 * power;
 }
 
-// 1, 2 or 5 times a power of ten, not more than `most`.
+// Returns 1, 2 or 5 times a power of ten, at most `most`.
 double round_down(double most) {
   if (!(most > 0) || !std::isfinite(most)) return 1;
   const double power = std::pow(10, std::floor(std::log10(most)));
   return (most >= 5 * power ? 5 : most >= 2 * power ? 2 : 1) * power;
 }
 
-// Where values go on a vertical axis, with its lines and numbers.
+// A vertical axis with grid lines and labels.
 struct Axis {
   double least = 0, most = 1, top = 0, bottom = 1;
   double at(double value) const { return bottom - (value - least) / (most - least) * (bottom - top); }
@@ -81,7 +81,7 @@ std::string short_number(double value) {
   if (size == 0) return "0";
   if (size >= 99.95) return format_text("%.0f", value);
   if (size < 1e-4) return format_text("%.1e", value);
-  // %g, without its trailing powers for what is small.
+  // Like %.3g, but without exponents for small numbers.
   const int decimals = std::max(0, 2 - static_cast<int>(std::floor(std::log10(size))));
   std::string out = format_text("%.*f", decimals, value);
   if (out.find('.') != std::string::npos) {
@@ -135,13 +135,13 @@ std::string camera_chart(const CameraChart& chart) {
 }
 
 std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool from_above) {
-  const size_t down = from_above ? 2 : 1;  // of x, y, z
+  const size_t down = from_above ? 2 : 1;  // index into x, y, z
   double least[2] = {1e30, 1e30}, most[2] = {-1e30, -1e30}, largest = 0;
   std::vector<std::pair<double, double>> places;
   for (const ReportData::Camera& camera : data.cameras) {
     if (!camera.solved || !camera.solved->position) continue;
     const auto& p = *camera.solved->position;
-    // From above what lies ahead is up.
+    // Seen from above, forward is up.
     const double place[2] = {p[0], from_above ? -p[down] : p[down]};
     for (int k = 0; k < 2; k++) least[k] = std::min(least[k], place[k]), most[k] = std::max(most[k], place[k]);
     places.emplace_back(place[0], place[1]);
@@ -167,7 +167,7 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
     const auto& p = *camera.solved->position;
     const double x = (p[0] - least[0] + margin) * scale;
     const double y = ((from_above ? -p[down] : p[down]) - middle_y) * scale + (height - 30) / 2;
-    // The shadow of the ellipsoid on this plane, from its covariance.
+    // Projection of the ellipsoid onto this plane.
     const double a = camera.solved->covariance[0][0], c = camera.solved->covariance[down][down];
     const double b = camera.solved->covariance[0][down] * (from_above ? -1 : 1);
     const double mean = (a + c) / 2, apart = std::hypot((a - c) / 2, b);
@@ -187,7 +187,7 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
   out += line(8, height - 8, 8 + bar * scale, height - 8, "mark");
   out += label(14 + bar * scale, height - 4,
                (bar >= 1 ? short_number(bar) + " m" : short_number(1e3 * bar) + " mm") + "; ellipsoids " +
-                   short_number(enlarged) + " times as large",
+                   short_number(enlarged) + " times enlarged",
                "start", "dim");
   return svg(520, height, from_above ? "The cameras from above" : "The cameras from the front", out);
 }
@@ -237,7 +237,7 @@ std::string residual_field(const ReportData& data, double enlarged) {
       const int column = std::clamp(static_cast<int>((x + 0.5) * kColumns / camera.width), 0, kColumns - 1);
       const int row = std::clamp(static_cast<int>((y + 0.5) * kRows / camera.height), 0, kRows - 1);
       Part& part = parts[static_cast<size_t>(row * kColumns + column)];
-      // As shares of the picture's width, so that cameras of other sizes count alike.
+      // Relative to the image width, so that cameras of different resolutions are comparable.
       part.dx += dx / camera.width, part.dy += dy / camera.width, part.squares += dx * dx + dy * dy, part.count++;
     }
   }
@@ -270,7 +270,7 @@ std::string projection_chart(const ReportData::Solve& solve) {
   const double from = across(solve.near_m), to = across(solve.far_m);
   std::string out = format_text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"band\"/>", from,
                                 axis.top, to - from, axis.bottom - axis.top) +
-                    label((from + to) / 2, axis.top - 8, "where lights were", "middle", "dim") +
+                    label((from + to) / 2, axis.top - 8, "light positions", "middle", "dim") +
                     axis.draw(left, right, "px");
   std::string middle, worst;
   for (const auto& depth : solve.projection) {
@@ -290,11 +290,11 @@ std::string projection_chart(const ReportData::Solve& solve) {
     }
   const auto& end = solve.projection.back();
   out += label(right, axis.at(end.worst_px) - 6, "worst camera", "end", "dim") +
-         label(right, axis.at(end.median_px) + 15, "most cameras", "end", "line-text");
-  return svg(width, 242, "Projection uncertainty by depth", out);
+         label(right, axis.at(end.median_px) + 15, "median camera", "end", "line-text");
+  return svg(width, 242, "Predicted reprojection error over depth", out);
 }
 
-std::string share_bar(double share, bool soft) {
+std::string percentage_bar(double share, bool soft) {
   const double length = 100 * std::min(1.0, share / 2);
   return "<span class=\"share\"><span class=\"" + std::string(soft ? "fair" : "good") +
          format_text("\" style=\"width:%.0f%%\"></span></span>", std::max(1.0, length));
@@ -304,8 +304,7 @@ std::string share_bar(double share, bool soft) {
 
 namespace {
 
-// The style sheet of report_page(): light or dark as the reader's system is, one column on phones, for print without
-// colours behind text.
+// Style sheet of report_page(): follows the system's light or dark mode, one column on phones, no backgrounds in print.
 constexpr char kReportStyle[] = R"css(
 :root { color-scheme: light dark; --bg: #fff; --fg: #1d2024; --dim: #5d6672; --line: #d9dee5; --card: #f5f7f9;
   --accent: #1a64b8; --good: #1b7f4b; --fair: #a15c00; --bad: #c0282d; --paper: #e9edf1; }
@@ -385,7 +384,7 @@ using plots::escaped;
 using plots::short_number;
 using Grade = ReportVerdict::Grade;
 
-constexpr size_t kMostRows = 16;  // of cameras that are good, before they are folded away
+constexpr size_t kMaxRows = 16;  // number of good cameras shown without folding
 
 class Page {
  public:
@@ -433,16 +432,17 @@ class Page {
       const auto found =
           std::ranges::count_if(data_.cameras, [](const ReportData::Camera& c) { return c.solved && c.solved->found; });
       fact(std::to_string(found) + " of " + std::to_string(data_.cameras.size()), "cameras placed");
-      fact(short_number(data_.solve->rms_px) + " px", "of residuals");
+      fact(short_number(data_.solve->rms_px) + " px", "RMS residual");
       std::vector<double> sizes;
       for (const ReportData::Camera& camera : data_.cameras)
         if (const auto size = camera.ellipsoid()) sizes.push_back(*size);
       if (!sizes.empty())
-        fact(short_number(1e3 * *std::ranges::max_element(sizes)) + " mm", "within which every camera is, 95 %");
+        fact(short_number(1e3 * *std::ranges::max_element(sizes)) + " mm",
+             "95 % uncertainty of the worst camera position");
     }
     if (data_.colour)
       fact(short_number(data_.colour->before.median) + " \xe2\x86\x92 " + short_number(data_.colour->after.median),
-           "of 255 between cameras' colours");
+           "of 255, colour difference between cameras");
     if (data_.check) fact(data_.check->holds ? "holds" : "does not hold", "by the latest check");
     out_ += "</ul>";
   }
@@ -452,9 +452,9 @@ class Page {
     for (const std::string& step : verdict_.next) out_ += "<li>" + escaped(step) + "</li>";
     if (verdict_.next.empty())
       out_ +=
-          "<li>Look at it: <code>lf-serve --rig RIG --watch</code>, and, for figures, <code>lf-rig snapshot RIG --out "
-          "STILLS</code> and <code>lf-bench --rig STILLS/rig.json</code>.</li>"
-          "<li>Whenever somebody has touched the cameras: <code>lf-calibrate check</code>.</li>";
+          "<li>View the light field: <code>lf-serve --rig RIG --watch</code>. Measure it: <code>lf-rig snapshot RIG "
+          "--out STILLS</code>, then <code>lf-bench --rig STILLS/rig.json</code>.</li>"
+          "<li>After the cameras may have moved: <code>lf-calibrate check</code>.</li>";
     out_ += "</ol>";
   }
 
@@ -492,11 +492,11 @@ class Page {
 
   void cameras() {
     section("Cameras",
-            "Residual: root of the mean square of what fits. Coverage: share of the picture that the light "
-            "came to. Place: half axis of the ellipsoid that holds the camera with 95 %.");
+            "Residual: RMS reprojection error of the inliers. Coverage: share of the image that the light "
+            "covered. Position: longest semi-axis of the 95 % confidence ellipsoid.");
     std::string head = "<thead><tr><th>camera</th><th class=\"words\">verdict</th>";
     if (data_.solve)
-      head += "<th>residual, px</th><th>outliers</th><th>coverage</th><th>place, mm</th><th>clock, ms</th>";
+      head += "<th>residual, px</th><th>outliers</th><th>coverage</th><th>position, mm</th><th>clock, ms</th>";
     if (data_.colour) head += "<th>colour, of 255</th>";
     if (data_.check) head += "<th>moved, px</th>";
     head += "</tr></thead>";
@@ -510,7 +510,7 @@ class Page {
     const auto table = [&](const std::string& rows) {
       return "<div class=\"scroll\"><table>" + head + "<tbody>" + rows + "</tbody></table></div>";
     };
-    if (num_good <= kMostRows) {
+    if (num_good <= kMaxRows) {
       out_ += table(other + good);
     } else {
       if (!other.empty()) out_ += table(other);
@@ -519,7 +519,7 @@ class Page {
     }
   }
 
-  // One bar or dot for each camera.
+  // Returns a chart with one bar or dot per camera.
   template <class Value>
   plots::CameraChart chart(const std::string& label, const std::string& unit, const Value& value) const {
     plots::CameraChart chart;
@@ -534,18 +534,18 @@ class Page {
 
   void residuals(const ReportData::Solve& solve) {
     section("Residuals",
-            "How far lights are from where the calibrated cameras should see them. What looks like a swirl or "
-            "a star in all pictures is a lens that is not understood; what is large in one camera is that "
+            "Reprojection errors of the lights. A swirl or a star in all images indicates an unsuitable lens "
+            "model; large residuals in one camera indicate a problem of that "
             "camera.");
     out_ += "<div class=\"grid\">";
     auto bars = chart("Residuals of each camera", "px", [](const ReportData::Camera& c) {
       return c.solved && c.solved->found ? std::optional(c.solved->rms_px) : std::nullopt;
     });
-    bars.lines.push_back({solve.expected_px, "what noise alone would leave"});
-    card("Of each camera", plots::camera_chart(bars));
+    bars.lines.push_back({solve.expected_px, "expected from noise"});
+    card("Per camera", plots::camera_chart(bars));
     const double enlarged = plots::residual_enlargement(data_);
-    card("Over the picture, all cameras", plots::residual_field(data_, 4 * enlarged),
-         "Means, " + short_number(4 * enlarged) + " times as long; the bluer the larger.");
+    card("Over the image, all cameras", plots::residual_field(data_, 4 * enlarged),
+         "Mean residuals, enlarged " + short_number(4 * enlarged) + " times; darker blue: larger RMS.");
     std::string tiles = "<div class=\"tiles\">";
     for (size_t i = 0; i < data_.cameras.size(); i++) {
       const ReportData::Camera& camera = data_.cameras[i];
@@ -554,36 +554,37 @@ class Page {
                plots::camera_tile(camera, solve.columns, solve.rows, enlarged) + escaped(camera.title()) + "</div>";
     }
     tiles += "</div>";
-    const std::string note = "Shaded: where the light came to. Strokes: residuals, " + short_number(enlarged) +
-                             " times as long. Move the light into what is empty next time.";
-    if (data_.cameras.size() > 2 * kMostRows)
-      tiles = "<details><summary>all " + std::to_string(data_.cameras.size()) + " pictures</summary>" + tiles +
-              "</details>";
-    card("Coverage, and residuals in each picture", tiles, note, true);
+    const std::string note = "Shaded: covered by the light. Strokes: residuals, enlarged " + short_number(enlarged) +
+                             " times. Next time, move the light into the empty areas.";
+    if (data_.cameras.size() > 2 * kMaxRows)
+      tiles =
+          "<details><summary>all " + std::to_string(data_.cameras.size()) + " images</summary>" + tiles + "</details>";
+    card("Coverage and residuals in each image", tiles, note, true);
     out_ += "</div>";
   }
 
   void array() {
-    section("Where the cameras are", "Each is in its ellipsoid with 95 %.");
+    section("Camera positions", "Ellipsoids: 95 % confidence.");
     out_ += "<div class=\"grid\">";
-    card("From the front", plots::array_map(data_, verdict_, false), "As the cameras see: x to the right, y down.");
-    card("From above", plots::array_map(data_, verdict_, true), "Ahead is up.");
+    card("From the front", plots::array_map(data_, verdict_, false),
+         "Seen along the viewing direction: x to the right, y down.");
+    card("From above", plots::array_map(data_, verdict_, true), "Forward is up.");
     out_ += "</div>";
   }
 
   void firmness(const ReportData::Solve& solve) {
-    section("How firm it is", "What this recording tells, and what it leaves open.");
+    section("Uncertainty", "Accuracy that this recording supports.");
     out_ += "<div class=\"grid\">";
     if (!solve.projection.empty())
-      card("A new point, placed by all other cameras", plots::projection_chart(solve),
-           "How far from there a camera sees it, by its depth: errors of the calibration alone. Below half a pixel "
-           "nothing "
-           "is seen of it.");
+      card("Reprojection error of a new point, triangulated by all other cameras", plots::projection_chart(solve),
+           "Predicted from the uncertainty of the calibration, over the depth of the point. Errors below half a pixel "
+           "are invisible.");
     std::string list = "<ul class=\"modes\">";
     for (const ReportData::Solve::Mode& mode : solve.modes)
-      list += "<li>" + plots::share_bar(mode.share, mode.soft) + "<span>" + escaped(mode.text) +
-              (mode.soft ? " <b>Soft.</b>" : "") + "</span></li>";
-    card("In words", list + "</ul>", "The bar reaches its middle where a better recording is worth it.");
+      list += "<li>" + plots::percentage_bar(mode.share, mode.soft) + "<span>" + escaped(mode.text) +
+              (mode.soft ? " <b>Weak.</b>" : "") + "</span></li>";
+    card("Common errors of all cameras", list + "</ul>",
+         "Past the middle of the bar, a better recording is recommended.");
     out_ += "</div>";
   }
 
@@ -591,55 +592,54 @@ class Page {
     auto dots = chart("Time offsets", "ms",
                       [](const ReportData::Camera& c) { return c.solved ? c.solved->offset_ms : std::nullopt; });
     if (std::ranges::none_of(dots.bars, [](const auto& bar) { return bar.height.has_value(); })) return;
-    section("Time", "How much later than its stamps say each camera takes its pictures, beside most others.");
+    section("Time", "Delay of each camera's frames relative to its stamps and to the median camera.");
     dots.dots = true;
     for (size_t i = 0; i < dots.bars.size(); i++)
       if (data_.cameras[i].solved) dots.bars[i].sigma = data_.cameras[i].solved->offset_sigma_ms.value_or(0);
     out_ += "<div class=\"grid\">";
-    card("Offsets of the clocks", plots::camera_chart(dots), "Whiskers: two standard deviations.", true);
+    card("Clock offsets", plots::camera_chart(dots), "Whiskers: two standard deviations.", true);
     out_ += "</div>";
   }
 
   void colours(const ReportData::Colour& colour) {
     section("Colours",
-            "How far two cameras are from each other where they see the same, on what the fit did not see (" +
-                colour.from + ").");
+            "Differences between two cameras at the same place, on patches held out of the fit (" + colour.from + ").");
     std::string table =
-        "<table><thead><tr><th>corrected are</th><th>median, of 255</th><th>95 %</th></tr></thead><tbody>";
+        "<table><thead><tr><th>corrected terms</th><th>median, of 255</th><th>95 %</th></tr></thead><tbody>";
     for (const ReportData::Colour::Row& row : colour.rows)
       table += std::string("<tr") + (row.chosen ? " class=\"chosen\"" : "") + "><td class=\"words\">" +
                escaped(row.what) + (row.chosen ? " (chosen)" : "") + "</td><td>" + short_number(row.median) +
                "</td><td>" + short_number(row.p95) + "</td></tr>";
     out_ += "<div class=\"grid\">";
     card("Before and after", table + "</tbody></table>");
-    auto gains = chart("Brightness as cameras give it", "%", [](const ReportData::Camera& c) {
+    auto gains = chart("Brightness before correction", "%", [](const ReportData::Camera& c) {
       return c.coloured ? std::optional(100 * (c.coloured->gain - 1)) : std::nullopt;
     });
     gains.dots = true;
-    card("Before: brightness beside most others", plots::camera_chart(gains));
-    auto left = chart("Colour differences that are left", "of 255", [](const ReportData::Camera& c) {
+    card("Before: brightness relative to the median camera", plots::camera_chart(gains));
+    auto left = chart("Remaining colour differences", "of 255", [](const ReportData::Camera& c) {
       return c.coloured && c.coloured->corrected ? std::optional(c.coloured->rms) : std::nullopt;
     });
     left.lines.push_back({colour.after.median, "median of all"});
-    card("After: differences that are left", plots::camera_chart(left));
+    card("After: remaining differences", plots::camera_chart(left));
     out_ += "</div>";
   }
 
   void check(const ReportData::Check& check) {
-    section("Since then", check.from == "monitor" ? "What the running monitor says." : "By a later recording.");
-    auto bars = chart("How far pictures have moved", "px", [](const ReportData::Camera& c) {
+    section("Latest check", check.from == "monitor" ? "By the camera monitor of lf-serve." : "By a later recording.");
+    auto bars = chart("Image displacement", "px", [](const ReportData::Camera& c) {
       return c.checked && c.checked->state != "unknown" ? std::optional(c.checked->shift_px) : std::nullopt;
     });
-    if (check.from != "monitor") bars.lines.push_back({0.3, "more has moved"});
+    if (check.from != "monitor") bars.lines.push_back({0.3, "threshold"});
     out_ += "<div class=\"grid\">";
-    card("How far each picture has moved", plots::camera_chart(bars), "", true);
+    card("Image displacement of each camera", plots::camera_chart(bars), "", true);
     out_ += "</div>";
   }
 
   void details() {
     std::string inside;
     if (!data_.findings.empty()) {
-      inside += "<h3>All that was found</h3><ul>";
+      inside += "<h3>All findings</h3><ul>";
       for (const ReportData::Finding& f : data_.findings)
         inside += "<li>" + escaped(f.severity + ": " + f.text) + "</li>";
       inside += "</ul>";

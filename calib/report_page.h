@@ -8,48 +8,46 @@
 
 #include "report_data.h"
 
-// Pictures of a report as inline SVG, in the colours of the page's style sheet (classes good, fair, bad, line, dim,
-// ...).
+// Figures of a report as inline SVG, styled by the classes of the page's style sheet (good, fair, bad, line, dim, ...).
 namespace plots {
 
-// A text with "<", ">", "&" and quotes as HTML has them.
+// Returns the text with HTML entities for special characters.
 std::string escaped(const std::string& text);
-// A number with three digits that count: "0.0113", "12.4", "340".
+// Returns a number with three significant digits: "0.0113", "12.4", "340".
 std::string short_number(double value);
 
-// A value for each camera, beside others'.
+// A chart with one value per camera.
 struct CameraChart {
   struct Bar {
-    std::string camera, value;  // texts that are shown for what the pointer is on
+    std::string camera, value;  // tooltip texts
     std::optional<double> height;
-    double sigma = 0;  // drawn as a whisker of two of these
+    double sigma = 0;  // whisker: two sigmas
     ReportVerdict::Grade grade = ReportVerdict::Grade::kGood;
   };
   std::string label, unit;
   std::vector<Bar> bars;
-  std::vector<std::pair<double, std::string>> lines;  // across all, each with what it is
-  bool dots = false;                                  // dots in place of bars, for values about 0
+  std::vector<std::pair<double, std::string>> lines;  // horizontal lines with labels
+  bool dots = false;                                  // dots instead of bars, for values around 0
 };
 std::string camera_chart(const CameraChart& chart);
 
-// The cameras from the front (`from_above`: from above) with ellipsoids of 95 %, enlarged as it is written there.
+// Draws the cameras from the front or from above, with 95 % ellipsoids; the figure states their magnification.
 std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool from_above);
 
-// A camera's picture: where the light came to, and what is left of errors there, `enlarged` so many times.
+// Draws a camera's image area with light coverage and residuals. `enlarged`: magnification of the residuals.
 std::string camera_tile(const ReportData::Camera& camera, int columns, int rows, double enlarged);
-// The residuals of all cameras, the mean in each part of the picture.
+// Draws the mean residual of all cameras in each image cell.
 std::string residual_field(const ReportData& data, double enlarged);
-// How many times to enlarge residuals so that the usual one can be seen.
+// Returns a magnification that makes typical residuals visible.
 double residual_enlargement(const ReportData& data);
 
-// How far a new point is from where it should appear, over its depth.
+// Plots the predicted reprojection error of a new point over its depth.
 std::string projection_chart(const ReportData::Solve& solve);
 
-// A bar that shows a share, 0 to 1, of what is worth a better recording.
-std::string share_bar(double share, bool soft);
+// Draws a bar; a share of 1, where a better recording is recommended, is the middle of the bar.
+std::string percentage_bar(double share, bool soft);
 
 }  // namespace plots
 
-// A page of HTML that needs no other file: what a calibration is worth, and what to do next. `title`: what was
-// calibrated, in the words of its owner.
+// Returns a self-contained HTML page with the assessment of a calibration. `title`: name of the calibrated rig.
 std::string report_page(const ReportData& data, const ReportVerdict& verdict, const std::string& title);

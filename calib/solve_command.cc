@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate track: where each camera's recording shows a moving light, or the two of a bar. lf-calibrate solve:
-// positions, orientations and lenses from these tracks.
+// lf-calibrate track: detects a moving light, or two lights on a bar, in the recordings of each camera.
+// lf-calibrate solve: estimates positions, orientations and lenses from these tracks.
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
@@ -32,8 +32,9 @@ struct TrackArguments {
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 };
 
+// Returns the report with recording problems and possible improvements:
 // {"format": "lightfield-track-report", "findings", "cameras": [{"id", "name", "pictures", "seconds", "lit",
-// "coverage", "sigma_px", "trouble", "remarks"}]}: what is wrong with a recording, and what would make it better.
+// "coverage", "sigma_px", "trouble", "remarks"}]}.
 ordered_json track_report(const lf::Rig& rig, const LightRecordings& recordings) {
   ordered_json cameras = ordered_json::array(), findings = ordered_json::array();
   const std::vector<std::string> troubles = recordings.troubles(rig);
@@ -58,7 +59,7 @@ ordered_json track_report(const lf::Rig& rig, const LightRecordings& recordings)
 void track(const TrackArguments& options) {
   gst_init(nullptr, nullptr);
   const lf::Rig rig = lf::load_rig(options.rig);
-  const LightRecordings recordings = watch_lights(rig, options.recordings, options.bar, options.threads);
+  const LightRecordings recordings = detect_lights(rig, options.recordings, options.bar, options.threads);
   std::printf("%-8s %-16s %8s %7s %7s %9s %9s\n", "camera", "name", "pictures", "seconds", "lit %", "coverage",
               "sigma px");
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -74,11 +75,11 @@ void track(const TrackArguments& options) {
   if (!options.json.empty()) lf::write_text_file(track_report(rig, recordings).dump(1) + "\n", options.json);
   const size_t useful = recordings.useful(), all = rig.cameras.size();
   if (useful < 2) throw lf::Error("fewer than two cameras saw a moving light: nothing is written");
-  lf::write_text_file(lf::light_sights_to_json(recordings.sights), options.out);
+  lf::write_text_file(lf::light_detections_to_json(recordings.sights), options.out);
   std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
   if (useful < all)
     throw lf::Error(std::to_string(all - useful) + " of " + std::to_string(all) +
-                    " cameras did not see the light move; " + options.out + " has the others");
+                    " cameras did not see the light move; " + options.out + " has only the other cameras");
 }
 
 }  // namespace
@@ -86,14 +87,16 @@ void track(const TrackArguments& options) {
 void add_track_command(cli::App& app) {
   const auto o = std::make_shared<TrackArguments>();
   cli::App* command =
-      app.add_subcommand("track", "Sights of a light moved through the dark, or of two on a bar, in recordings");
-  command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
-  command->add_option("--recordings", o->recordings, "Folder with NAME.* of each camera; else its source in the rig")
+      app.add_subcommand("track", "Detects a light moved in the dark, or two lights on a bar, in recordings");
+  command->add_option("RIG", o->rig, "Rig file; may be nominal")->required();
+  command
+      ->add_option("--recordings", o->recordings,
+                   "Folder with recordings NAME.* of each camera (default: sources of the rig)")
       ->type_name("DIR");
-  command->add_flag("--bar", o->bar, "Two lights on a rigid bar were moved");
+  command->add_flag("--bar", o->bar, "The recordings show two lights on a rigid bar");
   command->add_option("--out", o->out, "Tracks to write (JSON), for solve")->required();
   command->add_option("--json", o->json, "Report to write")->type_name("FILE");
-  command->add_option("--threads", o->threads, "Recordings that are looked at together")
+  command->add_option("--threads", o->threads, "Number of recordings to process in parallel")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
   command->callback([o] { track(*o); });
@@ -151,7 +154,6 @@ void print_summary(const json& report) {
     std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
 }
 
-// Of cameras with clocks of their own.
 void print_clocks(const lf::LightSolution& lights) {
   double least = 0, most = 0, sigma = 0;
   size_t reflections = 0;
@@ -162,7 +164,7 @@ void print_clocks(const lf::LightSolution& lights) {
     reflections += lights.reflections[i];
   }
   std::printf("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most, 1e3 * sigma);
-  if (reflections > 0) std::printf("reflections %zu sights left out\n", reflections);
+  if (reflections > 0) std::printf("reflections %zu detections left out\n", reflections);
 }
 
 void solve(const SolveArguments& o) {
@@ -172,17 +174,16 @@ void solve(const SolveArguments& o) {
   lf::PlacementOptions placement_options = o.placement;
   if (!o.distance.empty()) placement_options.distance = parse_distance(o.distance);
   lf::Tracks tracks;
-  std::optional<lf::LightSights> sights;
+  std::optional<lf::LightDetections> sights;
   json original = json::object();
   if (std::filesystem::is_directory(o.tracks)) {
     lf::MultiCamSelfCal input = lf::load_multicamselfcal(o.tracks, o.first_pixel);
     tracks = std::move(input.tracks);
     options.prior = std::move(input.lenses);
   } else {
-    if (*o.first_pixel_option)
-      throw lf::Error("--first-pixel: of a folder of MultiCamSelfCal's files; our tracks say where pixels are");
+    if (*o.first_pixel_option) throw lf::Error("--first-pixel: applies only to a folder of MultiCamSelfCal files");
     const std::string text = lf::read_text_file(o.tracks);
-    sights = lf::parse_light_sights(text, o.tracks);
+    sights = lf::parse_light_detections(text, o.tracks);
     if (!sights) tracks = lf::parse_tracks(text, o.tracks);
   }
   if (!o.prior.empty()) original = load_prior(o.prior, options);
@@ -206,7 +207,7 @@ void solve(const SolveArguments& o) {
         rig.cameras[*index].time_offset = lights->clocks[i].offset;
   lf::add_details(solution, tracks, placement, rig, report);
   progress.finish();
-  lf::relocate(rig, std::filesystem::path(o.out).parent_path().string());
+  lf::rebase_paths(rig, std::filesystem::path(o.out).parent_path().string());
   lf::save_rig(rig, o.out, &original);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
   print_summary(json::parse(report.dump()));
@@ -221,39 +222,43 @@ void solve(const SolveArguments& o) {
   std::printf("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
   if (!missing.empty())
     throw lf::Error(std::to_string(tracks.cameras.size() - found) + " of " + std::to_string(tracks.cameras.size()) +
-                    " cameras are missing in " + o.out + " (" + missing + "): the findings say why");
+                    " cameras are missing in " + o.out + " (" + missing + "): see the findings above");
 }
 
 }  // namespace
 
 void add_solve_command(cli::App& app) {
   const auto o = std::make_shared<SolveArguments>();
-  cli::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
+  cli::App* command =
+      app.add_subcommand("solve", "Estimates positions, orientations and lenses from tracks of a moving light");
   command
-      ->add_option("--tracks", o->tracks, "Tracks (JSON) of track or features, or a folder of MultiCamSelfCal's files")
+      ->add_option("--tracks", o->tracks,
+                   "Tracks (JSON) written by track or features, or a folder of MultiCamSelfCal files")
       ->required()
       ->check(cli::ExistingPath)
       ->type_name("FILE|DIR");
-  command->add_option("--prior", o->prior, "Rig: lenses, with covariance where they were measured, and nominal layout")
+  command->add_option("--prior", o->prior, "Rig file with lenses, optional covariances, and the nominal layout")
       ->type_name("RIG");
-  command->add_option("--distortion", o->distortion, "auto: as many terms as the tracks call for")
+  command->add_option("--distortion", o->distortion, "Distortion terms; auto: as many as the tracks support")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
-  cli::Option* bar =
-      command->add_option("--bar", o->placement.bar_length, "Between the two lights, metres: gives the scale")
-          ->check(cli::PositiveNumber);
-  cli::Option* pitch =
-      command->add_option("--pitch", o->placement.pitch, "Between neighbouring cameras, metres: gives the scale")
-          ->check(cli::PositiveNumber)
-          ->excludes(bar);
-  command->add_option("--distance", o->distance, "Between two cameras: gives the scale")
+  cli::Option* bar = command
+                         ->add_option("--bar", o->placement.bar_length,
+                                      "Distance between the two lights, metres; determines the scale")
+                         ->check(cli::PositiveNumber);
+  cli::Option* pitch = command
+                           ->add_option("--pitch", o->placement.pitch,
+                                        "Distance between neighbouring cameras, metres; determines the scale")
+                           ->check(cli::PositiveNumber)
+                           ->excludes(bar);
+  command->add_option("--distance", o->distance, "Distance between two cameras; determines the scale")
       ->type_name("ID,ID,METRES")
       ->excludes(bar)
       ->excludes(pitch);
   o->first_pixel_option =
       command
           ->add_option("--first-pixel", o->first_pixel,
-                       "Centre of the top-left pixel in MultiCamSelfCal's files: 1 where Matlab wrote them")
+                       "Coordinate of the centre of the top-left pixel in MultiCamSelfCal files (1: written by Matlab)")
           ->capture_default_str()
           ->check(cli::IsMember({0, 1}));
   command->add_option("--out", o->out, "Rig file to write")->required()->type_name("RIG");

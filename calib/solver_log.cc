@@ -13,10 +13,10 @@ class SolverLog : public google::LogSink {
  public:
   void send(google::LogSeverity, const char*, const char*, int, const google::LogMessageTime&, const char* message,
             size_t length) override {
-    constexpr size_t kMostTexts = 16;
+    constexpr size_t kMaxTexts = 16;
     const std::lock_guard lock(mutex_);
     const std::string text(message, length);
-    if (counts_.size() < kMostTexts || counts_.contains(text)) counts_[text]++;
+    if (counts_.size() < kMaxTexts || counts_.contains(text)) counts_[text]++;
   }
   std::vector<std::string> texts() const {
     const std::lock_guard lock(mutex_);
@@ -38,7 +38,7 @@ SolverLog& solver_log() {
 
 }  // namespace
 
-void catch_solver_messages() {
+void capture_solver_messages() {
   static std::once_flag once;
   std::call_once(once, [] {
     if (!google::IsGoogleLoggingInitialized()) google::InitGoogleLogging("lightfield");

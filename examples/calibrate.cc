@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Where the cameras of an array are, from the tracks of a light that somebody carried about before them: here, of a
-// file, or without one of an array of nine cameras that is made up, so that it is known how well they are found.
+// Calibrates a camera array from the tracks of a moving light. Without arguments, simulates an array of nine cameras
+// and reports the error of the calibration.
 //
 //   g++ -std=c++20 calibrate.cc $(pkg-config --cflags --libs lightfield-calibration) -o calibrate
 //   ./calibrate [TRACKS.json RIG.json]
@@ -20,7 +20,7 @@ using namespace lightfield;
 constexpr int kSide = 3, kWidth = 320, kHeight = 240, kPlaces = 80;
 constexpr double kPitch = 0.06, kFocal = 420;
 
-// Cameras on a board, as they were meant to be, or where they came to be: up to a fifth of their distance off.
+// Nominal positions on a board (0), or real positions with errors of up to `most_off` metres.
 Rig make_array(double most_off) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> off(-most_off, most_off);
@@ -36,7 +36,7 @@ Rig make_array(double most_off) {
   return Rig(cameras, {Topology::Type::kGrid, kSide, kSide, {}});
 }
 
-// What they see of a light at places 0.8 to 3 m away, with a fifth of a pixel of noise.
+// Simulates observations of a light at 0.8 to 3 m, with noise of 0.2 pixels.
 Tracks watch(const Rig& array) {
   std::mt19937 random(2);
   std::normal_distribution<double> noise(0, 0.2);
@@ -75,18 +75,18 @@ int main(int argc, char** argv) try {
   }
   const Calibration found = calibrate_rig(tracks, options);
   for (const Finding& finding : found.findings) std::printf("%s: %s\n", finding.code.c_str(), finding.text.c_str());
-  std::printf("%zu of %zu cameras, noise of %.2f pixels, %zu outliers, scale from %s\n", found.rig.size(),
+  std::printf("%zu of %zu cameras, noise %.2f pixels, %zu outliers, scale from %s\n", found.rig.size(),
               tracks.cameras.size(), found.sigma, found.outliers, found.scale_from.c_str());
   if (argc > 2) return save_rig(found.rig, argv[2]), 0;
 
-  double worst = 0;  // of the distances between neighbours, which do not depend on the frame of reference
+  double worst = 0;  // of distances between neighbours, which are independent of the coordinate frame
   for (size_t i = 1; i < found.rig.size(); i++) {
     const auto apart = [i](const Rig& rig) {
       return distance(rig.camera(i).world_from_camera.position, rig.camera(i - 1).world_from_camera.position);
     };
     worst = std::max(worst, std::abs(apart(found.rig) - apart(truth)));
   }
-  std::printf("distances between neighbours are right to %.1f mm\n", 1000 * worst);
+  std::printf("largest error of distances between neighbours: %.1f mm\n", 1000 * worst);
   return found.rig.size() == truth.size() && worst < 0.01 ? 0 : 1;
 } catch (const Error& error) {
   std::fprintf(stderr, "%s\n", error.what());

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// An application's own frames as the cameras of a light field: four pictures of a wall, drawn here, become a view from
-// between them.
+// Feeds an application's own frames into a light field: renders a view between four cameras that see a synthetic wall.
 //
 //   g++ -std=c++20 own_frames.cc $(pkg-config --cflags --libs gstreamer-app-1.0) -o own_frames && ./own_frames
 #include <gst/app/gstappsink.h>
@@ -17,7 +16,7 @@
 
 namespace {
 
-// Four cameras at the corners of a square of 20 cm, which look at a wall 2 m away.
+// Four cameras at the corners of a square of 20 cm, 2 m in front of a wall.
 constexpr int kWidth = 160, kHeight = 120, kFrames = 10;
 constexpr double kFocal = 150, kSide = 0.2, kWall = 2;
 
@@ -31,10 +30,10 @@ std::string rig() {
          "],\"topology\":{\"type\":\"grid\",\"rows\":2,\"columns\":2}}";
 }
 
-// The wall's brightness at a place in metres; it changes with time.
+// Brightness of the wall at a position in metres; changes with time.
 double wall(double x, double y, int frame) { return 128 + 60 * std::sin(10 * x + 0.1 * frame) + 60 * std::cos(12 * y); }
 
-// What somebody at (eye_x, eye_y) sees of it.
+// Brightness of pixel (u, v) for a camera at (eye_x, eye_y).
 double seen(double eye_x, double eye_y, int u, int v, int frame) {
   return wall(eye_x + (u - (kWidth - 1) / 2.0) / kFocal * kWall, eye_y + (v - (kHeight - 1) / 2.0) / kFocal * kWall,
               frame);
@@ -54,7 +53,7 @@ GstBuffer* draw(int camera, int frame) {
   return buffer;
 }
 
-// How far the picture is from what the view should see, in 255ths on average, its border left away.
+// Returns the mean absolute error of the picture, of 255, without the border.
 double error_of(GstSample* sample, int frame) {
   GstMapInfo map;
   gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ);
@@ -74,8 +73,8 @@ int main(int argc, char** argv) {
   const std::string path = std::string(g_get_tmp_dir()) + "/own_frames_rig.json";
   if (!g_file_set_contents(path.c_str(), rig().c_str(), -1, nullptr)) return 1;
 
-  // A frame for each camera and request. The view stands amid the cameras, looks through the same lens, and is focused
-  // on the wall.
+  // One frame per camera and request. The view is in the middle of the cameras, with the same lens, focused on the
+  // wall.
   const std::string fov = std::to_string(2 * std::atan(kHeight / 2.0 / kFocal) * 180 / G_PI);
   std::string line = "lfviewrequest num-buffers=" + std::to_string(kFrames) + " framerate=10/1 rig=" + path +
                      " x=0.1 y=0.1 z=0 focus-distance=2 fov=" + fov +
@@ -106,7 +105,7 @@ int main(int argc, char** argv) {
     worst = std::max(worst, error_of(sample, shown++));
     gst_sample_unref(sample);
   }
-  std::printf("%d pictures, at most %.2f of 255 from the truth on average\n", shown, worst);
+  std::printf("%d pictures, worst mean error %.2f of 255\n", shown, worst);
   gst_element_set_state(pipeline, GST_STATE_NULL);
   gst_object_unref(sink);
   gst_object_unref(node);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// The library alone, without GStreamer: two hosts with cameras answer a viewer's requests. What travels between them
-// are strings of bytes, for whatever transport an application has.
+// Uses the library without GStreamer: two hosts with cameras answer a viewer's requests. Requests and answers are byte
+// strings that an application can send over any transport.
 //
 //   g++ -std=c++20 own_transport.cc $(pkg-config --cflags --libs lightfield) -o own_transport && ./own_transport
 #include <lightfield/lightfield.h>
@@ -13,7 +13,7 @@
 
 namespace {
 
-// Sixteen cameras in a square, 5 cm apart, before a wall at 2 m.
+// Sixteen cameras in a square, 5 cm apart, 2 m in front of a wall.
 constexpr int kSide = 4, kWidth = 160, kHeight = 120;
 constexpr double kPitch = 0.05, kFocal = 150, kWall = 2;
 
@@ -29,7 +29,7 @@ lf::Rig make_rig() {
   return lf::Rig(cameras, {lf::Topology::Type::kGrid, kSide, kSide, {}});
 }
 
-// How bright the wall is where somebody at `eye` sees it in a pixel, 0 to 255.
+// Brightness of the wall, 0 to 255, in pixel (x, y) of a camera at `eye`.
 double wall(const lf::Vec3& eye, double x, double y) {
   const double u = eye.x + (x - (kWidth - 1) / 2.0) / kFocal * kWall;
   const double v = eye.y + (y - (kHeight - 1) / 2.0) / kFocal * kWall;
@@ -67,26 +67,26 @@ int main() try {
   lf::View view = lf::home_view(rig, kWidth, kHeight);
   view.lens = rig.camera(0).lens;
   lf::Image picture;
-  for (int i = 0; i < 16; i++) {  // the surface that the view is focused on gets better
+  for (int i = 0; i < 16; i++) {  // the focal surface improves with every picture
     const lf::Bytes request = compositor.request(view, {.focus = lf::Focus::kAuto, .quality = 95});
     size_t bytes = 0;
     for (const Host& host : hosts)
       for (const lf::Bytes& part : host.receive(request)) {
         bytes += part.size();
-        if (const auto added = compositor.add(part); !added) std::printf("%s\n", added.why_not.c_str());
+        if (const auto added = compositor.add(part); !added) std::printf("%s\n", added.problem.c_str());
       }
     picture = compositor.finish();
-    std::printf("a request of %zu bytes, answers of %zu, %u cameras missing\n", request.size(), bytes,
+    std::printf("request %zu bytes, answers %zu bytes, %u cameras missing\n", request.size(), bytes,
                 compositor.missing());
   }
 
-  double sum = 0;  // of errors, the picture's border left away
+  double sum = 0;  // absolute error, without the border
   int count = 0;
   for (int y = 20; y < kHeight - 20; y++)
     for (int x = 20; x < kWidth - 20; x++, count++)
       sum += std::abs(picture.pixels[3 * (static_cast<size_t>(y) * kWidth + x)] -
                       wall(view.world_from_view.position, x, y));
-  std::printf("%.2f of 255 from the truth on average\n", sum / count);
+  std::printf("mean error %.2f of 255\n", sum / count);
   return compositor.missing() == 0 && sum / count < 2 ? 0 : 1;
 } catch (const lf::Error& error) {
   std::fprintf(stderr, "%s\n", error.what());

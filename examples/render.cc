@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// A picture of a light field from images that an application has: here, binary PPM files beside the rig's file, which
-// are named as the stills that it names (cam_00_00.png: cam_00_00.ppm). A film of lf-scene has stills of its cameras;
-// these lines make PPM files of them:
+// Renders a view from an application's own images. Here these are binary PPM files next to the rig file, with the names
+// of its stills (cam_00_00.png: cam_00_00.ppm). These commands make such files from the stills of lf-scene:
 //
 //   lf-scene --out scene --frames 1
 //   for still in scene/cam_*.png; do
@@ -24,11 +23,11 @@ lf::Image read_ppm(const std::string& path) {
   std::string magic;
   int width = 0, height = 0, levels = 0;
   file >> magic >> width >> height >> levels;
-  if (!file || magic != "P6" || levels != 255) throw lf::Error(path + ": is no binary PPM of 8 bits");
+  if (!file || magic != "P6" || levels != 255) throw lf::Error(path + ": not an 8-bit binary PPM");
   lf::Image image = lf::make_image(lf::PixelFormat::kRgb, width, height);
   file.get();
   file.read(reinterpret_cast<char*>(image.pixels.data()), static_cast<std::streamsize>(image.pixels.size()));
-  if (!file) throw lf::Error(path + ": ends too early");
+  if (!file) throw lf::Error(path + ": file is truncated");
   return image;
 }
 
@@ -52,7 +51,7 @@ int main(int argc, char** argv) try {
 
   lf::Renderer renderer(rig);
   const lf::View view = lf::home_view(rig, 640, 480);
-  // Every call looks closer at where things are. With film, these are its frames; a still has to be shown again.
+  // Every call improves the focal surface. A video would pass a new frame each time; a still is passed repeatedly.
   lf::Image picture;
   for (int i = 0; i < 16; i++) picture = renderer.render(view, images, {.focus = lf::Focus::kAuto});
   write_ppm(picture, argv[2]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// A view of a light field inside of an application: pictures come to a function of its own, which moves the view.
+// Shows a light field in an application, which receives the pictures and moves the view.
 //
 //   g++ -std=c++20 view.cc $(pkg-config --cflags --libs gstreamer-app-1.0) -o view && ./view rig.json
 #include <gst/app/gstappsink.h>
@@ -11,16 +11,16 @@
 
 namespace {
 
-// Any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture: the very next picture has it.
+// Sets any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture; the next picture shows the change.
 void move_to(GstElement* light_field, double x) {
   gboolean done = FALSE;
   GstStructure* view = gst_structure_new("view", "x", G_TYPE_DOUBLE, x, nullptr);
   g_signal_emit_by_name(light_field, "set-view", view, &done);
   gst_structure_free(view);
-  if (!done) std::fprintf(stderr, "the view can't be moved\n");
+  if (!done) std::fprintf(stderr, "cannot move the view\n");
 }
 
-// What an application would draw: here, how bright the picture is.
+// Placeholder for the application's drawing: returns the mean brightness.
 double mean_of(GstSample* sample) {
   GstMapInfo map;
   if (!gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ)) return 0;
@@ -31,7 +31,7 @@ double mean_of(GstSample* sample) {
   return mean;
 }
 
-// Says what went wrong, if anything did.
+// Prints the error of the pipeline, if any.
 bool failed(GstElement* pipeline) {
   GstBus* bus = gst_element_get_bus(pipeline);
   GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
@@ -70,7 +70,6 @@ int main(int argc, char** argv) {
   g_object_set(light_field, "rig", argv[1], nullptr);
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
 
-  // The view begins in the middle of the array.
   double middle = 0;
   int shown = 0;
   while (shown < pictures) {
@@ -87,9 +86,9 @@ int main(int argc, char** argv) {
   guint64 complete = 0, incomplete = 0;
   gst_structure_get_uint64(stats, "complete", &complete);
   gst_structure_get_uint64(stats, "incomplete", &incomplete);
-  // More may have been made than came here: the latest are on their way, and of those that came faster than they were
-  // taken the appsink kept one.
-  std::printf("%d pictures shown; of %d that were made %d were whole\n", shown, static_cast<int>(complete + incomplete),
+  // The element may have rendered more pictures than shown: the latest are in flight, and appsink drops pictures that
+  // come faster than they are taken.
+  std::printf("%d pictures shown, %d rendered, %d of these complete\n", shown, static_cast<int>(complete + incomplete),
               static_cast<int>(complete));
   gst_structure_free(stats);
 

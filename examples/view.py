@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""A view of a light field in Python: pictures, steering, and what they cost. Needs python3-gi and
+"""Shows a light field in Python: receives pictures, moves the view, and reads statistics. Needs python3-gi and
 gir1.2-gst-plugins-base-1.0.
 
     python3 view.py rig.json [PICTURES]
@@ -35,20 +35,20 @@ def main():
         data = buffer.extract_dup(0, buffer.get_size())
         print(f"picture {shown}: {len(data)} bytes, mean {sum(data[::97]) / len(data[::97]):.1f}")
         shown += 1
-        # Any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture; all of them are properties, too.
+        # Sets any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, which are also properties.
         view = Gst.Structure.new_empty("view")
         view.set_value("x", light_field.get_property("x") + 0.002)
         if not light_field.emit("set-view", view):
-            sys.exit("the view can't be moved")
+            sys.exit("cannot move the view")
 
     message = pipeline.get_bus().pop_filtered(Gst.MessageType.ERROR)
     if message:
         print(message.parse_error()[0].message, file=sys.stderr)
     stats = light_field.get_property("stats")
     complete, incomplete = stats.get_value("complete"), stats.get_value("incomplete")
-    # More may have been made than came here: the latest are on their way, and of those that came faster than they were
-    # taken the appsink kept one.
-    print(f"{shown} pictures shown; of {complete + incomplete} that were made {complete} were whole")
+    # The element may have rendered more pictures than shown: the latest are in flight, and appsink drops pictures that
+    # come faster than they are taken.
+    print(f"{shown} pictures shown, {complete + incomplete} rendered, {complete} of these complete")
     pipeline.set_state(Gst.State.NULL)
     return 0 if shown == pictures and not message else 1
 

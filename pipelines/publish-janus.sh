@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Publishes one flight through the light field to a media server, from which any number of browsers watch it: RTP to a
-# mountpoint of Janus' streaming plugin (pipelines/janus/).
+# Publishes a camera path through the light field as RTP to a mountpoint of Janus' streaming plugin (pipelines/janus/),
+# where any number of browsers can watch.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-# An installed plugin serves as well as one built here.
+# Without a build in this checkout, the installed plugin is used.
 [[ ! -d $root/build/gst ]] || export GST_PLUGIN_PATH=${GST_PLUGIN_PATH:+$GST_PLUGIN_PATH:}$root/build/gst
 
 die() {
@@ -12,7 +12,7 @@ die() {
   exit 1
 }
 
-# Checks the value of an option: a file that is there, HOST:PORT, a camera host.
+# Check the value of an option: an existing file, a port, HOST:PORT, a camera host.
 need_file() { [[ -f $2 ]] || die "$1 $2: no such file"; }
 need_port() { [[ $2 =~ ^[0-9]+$ ]] && (($2 > 0 && $2 < 65536)) || die "$1 $2: not a port"; }
 need_address() {
@@ -29,18 +29,18 @@ usage() {
   cat <<END
 usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
 
-  --rig RIG.json      the cameras
-  --path VIEWS.json   the flight, over and over, in the size and at the times of its views (lf-path makes one)
-  --node HOST:OUT:IN  a host that cameras are on (lfnodesink), its port for requests, and the port here for its
-                      answers, or ADDRESS:PORT here; repeat for each (default: all are on this machine)
-  --key-file FILE     the secret that the cameras' hosts share; what goes to the mountpoint is plain RTP
-  --to HOST:PORT      the mountpoint's videoport (default: localhost:5004)
-  --codec h264|vp8    as the mountpoint has it (default: h264)
+  --rig RIG.json      rig file
+  --path VIEWS.json   camera path, played in a loop with the size and times of its views (see lf-path)
+  --node HOST:OUT:IN  camera host (lfnodesink): its port for requests and the local port, or ADDRESS:PORT, for
+                      its answers; repeat for each host (default: all cameras are on this machine)
+  --key-file FILE     key shared by the camera hosts; the mountpoint still receives plain RTP
+  --to HOST:PORT      videoport of the mountpoint (default: localhost:5004)
+  --codec h264|vp8    codec of the mountpoint (default: h264)
   --bitrate KBITS     (default: 3000)
-  --framerate N       that of the cameras (default: 30)
-  --capture-delay MS  how old a capture must be before it is asked for: what the cameras take (default: 100)
+  --framerate N       frame rate of the cameras (default: 30)
+  --capture-delay MS  delay from capture to request, the latency of the cameras (default: 100)
   --set 'NAME=VALUE'  a property of lfviewsrc, such as focus=plane; may be repeated
-  --print             prints the pipeline up to its RTP packets in place of running it, for a WHIP client:
+  --print             print the pipeline up to its RTP packets instead of running it, for a WHIP client:
                       simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
 END
 }
@@ -72,7 +72,7 @@ while (($#)); do
 done
 [[ -n $rig && -n $path ]] || die "--rig and --path are needed (see --help)"
 
-# Who comes later waits for the next whole picture, a second at most.
+# One key frame per second, because new viewers must wait for the next key frame.
 case $codec in
   h264)
     encode=(x264enc tune=zerolatency speed-preset=veryfast "bitrate=$bitrate" "key-int-max=$framerate" !

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Sets up, then flies a virtual camera through a light field with a real gst-launch-1.0 pipeline, and reports.
+# Builds the project, renders a camera path through a light field with gst-launch-1.0, and writes a report.
 set -euo pipefail
 export LC_ALL=C.UTF-8  # numbers with a decimal point
 
@@ -18,13 +18,13 @@ usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--trust-rig] [--fra
 
 Renders a virtual camera on a smooth path with changing focus and writes view.mkv, sheet.png and report.json.
 
-  --out DIR       where to (default: quickstart-out)
-  --rig RIG.json  any rig, in place of the built-in scene filmed by an 8x8 array; of cameras that are live a film is taken
-                  first, to DIR/film, for as long as the path
+  --out DIR       output folder (default: quickstart-out)
+  --rig RIG.json  rig to use instead of the built-in scene with an 8x8 array; live cameras are first recorded to
+                  DIR/film, for the duration of the path
   --trust-rig     let the rig run any GStreamer element: such a file may write files and run programs
   --frames N      length of the path (default: $frames)
-  --window        afterwards open a window in which mouse and keys fly: drag orbits, shift-drag pans, the wheel
-                  zooms and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
+  --window        then open an interactive window: drag orbits, shift-drag pans, the wheel zooms, ctrl-wheel
+                  focuses; keys: arrows, w s a d q e, + -, [ ], r
 END
 }
 
@@ -60,7 +60,7 @@ if $window && [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
   exit 1
 fi
 
-# Cameras and windows need more of GStreamer than the built-in scene does.
+# Live cameras and windows need more GStreamer packages than the built-in scene.
 if [[ -n $rig ]] || $window; then
   "$root/tools/setup.sh" quickstart
 else
@@ -72,7 +72,7 @@ mkdir -p "$out"
 work=$(mktemp -d "$out/.quickstart.XXXXXX")
 trap 'rm -rf "$work"' EXIT
 
-# Whether a source is no file: a URI of another kind, or a description of elements.
+# Succeeds if a source is not a file: another URI, or a launch description.
 names_live_cameras() {
   python3 - "$1" <<'END'
 import json, os, sys
@@ -83,7 +83,7 @@ sys.exit(all(not source or is_file(source) for source in sources))
 END
 }
 
-# The camera path, and what the cameras are. Films are kept from run to run; another scene is another film.
+# Films are cached between runs; a changed scene gets a new film.
 if [[ -z $rig ]]; then
   cache=${XDG_CACHE_HOME:+$XDG_CACHE_HOME/gst-lightfield}
   cache=${cache:-$root/.cache}
@@ -94,7 +94,7 @@ if [[ -z $rig ]]; then
     echo "filming the built-in scene with 8x8 cameras (once, kept in $film)"
     lf-scene --out "$film" --grid 8x8 --width 320 --height 240 --frames 60 --framerate "$framerate"
   fi
-  # Depths of the scene's nearest and farthest things; the film is one period long, so that it loops.
+  # Nearest and farthest depth of the scene, metres. The film is one period long, so that it loops.
   path=(--near 1.2 --far 4.5)
   report=(--scene)
 else
@@ -102,11 +102,11 @@ else
   report=()
   if names_live_cameras "$rig"; then
     echo "filming with the cameras of $rig, to $out/film"
-    # The film of the run before stays until the new one is complete.
+    # The previous film stays until the new film is complete.
     gst-launch-1.0 -q lfviewsrc "rig=$rig" "trusted=$trust" "framerate=$framerate/1" width=64 height=48 focus=plane \
       "record=$work/film" "num-buffers=$((frames + framerate))" ! fakesink sync=false
     if [[ ! -s $work/film/rig.json ]] || ! compgen -G "$work/film/*.mkv" >/dev/null; then
-      echo "quickstart.sh: the cameras of $rig gave no film; $out/film is as it was" >&2
+      echo "quickstart.sh: the cameras of $rig delivered no film; $out/film is unchanged" >&2
       exit 1
     fi
     [[ ! -e $out/film ]] || mv -T "$out/film" "$work/film-before"
@@ -117,8 +117,8 @@ else
 fi
 lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"
 
-# Prints a pipeline as a command that can be pasted, and runs it. What goes to the folder that is removed at the end would go
-# to the one that stays. What it says about its pictures goes to the file $1, each line with the clock in front.
+# Prints a pipeline as a command to copy, with $out instead of the temporary $work, and runs it. Writes its messages
+# about pictures to the file $1, with a clock in front of each line.
 launch() {
   local log=$1
   shift
@@ -132,7 +132,7 @@ launch() {
   fi
 }
 
-# Everything between cameras and pictures is in one element.
+# lfviewsrc contains everything from the cameras to the pictures.
 light_field() { # is-live, more properties
   pipeline=(lfviewsrc "rig=$rig" "trusted=$trust" "location=$out/views.json" "framerate=$framerate/1" "is-live=$1" post-messages=true
     "${@:2}")
@@ -143,12 +143,12 @@ launch "$work/log" "${pipeline[@]}" ! tee name=o \
   o. ! queue ! videoconvert ! jpegenc quality=95 ! matroskamux ! filesink "location=$out/view.mkv" \
   o. ! queue ! videoconvert ! video/x-raw,format=RGB ! filesink "location=$work/frames.rgb"
 
-# The same views on one plane each, to compare with.
+# The same views focused on a plane, for comparison.
 light_field false focus=plane
 launch "$work/plane-log" "${pipeline[@]}" ! videoconvert ! video/x-raw,format=RGB ! \
   filesink "location=$work/plane.rgb"
 
-# At the pace of the cameras one request is in flight at a time: its latency is that of the light field alone.
+# In live mode only one request is in flight, so that its latency has no queueing time.
 light_field true
 launch "$work/live-log" "${pipeline[@]}" ! fakesink sync=false
 
@@ -158,6 +158,6 @@ lf-report --rig "$rig" --views "$out/views.json" --frames "$work/frames.rgb" --p
 echo "in $out: view.mkv, sheet.png, report.json, views.json"
 
 if $window; then
-  echo "opening a window; close it to end"
+  echo "opening a window; close it to quit"
   gst-launch-1.0 -q lfviewsrc "rig=$rig" "trusted=$trust" framerate=30/1 ! videoconvert ! autovideosink
 fi

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Sets up and serves the light field to browsers; prints the address of the page. Options are those of lf-serve.
+# Builds the project and serves the light field to browsers. Prints the address of the page. Options are those of
+# lf-serve.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

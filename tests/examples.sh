@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Programs outside of this build: installs BUILD into a fresh prefix, builds examples/, and the programs that
-# docs/guide-embedding.md shows, against it with pkg-config alone, and runs them. Prints TAP.
+# Tests an installation: installs BUILD into a new prefix, then builds and runs examples/ and the programs of
+# docs/guides/embedding.md with pkg-config alone. Prints TAP.
 # usage: tests/examples.sh BUILD
 set -uo pipefail
 build=${1:?the build folder}
@@ -35,10 +35,10 @@ report $? "meson install" "$work/log"
 pc=$(find "$work/root" -name lightfield.pc)
 plugin=$(find "$work/root" -name libgstlightfield.so)
 export PKG_CONFIG_PATH=${pc%/*}
-sed -i "s|^prefix=|prefix=$work/root|" "${pc%/*}"/*.pc  # what was installed is where it is, not where it is to go
+sed -i "s|^prefix=|prefix=$work/root|" "${pc%/*}"/*.pc  # the installed prefix lacks DESTDIR
 bin=$(dirname "$(find "$work/root" -name lf-scene)")
 
-# What is of others would otherwise hide what is missing in ours.
+# Other exported symbols could be mistaken for the library that an application links.
 nm -D --defined-only "$plugin" | grep -v ' gst_plugin_lightfield_\(get_desc\|register\)$' >"$work/log"
 if [[ -s $work/log ]]; then status=1; else status=0; fi
 report $status "the plugin shows two symbols" "$work/log"
@@ -94,7 +94,7 @@ compile own_frames "$source/examples/own_frames.cc" gstreamer-app-1.0 && timeout
 report $? "examples/own_frames.cc" "$work/log"
 compile own_transport "$source/examples/own_transport.cc" lightfield && timeout 60 "$work/own_transport" >"$work/log" 2>&1
 report $? "examples/own_transport.cc" "$work/log"
-# The head of render.cc says how its images are made.
+# The header comment of render.cc contains the commands that create the images.
 sed -n '\|^//   for still in|,\|^//   done|s|^//||p' "$source/examples/render.cc" >"$work/make_images"
 (cd "$work" && bash -e make_images) >"$work/log" 2>&1
 compile render "$source/examples/render.cc" lightfield && timeout 60 "$work/render" "$rig" "$work/out.ppm" >"$work/log" 2>&1 &&
@@ -103,11 +103,10 @@ report $? "examples/render.cc" "$work/log"
 compile calibrate "$source/examples/calibrate.cc" lightfield-calibration && timeout 60 "$work/calibrate" >"$work/log" 2>&1
 report $? "examples/calibrate.cc" "$work/log"
 
-# The programs of the guide, which are given the film's rig.
-awk -v to="$work/guide" '/^```cpp/ {on = ++n; next} /^```/ {on = 0} on {print > (to n ".cc")}' "$source/docs/guide-embedding.md"
+awk -v to="$work/guide" '/^```cpp/ {on = ++n; next} /^```/ {on = 0} on {print > (to n ".cc")}' "$source/docs/guides/embedding.md"
 for n in 1 2; do
   compile "guide$n" "$work/guide$n.cc" lightfield && timeout 60 "$work/guide$n" "$rig" >"$work/log" 2>&1
-  report $? "docs/guide-embedding.md, program $n" "$work/log"
+  report $? "docs/guides/embedding.md, program $n" "$work/log"
 done
 python=/usr/bin/python3
 if "$python" -c 'import gi; gi.require_version("GstApp", "1.0"); from gi.repository import GstApp' 2>/dev/null; then

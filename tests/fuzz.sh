@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Throws damaged input at all that reads bytes from outside (libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer;
-# needs clang). tests/run.sh runs the same targets on tests/fuzz/corpus alone.
+# Fuzzes all parsers of external data (libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer; needs clang).
+# tests/run.sh replays only tests/fuzz/corpus with the same targets.
 #   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer control depacketizer frame framing http import json moments
 #     offer packetizer parse request
-#   tests/fuzz.sh --fast TARGET RUNS [...]  without sanitizers, which is 5 to 50 times as fast: what it keeps is what the next
-#                                           run with them begins with
-#   tests/fuzz.sh TARGET keep               puts a few small inputs that cover most into tests/fuzz/corpus/TARGET
+#   tests/fuzz.sh --fast TARGET RUNS [...]  without sanitizers, 5 to 50 times as fast; the next run with sanitizers
+#                                           starts with the inputs that this run keeps
+#   tests/fuzz.sh TARGET keep               adds a few small inputs with the most coverage to tests/fuzz/corpus/TARGET
 # Options are libFuzzer's.
-# Begins with real units. What it finds to be new is kept in build-fuzz/corpus/TARGET, what breaks in build-fuzz/found/.
+# Starts with valid units. Keeps new inputs in build-fuzz/corpus/TARGET and failures in build-fuzz/found/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -36,14 +36,14 @@ mkdir -p "$kept"
 if [[ $runs == keep ]]; then
   rm -rf "$data/kept"
   mkdir "$data/kept"
-  # Those that cover most, of those that are small: they are written in this order.
+  # Keeps small inputs; libFuzzer writes the inputs with the most coverage first.
   "$build/tests/fuzz/fuzz-$target" -set_cover_merge=1 -use_counters=0 -use_cmp=0 -max_len=2048 \
     -artifact_prefix="$data/found/$target-" "$data/kept" "$kept" "$data/corpus/$target"
   while read -r name; do mv "$data/kept/$name" "$kept/"; done < <(find "$data/kept" -type f -printf '%T@ %f\n' |
     sort -n | head -n 40 | cut -d ' ' -f 2)
   exit
 fi
-# Targets that read files write one for each input: not to a disk.
+# Targets that read files write a file for each input: use memory instead of a disk.
 [[ -w /dev/shm ]] && export TMPDIR=/dev/shm
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export LSAN_OPTIONS="suppressions=$PWD/tests/sanitize/lsan.supp:print_suppressions=0" # GLib's own tables

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Sets up and runs all tests but the slow ones (`meson test -C build --suite slow`), one more at a time than there are
-# processors, because many wait for live pictures. Up to three programs that fail run once more, alone: other work on the
-# machine may have been the reason. A line names each program that passed at the second try. The last line counts test
-# cases.
+# Builds and runs all tests except the slow suite (`meson test -C build --suite slow`). Runs one more test at a time
+# than there are processors, because many tests wait for live frames. Runs up to three failed programs again, one at a
+# time, in case other load was the reason. A line names each program that passed at the second try. The last line counts
+# test cases.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# The whole system for a while under all that can happen to it. Not part of tests/run.sh; needs root (network namespaces).
-#   tests/soak.sh --minutes N [--out FOLDER]    at least 3; figures and the plot go to build/soak, or there
-# 64 cameras on six hosts, a compositor host with two viewers, a viewer of the nodes themselves, and a browser at an
-# lf-serve of the nodes. Viewers and browser come and go, nodes are killed and started again, cameras are lost and found,
-# 1 % of the packets that come to a host are lost, and a stranger and somebody at a viewer's host send 100 hostile packets
-# a second.
-# Writes samples.csv, pictures.csv, events.csv and soak.svg. Its last lines are the laws (tests/soak/laws.py): no growth of
-# memory after the warm-up, descriptors and threads at their base when nobody watches, pictures that are complete and do
-# not pause, and programs that end when they are asked to. Exit status 0 if all hold.
+# Runs the whole system under load, packet loss and failures. Not part of tests/run.sh; needs root (network namespaces).
+#   tests/soak.sh --minutes N [--out FOLDER]    N >= 3; writes figures and a plot to FOLDER (default: build/soak)
+# 64 cameras on six hosts, a compositor host with two viewers, a viewer that connects directly to the nodes, and an
+# lf-serve with a browser. Viewers and the browser come and go, nodes are killed and restarted, cameras fail and
+# recover, and every host loses 1 % of incoming packets. An unknown host and a viewer's host together send 100 hostile
+# packets per second.
+# Writes samples.csv, pictures.csv, events.csv and soak.svg. The last lines are the invariants (tests/soak/laws.py): no
+# memory growth after the warm-up, descriptors and threads back at their base without viewers, complete frames without
+# long pauses, and programs that end on request. The exit status is 0 if all invariants hold.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -36,7 +36,7 @@ if [[ ! -f $film/rig.json ]]; then
   build/tools/lf-scene --out "$film.part" --frames 30 --framerate 15 --samples 1
   mv "$film.part" "$film"
 fi
-# What the browser needs is installed while there is a network.
+# Installs the browser's packages here, because the soak's namespaces have no Internet access.
 browser=()
 if tests/web/browser.sh "$PWD/build" tests/web/soak_page.mjs | grep -m 1 SKIP; then browser=(--no-browser); fi
 exec python3 tests/soak/soak.py --minutes "$minutes" --build "$PWD/build" --out "$out" --film "$film" "${browser[@]}"

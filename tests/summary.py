@@ -2,8 +2,8 @@
 """Counts the test cases of a `meson test` run: summary.py LOGS [LOGS_AGAIN], each a path without .json and .junit.xml.
 
 LOGS_AGAIN are the logs of a second run of the programs that failed in the first run. The results of the second run
-replace those of the first, and each program that passed then is named. Prints the reason of every skipped case. The last
-line is "N passed, N failed, N skipped"; the exit status is 1 if a case failed or no case passed.
+replace the results of the first run. Names each program that passed at the second try. Prints the reason of every
+skipped case. The last line is "N passed, N failed, N skipped". The exit status is 1 if a case failed or no case passed.
 
 summary.py --failed LOGS prints the names of the programs that failed.
 """
@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 
 
 def programs_of(logs):
-    """{name: result} of all programs. The logs name a program "SUITES / NAME"."""
+    """Returns {name: result} for all programs. The logs name a program "SUITES / NAME"."""
     with open(f'{logs}.json', encoding='utf-8') as log:
         return {program['name'].rpartition(' / ')[2]: program['result'] for program in map(json.loads, log)}
 
@@ -25,9 +25,9 @@ def failed_of(programs):
 
 
 def cases_of(logs):
-    """(program, case) of all test cases."""
+    """Yields (program, case) for all test cases."""
     with open(f'{logs}.junit.xml', encoding='utf-8', errors='replace') as log:
-        # The log holds the programs' output as it was, with characters that XML forbids, as terminal colours.
+        # The log contains raw output with characters that XML forbids, such as terminal colours.
         text = re.sub('[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]', '', log.read())
     for suite in ElementTree.fromstring(text.encode()).iter('testsuite'):
         # "PROJECT.PROGRAM.SUITE" for GoogleTest, "PROJECT.PROGRAM" for TAP, "PROJECT" for programs without cases.
@@ -48,14 +48,14 @@ def main(logs, again=None):
             failed += 1
         elif skip is not None:
             skipped += 1
-            # GoogleTest puts the place into the first line and the reason into the others.
+            # GoogleTest writes the source location on the first line and the reason on the following lines.
             lines = (skip.get('message') or '').strip().splitlines()
             reason = ' '.join(lines[1:] or lines)
             print(f'skipped: {case.get("classname", "")} {case.get("name", "")}: {reason}')
         else:
             passed += 1
 
-    # A program can fail although all its cases passed: when it exits, or at its time limit.
+    # A program can fail with only passed cases: on exit, or at its time limit.
     broken = failed_of(first | second)
     for name in failed_of(first):
         print(f'failed: {name}' if name in broken else f'passed at the second try: {name}')

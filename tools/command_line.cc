@@ -19,8 +19,7 @@ namespace cli {
 
 namespace {
 
-// "nan" is neither smaller nor larger than any number, so that it passes every range, as "inf" passes those without an
-// end.
+// Rejects "nan", which passes every range check, and "inf", which passes ranges without an upper end.
 std::string refuse_not_finite(std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
@@ -90,7 +89,7 @@ Option::operator bool() const { return option_->count() > 0; }
 
 struct App::Parts {
   std::shared_ptr<CLI::App> app;
-  std::vector<std::unique_ptr<App>> commands;  // and groups
+  std::vector<std::unique_ptr<App>> commands;
   std::list<Option> options;
 };
 
@@ -159,10 +158,10 @@ App::operator bool() const { return parts_->app->parsed(); }
 
 namespace {
 
-// An error may repeat what is in a file: without secrets, bytes that control a terminal, and the rest of megabytes.
+// An error may quote a file. Removes secrets and terminal control characters and limits the length.
 std::string printable(const std::string& what) {
   constexpr size_t kMost = 4000;
-  std::string text = lf::without_staging(lf::location_text(what.substr(0, kMost)));
+  std::string text = lf::without_staging(lf::redacted_location(what.substr(0, kMost)));
   for (char& c : text)
     if (static_cast<unsigned char>(c) < ' ' && c != '\n' && c != '\t') c = '?';
   return text;
@@ -178,7 +177,7 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
     job();
     return 0;
   } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return parser.exit(e);  // --help
+    if (e.get_exit_code() == 0) return parser.exit(e);
     std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
   } catch (const std::exception& e) {
     const std::string what = printable(e.what());
@@ -188,7 +187,6 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
   return 1;
 }
 
-// The types of values.
 template Option* App::add_option(const std::string&, bool&, const std::string&);
 template Option* App::add_option(const std::string&, double&, const std::string&);
 template Option* App::add_option(const std::string&, float&, const std::string&);

@@ -8,21 +8,21 @@
 #include "base/text.h"
 #include "rig/rig.h"
 
-// Names become file names: they must not lead out of the folder, hide a pattern or name one file twice. Throws Error
-// naming `place`.
+// Checks a name that becomes a file name. It must not contain a path or a pattern, and must be unique.
+// Throws Error that names `place`.
 inline void check_file_name(const std::string& name, const std::string& place, std::set<std::string>& taken) {
   if (name.empty() || name == "." || name == ".." || name.find_first_of("/%") != std::string::npos)
     throw lf::Error(place + ": \"" + name + "\" can't be the name of a file");
-  if (!taken.insert(name).second) throw lf::Error(place + ": \"" + name + "\" names two of them");
+  if (!taken.insert(name).second) throw lf::Error(place + ": \"" + name + "\" is not unique");
 }
 
-// A camera's name as that of one file. COLMAP's names may have folders in them.
+// Converts a camera name to the name of a single file. COLMAP names may contain folders.
 inline std::string flat_file_name(std::string name) {
-  std::ranges::replace_if(name, [](unsigned char c) { return c == '/' || c < ' '; }, '_');
+  std::ranges::replace_if(
+      name, [](unsigned char c) { return c == '/' || c < ' '; }, '_');
   return name == "." || name == ".." ? "_" + name : name;
 }
 
-// Those of a rig's cameras.
 inline void check_file_names(const lf::Rig& rig) {
   std::set<std::string> taken;
   for (size_t i = 0; i < rig.cameras.size(); i++)

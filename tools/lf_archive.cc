@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-archive: a recording, or another rig of films, in less bytes.
+// lf-archive: transcodes the films of a recording to H.264.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -32,16 +32,15 @@ namespace fs = std::filesystem;
 namespace lf::archive {
 namespace {
 
-// What became of the film of a camera.
 struct ArchivedFilm {
-  uint64_t frames = 0;                         // of the archived film
-  uint64_t unreadable = 0;                     // frames of the film that no decoder takes: they are left out
-  uint64_t bytes_before = 0, bytes_after = 0;  // of the files
-  bool is_copy = false;                        // the film was no Motion JPEG, and stays as it is
-  double squares = 0;   // sum of squared differences of luma between the film's pictures and the archived ones
-  uint64_t pixels = 0;  // of all pictures together; 0 of a copy
+  uint64_t frames = 0;
+  uint64_t unreadable = 0;  // frames that no decoder can read; left out
+  uint64_t bytes_before = 0, bytes_after = 0;
+  bool is_copy = false;  // not Motion JPEG, copied unchanged
+  double squares = 0;    // sum of squared luma differences between the original and the archived frames
+  uint64_t pixels = 0;   // of all compared frames; 0: not compared
 
-  // Of luma, dB; infinite where nothing differs.
+  // PSNR of luma, dB; infinite if there is no difference.
   double psnr() const;
 };
 
@@ -49,12 +48,12 @@ double ArchivedFilm::psnr() const {
   return squares > 0 ? 10 * std::log10(255 * 255 * static_cast<double>(pixels) / squares) : INFINITY;
 }
 
-constexpr int kKeyFrames = 30;  // at least one of so many frames is a key frame: what a seek decodes at most
-constexpr guint64 kMostBytes = 8 << 20;             // that wait for the disk
-constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // for the disk, at the end
-constexpr GstClockTime kTicks = 30'000;             // what times in both files are rounded by together, see CameraFile
+constexpr int kKeyFrames = 30;                      // key frame interval, frames: limits decoding during a seek
+constexpr guint64 kMostBytes = 8 << 20;             // waiting for the disk
+constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // maximum time to write the rest at the end, microseconds
+// maximum rounding of times in both files together, ns; see CameraFile
+constexpr GstClockTime kTicks = 30'000;
 
-// Behind the demuxer: pictures as they are, in the conventions of Image.
 const std::string kAsImage = " ! videoconvert ! video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg ! ";
 const std::string kDecodedJpeg = "demux.video_0 ! jpegdec idct-method=islow" + kAsImage;
 const std::string kDecoded = "demux.video_0 ! decodebin" + kAsImage;
@@ -68,10 +67,9 @@ GstClockTime time_of(GstSample* sample) {
                                     GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
 }
 
-// A pipeline that reads a film, while it lives.
 class Reading {
  public:
-  // `line` goes on behind a demuxer named "demux"; the appsink of its frames is named "sink".
+  // `line` continues the pipeline after a demuxer named "demux" and must contain an appsink named "sink".
   Reading(const std::string& film, const std::string& line) : film_(film) {
     GError* error = nullptr;
     pipeline_.reset(gst_parse_launch(("filesrc name=file ! matroskademux name=demux " + line).c_str(), &error));
@@ -89,17 +87,17 @@ class Reading {
   ~Reading() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
   Reading(const Reading&) = delete;
 
-  // The next sample; null at the end. Throws Error for what went wrong.
+  // Returns the next sample; null at the end. Throws Error.
   Sample next() {
     for (;;) {
       Sample sample(gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), GST_SECOND / 5), gst_sample_unref);
       if (sample) return sample;
-      if (const std::string reason = posted_error(pipeline_.get(), 0, ""); !reason.empty())
+      if (const std::string reason = bus_error(pipeline_.get(), 0, ""); !reason.empty())
         throw Error(film_ + ": " + reason);
       if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return sample;
     }
   }
-  // What the appsink "text" behind the queue "texts" got first; null where the film has nothing for it.
+  // Returns the first sample of the appsink "text" behind the queue "texts"; null if the film has no text track.
   Sample text() {
     const Element queue(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "texts"), gst_object_unref);
     GstPad* pad = gst_element_get_static_pad(queue.get(), "sink");
@@ -114,12 +112,11 @@ class Reading {
   Element pipeline_{nullptr, gst_object_unref}, sink_{nullptr, gst_object_unref}, text_{nullptr, gst_object_unref};
 };
 
-// What a film has, without a look at its pictures.
 struct Contents {
   bool is_jpeg = false;
   size_t frames = 0;
-  GstClockTime end = 0;  // of the last frame
-  std::string begins;    // what its text track says, "" without one
+  GstClockTime end = 0;
+  std::string begins;  // text of the text track; "": none
 };
 
 std::string text_of(const Sample& sample) {
@@ -133,15 +130,17 @@ std::string text_of(const Sample& sample) {
 
 Contents contents_of(const std::string& film) {
   Contents contents;
-  Reading reading(film, "demux.video_0 ! appsink name=sink sync=false max-buffers=16 "
-                        "demux.subtitle_0 ! queue name=texts ! appsink name=text sync=false async=false");
+  Reading reading(film,
+                  "demux.video_0 ! appsink name=sink sync=false max-buffers=16 "
+                  "demux.subtitle_0 ! queue name=texts ! appsink name=text sync=false async=false");
   while (const Sample sample = reading.next()) {
     const GstBuffer* frame = gst_sample_get_buffer(sample.get());
     const GstClockTime time = time_of(sample.get());
     if (contents.frames++ == 0)
       contents.is_jpeg =
           gst_structure_has_name(gst_caps_get_structure(gst_sample_get_caps(sample.get()), 0), "image/jpeg");
-    contents.end = std::max(contents.end, GST_BUFFER_DURATION_IS_VALID(frame) ? time + GST_BUFFER_DURATION(frame) : time);
+    contents.end =
+        std::max(contents.end, GST_BUFFER_DURATION_IS_VALID(frame) ? time + GST_BUFFER_DURATION(frame) : time);
   }
   if (contents.frames == 0) throw Error(film + ": has no pictures");
   if (const Sample text = reading.text()) contents.begins = text_of(text);
@@ -153,21 +152,20 @@ std::string problem_of(const CameraFile& file, const std::string& otherwise) {
   return problem ? problem->text : otherwise;
 }
 
-// Writes pictures of the decoded film into `file`, H.264; returns how many.
 size_t encode(const std::string& film, const Contents& contents, int quantizer, CameraFile& file,
-              const std::string& out, const std::function<void(double)>& told) {
-  Reading reading(film, kDecodedJpeg + "x264enc pass=qual quantizer=" + std::to_string(quantizer) +
-                            " key-int-max=" + std::to_string(kKeyFrames) +
-                            " bframes=0 threads=1 ! video/x-h264,profile=main,stream-format=byte-stream,alignment=au ! " +
-                            kSink);
+              const std::string& out, const std::function<void(double)>& on_progress) {
+  Reading reading(
+      film, kDecodedJpeg + "x264enc pass=qual quantizer=" + std::to_string(quantizer) +
+                " key-int-max=" + std::to_string(kKeyFrames) +
+                " bframes=0 threads=1 ! video/x-h264,profile=main,stream-format=byte-stream,alignment=au ! " + kSink);
   size_t frames = 0;
   while (const Sample sample = reading.next()) {
     GstBuffer* frame = gst_sample_get_buffer(sample.get());
     while (file.is_behind(gst_buffer_get_size(frame)) && !file.problem()) g_usleep(2000);
     if (file.add(frame, gst_sample_get_caps(sample.get()), time_of(sample.get()), contents.begins) !=
-        CameraFile::Added::kTaken)
+        CameraFile::AddResult::kTaken)
       throw Error(problem_of(file, out + ": can't be written"));
-    told(static_cast<double>(++frames) / static_cast<double>(contents.frames));
+    on_progress(static_cast<double>(++frames) / static_cast<double>(contents.frames));
   }
   file.end(contents.end);
   file.close(g_get_monotonic_time() + kPatience);
@@ -197,7 +195,6 @@ class Picture {
   GstVideoFrame frame_;
 };
 
-// Sum of squared differences of luma.
 double squares_between(const Picture& a, const Picture& b) {
   uint64_t sum = 0;
   for (int y = 0; y < a.height(); y++) {
@@ -207,9 +204,9 @@ double squares_between(const Picture& a, const Picture& b) {
   return static_cast<double>(sum);
 }
 
-// Of all pictures, which must be as many, at the same times.
+// Compares all frames. The films must have the same number of frames at the same times.
 void compare(const std::string& film, const std::string& out, ArchivedFilm& archived,
-             const std::function<void(double)>& told) {
+             const std::function<void(double)>& on_progress) {
   Reading before(film, kDecodedJpeg + kSink), after(out, kDecoded + kSink);
   for (uint64_t i = 0;; i++) {
     const Sample a = before.next(), b = after.next();
@@ -222,20 +219,20 @@ void compare(const std::string& film, const std::string& out, ArchivedFilm& arch
     if (one.width() != other.width() || one.height() != other.height()) throw Error(place + " has another size");
     archived.squares += squares_between(one, other);
     archived.pixels += static_cast<uint64_t>(one.width()) * static_cast<uint64_t>(one.height());
-    told(static_cast<double>(i + 1) / static_cast<double>(archived.frames));
+    on_progress(static_cast<double>(i + 1) / static_cast<double>(archived.frames));
   }
 }
 
-// Keeps a camera's Matroska film, as a recording has it, in the file `out`: Motion JPEG becomes H.264 of constant quality
-// (`quantizer`, x264's: 1 the best, 51 the worst), a key frame at least each second; each frame keeps its time, and
-// the film its end and its beginning's time of day. Film of another kind is copied as it is.
+// Archives a camera's Matroska film as `out`. Motion JPEG becomes H.264 of constant quality (`quantizer` of x264: 1
+// best, 51 worst) with a key frame at least every kKeyFrames frames. Frame times, end time and the start's time of day
+// are preserved. Other formats are copied unchanged.
 //
-// Reads both files again afterwards and compares their pictures one by one. `told` is called with how much is done
-// (0 to 1), in the thread that calls this. gst_init() must have been called. Throws Error that names the file: one that
-// can't be read or written, an element that is not installed, a picture that is missing in `out` or has another time.
+// Then compares the decoded frames of both files. `on_progress` receives the progress (0 to 1) on the calling thread.
+// Requires gst_init(). Throws Error that names the file if a file can't be read or written, an element is missing, or a
+// frame in `out` is missing or has another time.
 ArchivedFilm archive_film(const Camera& camera, const std::string& film, const std::string& out, int quantizer,
-                          const std::function<void(double)>& told) {
-  constexpr double kEncoding = 0.7;  // of the time
+                          const std::function<void(double)>& on_progress) {
+  constexpr double kEncoding = 0.7;
   const Contents contents = contents_of(film);
   ArchivedFilm archived{.bytes_before = fs::file_size(film)};
   if (!contents.is_jpeg) {
@@ -244,13 +241,14 @@ ArchivedFilm archive_film(const Camera& camera, const std::string& film, const s
     archived.frames = contents.frames;
   } else {
     CameraFile file(camera, out, kMostBytes);
-    archived.frames = encode(film, contents, quantizer, file, out, [&](double share) { told(kEncoding * share); });
+    archived.frames =
+        encode(film, contents, quantizer, file, out, [&](double share) { on_progress(kEncoding * share); });
     archived.unreadable = contents.frames - archived.frames;
     if (archived.frames == 0) throw Error(film + ": none of its pictures can be read");
-    compare(film, out, archived, [&](double share) { told(kEncoding + (1 - kEncoding) * share); });
+    compare(film, out, archived, [&](double share) { on_progress(kEncoding + (1 - kEncoding) * share); });
   }
   archived.bytes_after = fs::file_size(out);
-  told(1);
+  on_progress(1);
   return archived;
 }
 
@@ -266,17 +264,15 @@ struct Options {
   int quantizer = 18;
 };
 
-// The rig file that is named, or that of the folder that is.
 std::string rig_path(const std::string& recording) {
   return fs::is_directory(recording) ? (fs::path(recording) / "rig.json").string() : recording;
 }
 
-// Where the camera's film is. Throws lf::Error where its source is no file.
 std::string film_of(const lf::Rig& rig, const lf::Camera& camera) {
   const std::string film = rig.resolve(camera.source);
   if (!fs::is_regular_file(film))
-    throw lf::Error("camera " + std::to_string(camera.id) + ": its source is no file" +
-                    (camera.source.empty() ? "" : " (" + film + ")") + ": what is archived is a recording");
+    throw lf::Error("camera " + std::to_string(camera.id) + ": its source is not a file" +
+                    (camera.source.empty() ? "" : " (" + film + ")") + ": only recordings can be archived");
   return film;
 }
 
@@ -286,7 +282,6 @@ std::string name_of(const lf::Camera& camera) {
 
 double megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
-// All films, one on each processor. The bar is of all of them.
 std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<std::string>& films,
                                         const lf::Rig& archived, const std::string& folder, int quantizer) {
   std::vector<ArchivedFilm> results(films.size());
@@ -308,7 +303,6 @@ std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<st
   return results;
 }
 
-// A line for each camera, and one for all.
 void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std::string& out) {
   ArchivedFilm all;
   double worst = INFINITY;
@@ -329,13 +323,13 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
     all.pixels += film.pixels;
     if (!film.is_copy) worst = std::min(worst, film.psnr());
   }
-  std::printf("%s: %.2f MB -> %.2f MB, %.2f times less", out.c_str(), megabytes(all.bytes_before),
+  std::printf("%s: %.2f MB -> %.2f MB, %.2f times smaller", out.c_str(), megabytes(all.bytes_before),
               megabytes(all.bytes_after), static_cast<double>(all.bytes_before) / static_cast<double>(all.bytes_after));
   if (all.pixels > 0) std::printf(", %.2f dB of luma (the worst camera %.2f)", all.psnr(), worst);
   std::printf("\n");
 }
 
-// The rig comes last, so that what is not whole is no recording.
+// Writes the rig file last, so that an incomplete folder is not a recording.
 void run(const Options& options) {
   gst_init(nullptr, nullptr);
   const std::string path = rig_path(options.recording), out = (fs::path(options.out) / "rig.json").string();
@@ -343,9 +337,9 @@ void run(const Options& options) {
   if (fs::exists(out)) throw lf::Error(out + ": there is a recording already: name another folder, or remove it first");
   std::vector<std::string> films;
   for (const lf::Camera& camera : rig.cameras) films.push_back(film_of(rig, camera));
-  lf::FolderUpdate update(options.out);
+  lf::AtomicFolderUpdate update(options.out);
   lf::Rig archived = rig;
-  lf::relocate(archived, fs::weakly_canonical(options.out).string());
+  lf::rebase_paths(archived, fs::weakly_canonical(options.out).string());
   for (lf::Camera& camera : archived.cameras) camera.source = "camera" + std::to_string(camera.id) + ".mkv";
   const std::vector<ArchivedFilm> results = archive_films(rig, films, archived, update.staging(), options.quantizer);
   update.commit();
@@ -358,15 +352,15 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "Keeps a recording in less bytes: Motion JPEG becomes H.264, with the same times, and plays as the recording "
-      "does. "
-      "Tells the bytes, and how far luma is from what it was.",
+      "Transcodes a recording from Motion JPEG to H.264 with the same frame times. The result plays like the "
+      "recording. "
+      "Prints file sizes and the PSNR of luma.",
       "lf-archive");
-  app.add_option("RECORDING", o.recording, "Its folder or rig file; any rig whose cameras' sources are Matroska films")
+  app.add_option("RECORDING", o.recording, "Folder or rig file of a recording, or a rig with Matroska films as sources")
       ->required()
       ->check(cli::ExistingPath);
   app.add_option("--out", o.out, "Folder to write")->required()->type_name("FOLDER");
-  app.add_option("--quantizer", o.quantizer, "Of x264: the less, the better and the larger")
+  app.add_option("--quantizer", o.quantizer, "Quantizer of x264: smaller values give better quality and larger files")
       ->capture_default_str()
       ->check(cli::Range(1, 51));
   return cli::run_tool(app, argc, argv, [&] { run(o); });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-bench: what an array is worth on this machine, on a page: speed, bytes, error, quality.
+// lf-bench: measures rendering speed, bytes, error and image quality of an array on this machine.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,15 +14,15 @@
 #include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"
-#include "focus/view_focus.h"
+#include "focus/view_depths.h"
 #include "image/image.h"
-#include "node/card.h"
+#include "node/renderer_selector.h"
 #include "node/request_renderer.h"
 #include "progress.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "scene/scene.h"
 #include "view/navigator.h"
 #include "wire/answer_codec.h"
@@ -31,16 +31,15 @@ namespace {
 
 struct Options {
   std::string rig, size, renderer = "cpu";
-  double distance = 0;  // metres, of the plane in focus
+  double distance = 0;  // distance of the focal plane, metres
   int held_out = 4, quality = 90;
-  double seconds = 1;  // for each timing
+  double seconds = 1;
 };
 
-// A rig, and what each of its cameras sees at one instant.
 struct Array {
   std::shared_ptr<const lf::Rig> rig;
   lf::Mesh mesh;
-  std::vector<lf::CameraIndex> cameras;  // all of them
+  std::vector<lf::CameraIndex> cameras;
   std::vector<lf::Image> rgb, i420;
   double distance = 1;
 
@@ -54,7 +53,7 @@ std::unique_ptr<Array> load(const Options& options) {
   array->mesh = lf::build_mesh(rig);
   array->cameras.resize(rig.cameras.size());
   std::iota(array->cameras.begin(), array->cameras.end(), 0);
-  lf::StillImages stills(rig);
+  lf::StillImageCache stills(rig);
   Progress progress(options.rig.empty() ? "filming the built-in scene" : "reading images", rig.cameras.size());
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     const lf::Camera& camera = rig.cameras[i];
@@ -79,11 +78,11 @@ lf::View view_of(const Array& array, const Options& options) {
   return view;
 }
 
-// One view over and over, from camera images in memory to the finished picture: a node of all cameras and a compositor,
-// in one thread.
+// Renders one view repeatedly, from camera images in memory to the final image: a node with all cameras and a
+// compositor in one thread.
 class Link {
  public:
-  // `jpeg`: over a link, of the quality asked for; else 16-bit sums within a process.
+  // `jpeg`: encode answers as on a network link, with this quality; otherwise 16-bit sums as within a process.
   Link(const Array& array, const lf::View& view, bool jpeg, int quality, lf::RendererChoice choice)
       : array_(array), choice_(choice) {
     options_.in_process = !jpeg;
@@ -103,19 +102,20 @@ class Link {
     header.family = lf::PixelFamily::kI420;
     header.cameras = lf::CameraRanges(array_.cameras);
     std::string news;
-    options_.card = card_.open(choice_, news);
-    if (!news.empty()) throw lf::Error("nothing that a card does to measure: " + news);
+    options_.gpu = gpu_.open(choice_, news);
+    if (!news.empty()) throw lf::Error("no GPU rendering to measure: " + news);
     lf::RenderedAnswer rendered =
         renderer_.render({&plan, std::move(header)}, sources, options_, scratch_, std::move(bytes_));
-    card_.rendered(choice_, rendered);
+    gpu_.rendered(choice_, rendered);
     bytes_ = std::move(rendered.bytes);
     const auto answer = lf::wire::parse_answer(bytes_);
     assembly_.begin(request_);
-    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("an answer was not sound");
+    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("invalid answer");
     assembly_.finish(lf::PixelFamily::kI420, false);
     picture_ = assembly_.picture().resolve();
   }
-  // The shortest time of many, milliseconds. A card compiles its programs before.
+  // Returns the minimum time of many renderings, milliseconds. The first rendering, in which a GPU compiles its
+  // shaders, is not counted.
   double time(double seconds) {
     render();
     double least = std::numeric_limits<double>::infinity();
@@ -128,12 +128,12 @@ class Link {
   }
   size_t bytes() const { return bytes_.size(); }
   const lf::Image& picture() const { return picture_; }
-  std::string drawn_by() const { return card_.explain(choice_); }
+  std::string drawn_by() const { return gpu_.explain(choice_); }
 
  private:
   const Array& array_;
   const lf::RendererChoice choice_;
-  lf::Card card_;
+  lf::RendererSelector gpu_;
   lf::RenderOptions options_;
   lf::RequestRenderer renderer_;
   lf::ImageMemory scratch_;
@@ -143,8 +143,8 @@ class Link {
   lf::Image picture_;
 };
 
-// The view in 16 bits with seven of fraction, every position in a camera's image projected by itself: within 0.1 of 255
-// of exact arithmetic (docs/error-budget.md). Empty where weight is lost.
+// Renders luma with 16-bit sums (7 fraction bits) and exact projections: within 0.1 of 255 of exact arithmetic
+// (docs/reference/error-budget.md). NaN where weight is missing.
 std::vector<double> exact_luma(const Array& array, const lf::View& view) {
   const lf::RenderJob job(*array.rig, array.mesh, view, array.cameras);
   std::vector<lf::Source> sources;
@@ -154,13 +154,13 @@ std::vector<double> exact_luma(const Array& array, const lf::View& view) {
   const size_t area = static_cast<size_t>(rect.width()) * rect.height();
   std::vector<int16_t> samples(3 * area);
   std::vector<uint16_t> lost(area);
-  const bool any_lost = renderer.render_rows(
+  const bool any_missing = renderer.render_rows(
       rect.y0, rect.y1, lf::packed_sums(lf::PixelFamily::kI420, rect, samples.data(), lost.data()));
   std::vector<double> luma(static_cast<size_t>(view.width) * view.height, NAN);
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) {
       const size_t i = static_cast<size_t>(y - rect.y0) * rect.width() + x - rect.x0;
-      if (!any_lost || lost[i] == 0)
+      if (!any_missing || lost[i] == 0)
         luma[static_cast<size_t>(y) * view.width + x] = samples[i] / static_cast<double>(1 << lf::kSumFractionBits);
     }
   return luma;
@@ -209,7 +209,7 @@ void print_speed(const Array& array, const Options& options) {
   std::printf("error: luma, of 255, against unrounded sums at exact positions\n");
 }
 
-// The cameras to leave out: of the inner half of the array, which others surround, spread out.
+// Selects cameras to hold out: evenly chosen from the inner half of the array, where neighbours surround each camera.
 std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
   const lf::Vec3 middle = lf::default_viewpoint(rig).pose.position;
   std::vector<lf::CameraIndex> cameras(rig.cameras.size());
@@ -226,7 +226,7 @@ std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
 void print_quality(const Array& array, const Options& options) {
   const lf::Rig& rig = *array.rig;
   std::printf(
-      "\ncameras left out and made from the others: PSNR in dB, SSIM; a plane %.3g m away, a focal surface\n\n"
+      "\nheld-out cameras, rendered from the other cameras: PSNR in dB, SSIM; plane at %.3g m, focal surface\n\n"
       "%-18s %15s %17s %9s\n",
       array.distance, "", "plane", "surface", "covered");
   lf::Quality mean[2];
@@ -245,7 +245,7 @@ void print_quality(const Array& array, const Options& options) {
     }
     const std::string name = at.name.empty() ? "camera " + std::to_string(at.id) : at.name;
     if (std::isnan(quality[0].psnr_db) || std::isnan(quality[1].psnr_db)) {
-      std::printf("%-18s nobody else sees what it does\n", name.c_str());
+      std::printf("%-18s no common view with other cameras\n", name.c_str());
       continue;
     }
     std::printf("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
@@ -266,21 +266,21 @@ void print_quality(const Array& array, const Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "What an array is worth on this machine, on a page: speed, bytes and error of its views, and how well its "
+      "Measures an array on this machine: speed, bytes and error of its views, and the quality of held-out "
       "cameras "
-      "are made from the others. Without --rig: of 64 cameras before the built-in scene.",
+      "rendered from the remaining cameras. Without --rig: 64 cameras in the built-in scene.",
       "lf-bench");
-  app.add_option("--rig", o.rig, "Rig file whose cameras name stills (lf-rig), taken at one instant");
-  app.add_option("--size", o.size, "Of the views (default: a camera's)")->type_name("WxH");
+  app.add_option("--rig", o.rig, "Rig file with still images of one instant (lf-rig snapshot)");
+  app.add_option("--size", o.size, "Size of the views (default: a camera's)")->type_name("WxH");
   app.add_option("--focus-distance", o.distance, "Metres (default: estimated)")->check(cli::PositiveNumber);
-  app.add_option("--held-out", o.held_out, "How many cameras to make from the others")
+  app.add_option("--held-out", o.held_out, "Number of held-out cameras")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  app.add_option("--quality", o.quality, "Of JPEG")->capture_default_str()->check(cli::Range(1, 100));
-  app.add_option("--renderer", o.renderer, "What draws, as of lffragment")
+  app.add_option("--quality", o.quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
+  app.add_option("--renderer", o.renderer, "Renderer, see lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
-  app.add_option("--seconds", o.seconds, "For each timing")->capture_default_str()->check(cli::PositiveNumber);
+  app.add_option("--seconds", o.seconds, "Duration of each timing")->capture_default_str()->check(cli::PositiveNumber);
   return cli::run_tool(app, argc, argv, [&] {
     const std::unique_ptr<Array> array = load(o);
     print_speed(*array, o);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-render: stills of a rig with images, without GStreamer.
+// lf-render: renders still views of a rig with images, without GStreamer.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -19,30 +19,30 @@
 #include "command_line.h"
 #include "composite/still.h"
 #include "file_names.h"
-#include "focus/view_focus.h"
-#include "image/correction.h"
+#include "focus/view_depths.h"
 #include "image/image.h"
-#include "node/card.h"
+#include "image/image_filters.h"
+#include "node/renderer_selector.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "view/view_path.h"
 
 namespace {
 
-// One view: a line of the table and an entry of the JSON file.
+// Result of one view: a row of the table and an entry of the JSON file.
 struct QualityRow {
   std::string name;
-  std::optional<lf::Quality> quality;  // against ground truth; nothing where there is none
-  double coverage = 0;                 // fraction of the pixels that count
-  double cameras = 0;                  // cameras that contributed
+  std::optional<lf::Quality> quality;  // compared with ground truth; nullopt: no truth
+  double coverage = 0;
+  double cameras = 0;
   double ms = 0;
 };
 
-// Over the views in which something is covered.
+// Quality is averaged over the views with coverage.
 QualityRow mean_of(const std::vector<QualityRow>& rows) {
   QualityRow mean{"mean"};
   lf::Quality quality;
@@ -77,7 +77,6 @@ void print_row(const QualityRow& row, int name_width) {
 nlohmann::ordered_json to_json(const QualityRow& row) {
   nlohmann::ordered_json json;
   const auto number = [](double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nullptr; };
-  // Counts are whole numbers but for their means.
   const auto count = [](double v) {
     return v == std::floor(v) ? nlohmann::ordered_json(static_cast<uint64_t>(v)) : nlohmann::ordered_json(v);
   };
@@ -91,7 +90,6 @@ nlohmann::ordered_json to_json(const QualityRow& row) {
   return json;
 }
 
-// Prints the rows and their mean.
 void print_table(const std::vector<QualityRow>& rows) {
   size_t width = 4;
   for (const QualityRow& row : rows) width = std::max(width, row.name.size());
@@ -103,7 +101,7 @@ void print_table(const std::vector<QualityRow>& rows) {
 }
 
 // {"views": [{"name", "psnr_db", "ssim", "max_error", "coverage", "cameras", "ms"}, ...], "mean": {...}}. JSON has no
-// infinity: equal pictures (max_error 0) and views without truth have null. Throws lf::Error naming the file.
+// infinity, so identical images (max_error 0) and views without truth have null. Throws lf::Error that names the file.
 void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
   nlohmann::ordered_json json;
   json["views"] = nlohmann::ordered_json::array();
@@ -116,14 +114,14 @@ void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
 struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
-  double distance = 0;  // of the focal plane, where the views don't say
+  double distance = 0;  // of the focal plane, metres
   bool i420 = false, leave_one_out = false;
   std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
-  lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
+  lf::DepthEstimator::Settings surface{.mode = lf::FocusMode::kSurface};
 
-  lf::Blending blending() const { return lf::blending_of(aperture, nearest_cameras); }
+  lf::Blending blending() const { return lf::make_blending(aperture, nearest_cameras); }
   lf::Resampling sampled() const {
     return resampling == "bilinear" ? lf::Resampling::kBilinear : lf::Resampling::kSharpened;
   }
@@ -131,7 +129,7 @@ struct Options {
 
 double covered_fraction(const std::vector<float>& coverage) {
   size_t covered = 0;
-  for (const float c : coverage) covered += c > lf::kCovered;
+  for (const float c : coverage) covered += c > lf::kMinCoverage;
   return static_cast<double>(covered) / static_cast<double>(coverage.size());
 }
 
@@ -142,7 +140,6 @@ lf::CameraSet out_of_service(const lf::Rig& rig, const std::string& list) {
   return out;
 }
 
-// One view, and what it came to.
 struct Rendered {
   QualityRow row;
   lf::View focused;
@@ -158,48 +155,46 @@ lf::Quality quality_against(const Rendered& out, const std::string& truth_file) 
   return lf::compare(out.rgb, truth, out.coverage);
 }
 
-// A rig's images, rendered as the options say.
 class Renderer {
  public:
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
-  // Cameras that are compared with each other are left as bright as they are.
+  // Finds the focal surface. Exposure gains are not compensated for --leave-one-out, which compares the cameras with
+  // each other.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
     gains_ = {};
     if (options_.focus == "plane") return view;
     const bool match =
         !options_.leave_one_out && (options_.gains == "on" || (options_.gains == "auto" && !rig_.has_colour()));
-    lf::CameraGains gains;
+    lf::ExposureCompensation gains;
     const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface,
                                              match ? lf::kMatchedRounds : lf::kSettledRounds, match ? &gains : nullptr);
     gains_ = gains;
     return focused;
   }
-  // Focused, too.
   Rendered render(const std::string& name, const lf::Mesh& mesh, const lf::View& view) {
     reading_ = 0;
     const Clock::time_point start = Clock::now();
     Rendered out = still(name, mesh, focused(mesh, view));
-    out.row.ms = ms_since(start) - reading_;  // reading images is no part of rendering a view
+    out.row.ms = ms_since(start) - reading_;  // excludes the time to read images
     return out;
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
     lf::RenderedAnswer told{.pixels = static_cast<size_t>(focused.width) * focused.height};
-    const std::shared_ptr<lf::gl::SumDrawer> card = card_now();
+    const std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_renderer();
     const Clock::time_point start = Clock::now();
     const double read_before = reading_;
-    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, card.get());
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, gpu.get());
     told.drawing = still.drawing;
     told.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
-    card_.rendered(choice_, told);
+    gpu_.rendered(choice_, told);
     Rendered out{
         .row{name}, .focused = focused, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
     out.row.coverage = covered_fraction(out.coverage);
     out.row.cameras = static_cast<double>(still.cameras.size());
     return out;
   }
-  // What the camera saw. Valid until the next call.
   const lf::Image& rgb_of(lf::CameraIndex camera) { return rgb_ = in_rgb(images_.get(camera)); }
 
  private:
@@ -210,18 +205,18 @@ class Renderer {
   static lf::Image in_rgb(lf::Image image) {
     return image.family() == lf::PixelFamily::kI420 ? lf::to_rgb(image) : std::move(image);
   }
-  std::shared_ptr<lf::gl::SumDrawer> card_now() {
+  std::shared_ptr<lf::gl::GlesRenderer> gpu_renderer() {
     std::string news;
-    std::shared_ptr<lf::gl::SumDrawer> card = card_.open(choice_, news);
+    std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_.open(choice_, news);
     if (!news.empty()) std::fprintf(stderr, "lf-render: %s\n", news.c_str());
-    return card;
+    return gpu;
   }
   const lf::Image& read(lf::CameraIndex camera) {
     const Clock::time_point start = Clock::now();
     const lf::Image& image = images_.get(camera);
     reading_ += ms_since(start);
     const float gain = gains_.of(camera);
-    if (std::abs(gain - 1) < lf::kLeastGain) return image;
+    if (std::abs(gain - 1) < lf::kGainTolerance) return image;
     matched_ = image;
     lf::ByteBuffer memory;
     lf::divide_by_gain(image.view(), {0, 0, image.width(), image.height()}, gain, memory);
@@ -232,15 +227,15 @@ class Renderer {
   const lf::Rig& rig_;
   const Options& options_;
   const lf::RendererChoice choice_ = *lf::renderer_choice(options_.renderer);
-  lf::Card card_;
-  lf::StillImages images_;
+  lf::RendererSelector gpu_;
+  lf::StillImageCache images_;
   lf::Image rgb_, matched_;
-  lf::CameraGains gains_;  // of the view being rendered, that images are divided by
-  double reading_ = 0;     // ms, for the view being rendered
+  lf::ExposureCompensation gains_;  // exposure gains of the current view; images are divided by their gain
+  double reading_ = 0;              // milliseconds spent reading images of the current view
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
 };
 
-// Each camera left out and predicted from the others, as CameraMonitor has it of an array that runs.
+// Predicts each camera from the others, as CameraMonitor does in a running array.
 class Predictor {
  public:
   Predictor(const lf::Rig& rig, const Options& options)
@@ -251,7 +246,6 @@ class Predictor {
   }
   bool is_in_service(lf::CameraIndex camera) const { return !std::ranges::binary_search(out_, camera); }
 
-  // The whole of what a camera sees, by the others.
   Rendered predict(lf::CameraIndex camera) {
     Rendered out = renderer_.render(name_of(camera), lf::build_mesh(rig_, with(out_, camera)), view_of(camera));
     out.row.quality = lf::compare(out.rgb, renderer_.rgb_of(camera), out.coverage);
@@ -259,20 +253,20 @@ class Predictor {
     return out;
   }
 
-  // After all cameras in service were predicted: which of them stand out, and by what.
+  // Returns the monitor's verdict after all cameras in service have been predicted.
   lf::CameraMonitor watch() {
     lf::CameraMonitor monitor(rig_);
     const size_t most = kMostTurns * rig_.cameras.size();
     for (auto camera = monitor.next(out_); camera && monitor.turns() < most; camera = monitor.next(out_)) {
       lf::CameraSet without;
       std::ranges::set_union(out_, monitor.suspected(), std::back_inserter(without));
-      // A camera that is off spoils what others are focused on, too.
+      // A faulty camera also disturbs the focus of views to which it contributes.
       const lf::View focused = monitor.suspects().empty()
                                    ? focused_.at(*camera)
                                    : renderer_.focused(lf::build_mesh(rig_, with(without, *camera)), view_of(*camera));
       const lf::CameraProbe probe = lf::make_probe(rig_, *camera, focused, without);
       monitor.take(*camera, lf::compare_prediction(picture(probe.predicted), picture(probe.seen)));
-      if (monitor.settled()) break;
+      if (monitor.is_settled()) break;
     }
     return monitor;
   }
@@ -282,7 +276,7 @@ class Predictor {
   }
 
  private:
-  static constexpr size_t kMostTurns = 10;  // of each camera
+  static constexpr size_t kMostTurns = 10;
 
   static lf::CameraSet with(lf::CameraSet cameras, lf::CameraIndex camera) {
     const auto place = std::ranges::lower_bound(cameras, camera);
@@ -296,8 +290,8 @@ class Predictor {
     view.blending = options_.blending();
     return view;
   }
-  lf::CoveredPicture picture(const lf::ViewRequest& request) {
-    Rendered out = renderer_.still("", lf::build_mesh(rig_, request.out_of_service), lf::shown_view(request));
+  lf::CoverageImage picture(const lf::ViewRequest& request) {
+    Rendered out = renderer_.still("", lf::build_mesh(rig_, request.out_of_service), lf::displayed_view(request));
     return {std::move(out.rgb), std::move(out.coverage)};
   }
 
@@ -309,7 +303,7 @@ class Predictor {
   std::map<lf::CameraIndex, lf::View> focused_;
 };
 
-// What the others predict badly has something wrong with its calibration, colour or focus, or sees what no other does.
+// A badly predicted camera has a wrong calibration, colour or focus, or it sees something that no other camera sees.
 void leave_one_out(const lf::Rig& rig, const Options& options) {
   Predictor predictor(rig, options);
   Progress progress("leaving out", rig.cameras.size());
@@ -326,16 +320,18 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   for (const auto& [camera, fault] : monitor.suspects()) {
     using Fault = lf::CameraMonitor::Fault;
     std::printf("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(), monitor.error(camera).psnr_db,
-                fault == Fault::kColour      ? "is brighter or darker than the others"
-                : fault == Fault::kDirection ? "looks elsewhere than the rig says"
-                                             : "is out of focus, dirty or covered, or sees what no other does");
+                fault == Fault::kColour      ? "is brighter or darker than the other cameras"
+                : fault == Fault::kDirection ? "has another direction than in the rig"
+                                             : "is out of focus, dirty or covered, or sees what no other camera sees");
   }
   if (!options.json.empty()) write_json(rows, options.json);
 }
 
 void run(const Options& options) {
   lf::Rig rig = lf::load_rig(options.rig);
-  if (options.every != 1) rig = lf::every_nth(rig, options.every);
+  if (options.every != 1) rig = lf::subsample_grid(rig, options.every);
+  if (const std::string notice = lf::orientation_notice(rig); !notice.empty())
+    std::fprintf(stderr, "warning: %s\n", notice.c_str());
   std::error_code error;
   std::filesystem::create_directories(options.out, error);
   if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
@@ -367,41 +363,40 @@ int main(int argc, char** argv) {
   cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
   app.add_option("--rig", options.rig, "Rig file (rig.json)")->required();
   cli::Option* views = app.add_option("--views", options.views, "Views to render (views.json)");
-  cli::Option* leave_one_out = app.add_flag(
-      "--leave-one-out", options.leave_one_out,
-      "In place of views: every camera is left out and predicted by the others; tells cameras with something wrong");
+  cli::Option* leave_one_out =
+      app.add_flag("--leave-one-out", options.leave_one_out,
+                   "Instead of views: predict every camera from the remaining cameras and report faulty cameras");
   views->excludes(leave_one_out);
-  app.add_option("--out", options.out, "Folder for NAME.png of each view; made if it is not there")->required();
+  app.add_option("--out", options.out, "Folder for NAME.png of each view; created if missing")->required();
   app.add_option("--truth", options.truth, "Folder with NAME.png to compare with")->excludes(leave_one_out);
   app.add_option("--every", options.every, "Use rows and columns 0, N, 2N, ... of a grid");
   app.add_option("--cameras", options.cameras, "Ids of the cameras in service, such as 0-3,7 (default: all)");
   app.add_option("--json", options.json, "Write the table to this file as well");
-  app.add_option("--focus", options.focus, "On what: a surface, found from the views' plane, or that plane")
+  app.add_option("--focus", options.focus, "Focus on a surface, found from the views' plane, or on that plane")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
   cli::Option* focus_near =
-      app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array")
+      app.add_option("--focus-near", options.surface.near, "Minimum distance of the surface, metres from the array")
           ->check(cli::NonNegativeNumber);
   cli::Option* focus_far =
-      app.add_option("--focus-far", options.surface.far, "Farthest")->check(cli::NonNegativeNumber);
-  app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)")
+      app.add_option("--focus-far", options.surface.far, "Maximum distance")->check(cli::NonNegativeNumber);
+  app.add_option("--focus-distance", options.distance, "Focus distance of predictions, metres (default: estimated)")
       ->check(cli::PositiveNumber)
       ->needs(leave_one_out);
   cli::Option* aperture = app.add_option("--aperture", options.aperture,
-                                         "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
+                                         "Diameter of a synthetic aperture, metres (default: three cameras per pixel)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
-                 "Weigh as many cameras a pixel by angle, resolution and field of view, in place of three by the mesh")
+                 "Cameras per pixel, weighted by angle, resolution and field of view (default: three, by the mesh)")
       ->excludes(aperture);
-  app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
+  app.add_option("--resampling", options.resampling, "Image sampling, see lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
-  cli::Option* gains =
-      app.add_option("--gains", options.gains,
-                     "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
-          ->capture_default_str()
-          ->check(cli::IsMember({"auto", "on", "off"}))
-          ->excludes(leave_one_out);
-  app.add_option("--renderer", options.renderer, "What draws, as of lffragment")
+  cli::Option* gains = app.add_option("--gains", options.gains,
+                                      "Exposure compensation on a surface (auto: on unless the rig has colour models)")
+                           ->capture_default_str()
+                           ->check(cli::IsMember({"auto", "on", "off"}))
+                           ->excludes(leave_one_out);
+  app.add_option("--renderer", options.renderer, "Renderer, see lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
@@ -410,7 +405,7 @@ int main(int argc, char** argv) {
     if (options.focus == "plane")
       for (const auto& [option, name] :
            {std::pair(focus_near, "--focus-near"), {focus_far, "--focus-far"}, {gains, "--gains"}})
-        if (*option) throw lf::Error(std::string(name) + ": of --focus surface");
+        if (*option) throw lf::Error(std::string(name) + ": only for --focus surface");
     if (options.surface.far > 0 && options.surface.near >= options.surface.far)
       throw lf::Error("--focus-near: must be nearer than --focus-far");
     run(options);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-report: what a run of a light field pipeline came to, as report.json and a contact sheet.
+// lf-report: summarizes a run of a light field pipeline as report.json and a contact sheet.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -17,14 +17,14 @@
 #include "base/maths.h"
 #include "base/text.h"
 #include "command_line.h"
+#include "contact_sheet.h"
 #include "image/image.h"
 #include "progress.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/contribution_map.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "scene/scene.h"
-#include "sheet.h"
 #include "view/view_path.h"
 
 namespace {
@@ -34,15 +34,15 @@ struct Options {
   bool scene = false;
 };
 
-// What lfcompositor said about one picture (element message "lightfield-view").
+// Message "lightfield-view" of lfcompositor about one picture.
 struct ViewLogEntry {
-  double clock = 0;  // seconds, when the message was printed
+  double clock = 0;  // seconds; when the message was printed
   uint32_t sequence = 0;
   bool complete = false;
   uint64_t bytes = 0, trial_bytes = 0, latency_ns = 0;
 };
 
-// The text of `name=(type)value` up to the next comma or semicolon.
+// Returns the text of `name=(type)value` up to the next comma or semicolon.
 std::optional<std::string> field(const std::string& line, const std::string& name) {
   const size_t at = line.find(" " + name + "=(");
   if (at == std::string::npos) return std::nullopt;
@@ -50,8 +50,8 @@ std::optional<std::string> field(const std::string& line, const std::string& nam
   return line.substr(begin, line.find_first_of(",;", begin) - begin);
 }
 
-// Reads what `gst-launch-1.0 -m` printed, each line with the clock in front (seconds: bash's $EPOCHREALTIME); lines
-// that are no such message are passed over. Throws lf::Error if the file can't be read or there is not one.
+// Reads the output of `gst-launch-1.0 -m`, with a clock in front of each line (seconds, bash's $EPOCHREALTIME). Ignores
+// other lines. Throws lf::Error if the file can't be read or contains no such message.
 std::vector<ViewLogEntry> read_view_log(const std::string& path) {
   std::vector<ViewLogEntry> entries;
   std::istringstream text(lf::read_text_file(path));
@@ -75,7 +75,7 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
   return entries;
 }
 
-// Pictures as `video/x-raw,format=RGB ! filesink` leaves them: rows padded to four bytes, one picture after the other.
+// Reads the output of `video/x-raw,format=RGB ! filesink`: consecutive frames with rows padded to four bytes.
 class RawFrames {
  public:
   RawFrames(const std::string& path, int width, int height)
@@ -83,7 +83,7 @@ class RawFrames {
     if (!file_) throw lf::Error(path + ": can't be read");
     const uint64_t bytes = std::filesystem::file_size(path), frame = static_cast<uint64_t>(stride_) * height;
     if (bytes == 0 || bytes % frame != 0)
-      throw lf::Error(path + ": is not a number of RGB pictures of " + std::to_string(width) + "x" +
+      throw lf::Error(path + ": size is not a multiple of RGB frames of " + std::to_string(width) + "x" +
                       std::to_string(height));
     count_ = bytes / frame;
   }
@@ -116,7 +116,7 @@ double focus_distance(const lf::View& view) {
   return -view.focus.plane.signed_distance(view.pose.position) / along;
 }
 
-// PSNR of a picture, dB; NaN without ground truth, or where no camera sees anything.
+// PSNR of a picture, dB; NaN without ground truth or coverage.
 struct Psnr {
   double surface = std::nan(""), plane = std::nan("");
 };
@@ -124,20 +124,20 @@ struct Psnr {
 struct Run {
   lf::Rig rig;
   lf::Mesh mesh;
-  std::vector<lf::NamedView> views;  // those that came out, in order
+  std::vector<lf::NamedView> views;
   std::vector<ViewLogEntry> log;
-  std::vector<Psnr> psnr;  // of each view
+  std::vector<Psnr> psnr;
 };
 
 Psnr psnr_of(const Run& run, const lf::NamedView& view, const lf::Image& surface, const lf::Image& plane) {
   const lf::ViewPlan plan(run.rig, run.mesh, view.view);
-  const lf::OwnerMap owners(plan, {0, 0, view.view.width, view.view.height});
+  const lf::FaceIdMap owners(plan, {0, 0, view.view.width, view.view.height});
   const std::vector<float> coverage = lf::view_coverage(run.rig, plan, owners);
   const lf::Image truth = truth_of(view);
   return {lf::compare(surface, truth, coverage).psnr_db, lf::compare(plane, truth, coverage).psnr_db};
 }
 
-// Over the views of which it is known; nothing if there is none.
+// Returns the mean over the views with a known PSNR; nullopt: none.
 std::optional<double> mean_psnr(const std::vector<Psnr>& all, double Psnr::*of) {
   double sum = 0, judged = 0;
   for (const Psnr& psnr : all) {
@@ -162,7 +162,6 @@ std::string metres(double v) {
   return text;
 }
 
-// The camera that is nearest to a view and looks its way.
 lf::CameraIndex nearest_camera(const lf::Rig& rig, const lf::View& view) {
   return static_cast<lf::CameraIndex>(index_of_largest(
       rig.cameras.size(), [&](size_t i) { return -glm::length(rig.cameras[i].pose.position - view.pose.position); }));
@@ -175,15 +174,16 @@ std::string with_psnr(const std::string& title, double psnr_db) {
   return title + text;
 }
 
-// The views with the nearest and the farthest focal plane, each beside what is true; then what they are made of.
+// Shows the views with the nearest and the farthest focal plane beside the ground truth, then the cameras that
+// contribute to a view.
 lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool scene, const std::string& foot) {
-  lf::StillImages files(run.rig);
+  lf::StillImageCache files(run.rig);
   const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& { return files.get(i); };
   const bool images = lf::has_images(run.rig);
   const size_t n = run.views.size();
   const auto nearest_camera_panel = [&](const lf::View& view) {
     const lf::CameraIndex camera = nearest_camera(run.rig, view);
-    return Panel{"the nearest camera, " + run.rig.cameras[camera].name, image_of(camera)};
+    return Panel{"nearest camera, " + run.rig.cameras[camera].name, image_of(camera)};
   };
 
   std::vector<Panel> panels;
@@ -196,10 +196,10 @@ lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool sc
     else if (images)
       panels.push_back(nearest_camera_panel(view.view));
     panels.push_back(
-        {with_psnr("one plane, at " + metres(focus_distance(view.view)), run.psnr[i].plane), plane.read(i)});
+        {with_psnr("one plane at " + metres(focus_distance(view.view)), run.psnr[i].plane), plane.read(i)});
     panels.push_back({with_psnr("focal surface", run.psnr[i].surface), surface.read(i)});
   }
-  // Where the most cameras work together, the overlay says most.
+  // Selects the view with the most contributing cameras.
   const size_t rich = index_of_largest(
       n, [&](size_t i) { return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size(); });
   const lf::NamedView& view = run.views[rich];
@@ -208,9 +208,9 @@ lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool sc
     panels.push_back(
         {std::to_string(run.rig.cameras.size()) + " camera images", camera_mosaic(run.rig, image_of, 960)});
   panels.push_back({with_psnr("view " + std::to_string(rich), run.psnr[rich].surface), picture});
-  panels.push_back({"which cameras make view " + std::to_string(rich),
+  panels.push_back({"contributing cameras, view " + std::to_string(rich),
                     lf::contribution_map(run.rig, run.mesh, view.view, &picture)});
-  return make_sheet("gst-lightfield", panels, scene || images ? 3 : 2, foot);
+  return make_contact_sheet("gst-lightfield", panels, scene || images ? 3 : 2, foot);
 }
 
 void run_report(const Options& options) {
@@ -243,7 +243,7 @@ void run_report(const Options& options) {
   report["frames"] = frames.count();
   const double seconds = run.log.back().clock - run.log.front().clock;
   report["fps"] = seconds > 0 ? nlohmann::ordered_json((n - 1) / seconds) : nullptr;
-  // One request in flight: the live run's, where there is one.
+  // Uses the live run, if there is one, because it has only one request in flight.
   lf::Percentiles latency(1 << 20);
   for (const ViewLogEntry& entry : read_view_log(options.live_log.empty() ? options.log : options.live_log))
     latency.add(entry.latency_ns);
@@ -264,7 +264,7 @@ void run_report(const Options& options) {
   char foot[256];
   std::snprintf(
       foot, sizeof foot,
-      "%zu frames of %dx%d, %.0f frames/s, latency %.1f ms, %.0f kB of colour and %.0f kB of trials a frame, %s",
+      "%zu frames of %dx%d, %.0f frames/s, latency %.1f ms, %.0f kB of colour and %.0f kB of depth data per frame, %s",
       frames.count(), first.width, first.height, seconds > 0 ? (n - 1) / seconds : 0, latency.at(50) * 1e-6,
       bytes / 1e3, trial_bytes / 1e3, psnr);
   const size_t incomplete = static_cast<size_t>(
@@ -280,15 +280,15 @@ void run_report(const Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  cli::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.",
+  cli::App app("Summarizes a run of a light field pipeline in report.json and sheet.png, and prints report.json.",
                "lf-report");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
-  app.add_option("--views", o.views, "views that were asked for")->required()->type_name("VIEWS.json");
-  app.add_option("--frames", o.frames, "the pictures: raw RGB video as filesink writes it")->required();
-  app.add_option("--plane", o.plane, "the same views focused on their planes (lfcompositor focus=plane)")->required();
-  app.add_option("--log", o.log, "what gst-launch-1.0 -m printed, each line with the clock in front")->required();
-  app.add_option("--live-log", o.live_log, "the same of a live run, for the latency with one request in flight");
-  app.add_flag("--scene", o.scene, "the cameras filmed the built-in scene: compare with its ground truth");
+  app.add_option("--views", o.views, "requested views")->required()->type_name("VIEWS.json");
+  app.add_option("--frames", o.frames, "pictures, raw RGB video written by filesink")->required();
+  app.add_option("--plane", o.plane, "pictures of the same views with lfcompositor focus=plane")->required();
+  app.add_option("--log", o.log, "output of gst-launch-1.0 -m with a clock in front of each line")->required();
+  app.add_option("--live-log", o.live_log, "log of a live run, for the latency with one request in flight");
+  app.add_flag("--scene", o.scene, "compare with the ground truth of the built-in scene");
   app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
   return cli::run_tool(app, argc, argv, [&] { run_report(o); });
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-rig: makes, describes, checks, cuts and converts rig files. What opens cameras is in cameras/commands.cc.
+// lf-rig: creates, describes, checks, reduces and converts rig files. Subcommands that open cameras are in
+// cameras/commands.cc.
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
@@ -22,6 +23,7 @@
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
+#include "rig/still_image_cache.h"
 
 namespace {
 
@@ -36,7 +38,7 @@ struct Arguments {
   std::string rig, other, out, cameras;
   int every = 0;
   lf::ColmapImportOptions colmap;
-  lf::StanfordOptions stanford{.focus_distance = -1};  // not known
+  lf::StanfordOptions stanford{.focus_distance = -1};  // unknown
 };
 
 void parse_grid(const std::string& text, int& rows, int& columns) {
@@ -54,7 +56,7 @@ void print_notes(const std::vector<std::string>& notes) {
 }
 
 void save(Rig rig, const std::string& out, const nlohmann::json* original = nullptr) {
-  lf::relocate(rig, std::filesystem::path(out).parent_path().string());
+  lf::rebase_paths(rig, std::filesystem::path(out).parent_path().string());
   lf::save_rig(rig, out, original);
   std::printf("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
 }
@@ -62,30 +64,29 @@ void save(Rig rig, const std::string& out, const nlohmann::json* original = null
 void assign_devices(Rig& rig) {
   gst_init(nullptr, nullptr);
   const std::vector<VideoDevice> devices = find_video_devices();
-  if (devices.empty()) throw lf::Error("--devices: no camera is plugged in that GStreamer knows");
+  if (devices.empty()) throw lf::Error("--devices: GStreamer finds no camera");
   for (size_t i = 0; i < devices.size(); i++) {
     const bool used = i < rig.cameras.size();
     if (used) rig.cameras[i].source = devices[i].source;
     std::printf("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
-                devices[i].name.c_str(),
-                devices[i].stable ? "" : ", a name that may be another camera's after a restart");
+                devices[i].name.c_str(), devices[i].stable ? "" : ", may name another camera after a restart");
   }
   if (devices.size() < rig.cameras.size())
-    std::printf("warning: %zu cameras are left without a device\n", rig.cameras.size() - devices.size());
+    std::printf("warning: %zu cameras have no device\n", rig.cameras.size() - devices.size());
 }
 
 Rig make_rig(Arguments& arguments) {
   lf::GridRigOptions& grid = arguments.new_rig;
   const bool around = arguments.inward || arguments.outward;
   if (arguments.radius != 0 && !arguments.arc && !arguments.ring && !around)
-    throw lf::Error("--radius: of --arc, --ring, --inward or --outward");
+    throw lf::Error("--radius: only for --arc, --ring, --inward or --outward");
   if (around)
     return lf::make_cylinder_rig({arguments.rows, arguments.inward + arguments.outward, grid.pitch, arguments.radius,
                                   arguments.inward > 0, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.arc)
     return lf::make_arc_rig({arguments.arc, grid.pitch, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.ring) {
-    if (grid.pitch != 0) throw lf::Error("--pitch: a ring has --radius");
+    if (grid.pitch != 0) throw lf::Error("--pitch: not for --ring; use --radius");
     return lf::make_ring_rig({arguments.ring, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   }
   grid.rows = 1;
@@ -123,16 +124,15 @@ int run_info(const Arguments& arguments) {
   return 0;
 }
 
-// Whether the view that viewers open with shows something.
 void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
   constexpr double kLeastSeen = 0.5;
   const double aspect = static_cast<double>(rig.cameras[0].width) / rig.cameras[0].height;
-  const lf::VisibleShare visible(rig);
+  const lf::VisibleFraction visible(rig);
   if (const double seen = visible(visible.home(aspect), aspect); seen < kLeastSeen)
     findings.push_back(
         {lf::RigFinding::Severity::kWarning,
          lf::format_text("topology: cameras see only %.0f %% of the first view: they look along the mesh "
-                         "or past each other (lf-show contributions --rig draws who sees what)",
+                         "or past each other (lf-show contributions --rig shows what each camera sees)",
                          100 * seen)});
 }
 
@@ -154,8 +154,8 @@ int run_check(const Arguments& arguments) {
 int run_subset(const Arguments& arguments) {
   const nlohmann::json original = lf::parse_json(lf::read_text_file(arguments.rig), arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
-  save(arguments.every > 0 ? lf::every_nth(rig, arguments.every)
-                           : lf::sub_rig(rig, lf::parse_camera_list(rig, arguments.cameras)),
+  save(arguments.every > 0 ? lf::subsample_grid(rig, arguments.every)
+                           : lf::rig_subset(rig, lf::parse_camera_list(rig, arguments.cameras)),
        arguments.out, &original);
   return 0;
 }
@@ -163,8 +163,10 @@ int run_subset(const Arguments& arguments) {
 int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
   if (std::ranges::all_of(result.rig.cameras, [](const lf::Camera& camera) { return camera.image.empty(); }))
-    std::printf("note: no pictures are named: add \"source\" (or \"image\", a still) to each camera in %s\n",
+    std::printf("note: the rig has no images: add \"source\" (or \"image\", a still) to each camera in %s\n",
                 arguments.out.c_str());
+  if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
+    std::printf("note: %s\n", notice.c_str());
   save(result.rig, arguments.out);
   return 0;
 }
@@ -175,10 +177,9 @@ int finish_export(const Arguments& arguments, const Rig& rig, const lf::RigExpor
   return 0;
 }
 
-// A format of other programs, with what it takes to read and to write it.
 struct Format {
   const char* name;
-  const char* place;  // of its files, on the command line
+  const char* place;
   const char* about;
   lf::RigImport (*read)(const Arguments&);
   lf::RigExport (*write)(const Rig&, const Arguments&);
@@ -197,38 +198,38 @@ Format formats[] = {
     {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",
      [](const Arguments& a) { return lf::import_opencv_yaml(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_opencv_yaml(rig, a.other); }},
-    {"stanford", "DIR", "images named as in the Stanford light field archive (out_00_01_Y_X_.png)",
+    {"stanford", "DIR", "images with file names of the Stanford light field archive (out_00_01_Y_X_.png)",
      [](const Arguments& a) { return lf::import_stanford_pictures(a.other, a.stanford); },
      [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
 };
 
 void add_formats(cli::App& app, Arguments& arguments) {
-  cli::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
-  cli::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
+  cli::App* import = app.add_subcommand("import", "Converts files of another program to a rig file");
+  cli::App* exports = app.add_subcommand("export", "Converts a rig file to files of another program");
   import->require_subcommand(1);
   exports->require_subcommand(1);
   for (Format& format : formats) {
     format.import = import->add_subcommand(format.name, std::string("From ") + format.about);
-    format.import->add_option(format.place, arguments.other, "To read")->required();
+    format.import->add_option(format.place, arguments.other, "File or folder to read")->required();
     format.import->add_option("--out", arguments.out, "Rig file to write")->required();
     format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
     format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
-    format.export_->add_option(format.place, arguments.other, "To write")->required();
+    format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
   }
   cli::App* colmap = import->get_subcommand("colmap");
   colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                   "The image files are the undistorted ones: pinhole lenses, the size of each file");
-  colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
+                   "The image files are undistorted: use pinhole lenses and the size of each file");
+  colmap->add_option("--grid", arguments.grid, "Arrange the cameras, ordered by name, as a grid")->type_name("RxC");
   cli::App* stanford = import->get_subcommand("stanford");
   stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels (default: 50 degrees across)")
       ->check(cli::PositiveNumber);
   stanford
       ->add_option("--focus-distance", arguments.stanford.focus_distance,
-                   "Where points stand still, metres; 0: far away (default: from the pictures)")
+                   "Distance with zero disparity, metres; 0: infinity (default: from the pictures)")
       ->check(cli::NonNegativeNumber);
   for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
-    command->add_option("--unit", arguments.stanford.unit, "Metres in one unit of the names")->capture_default_str();
+    command->add_option("--unit", arguments.stanford.unit, "Metres per unit in the file names")->capture_default_str();
 }
 
 bool converts() {
@@ -236,7 +237,6 @@ bool converts() {
                      [](const Format& format) { return *format.import || *format.export_; });
 }
 
-// By the format whose subcommand is on the command line.
 int run_conversion(Arguments& arguments) {
   for (const Format& format : formats) {
     if (*format.import) {
@@ -255,44 +255,44 @@ int run_conversion(Arguments& arguments) {
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  cli::App app("Makes, describes, checks, cuts and converts rig files, and opens their cameras", "lf-rig");
+  cli::App app("Creates, describes, checks, reduces and converts rig files, and opens their cameras", "lf-rig");
   app.require_subcommand(1);
 
-  cli::App* make = app.add_subcommand("new", "A first rig for cameras that have just been mounted");
+  cli::App* make = app.add_subcommand("new", "Creates a first, nominal rig for newly mounted cameras");
   cli::App* shape = make->add_option_group("shape");
   std::vector<const cli::Option*> flat = {
       shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC")};
   const std::tuple<const char*, int&, const char*> shapes[] = {
-      {"--line", arguments.line, "So many cameras in a row, from left to right"},
-      {"--arc", arguments.arc, "So many on an arc, from left to right, that look at its centre"},
-      {"--ring", arguments.ring, "So many on a circle that all look forward, clockwise from the top"},
-      {"--inward", arguments.inward, "So many a row around a cylinder, that look at its axis"},
-      {"--outward", arguments.outward, "So many a row around a cylinder, that look away from its axis"}};
+      {"--line", arguments.line, "Number of cameras in a row, from left to right"},
+      {"--arc", arguments.arc, "Number of cameras on an arc, from left to right, looking at its centre"},
+      {"--ring", arguments.ring, "Number of cameras on a circle, clockwise from the top, looking forward"},
+      {"--inward", arguments.inward, "Number of cameras per row around a cylinder, looking at its axis"},
+      {"--outward", arguments.outward, "Number of cameras per row around a cylinder, looking away from its axis"}};
   for (const auto& [name, cameras, help] : shapes) {
     const cli::Option* option = shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
     if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
   }
   shape->require_option(1);
   cli::Option* rows =
-      make->add_option("--rows", arguments.rows, "Of --inward and --outward, --pitch apart")->capture_default_str();
+      make->add_option("--rows", arguments.rows, "Rows of a cylinder, --pitch apart")->capture_default_str();
   for (const cli::Option* option : flat) rows->excludes(option);
-  make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres");
-  make->add_option("--radius", arguments.radius, "Of the arc, ring or cylinder, metres");
+  make->add_option("--pitch", arguments.new_rig.pitch, "Distance between neighbours, metres");
+  make->add_option("--radius", arguments.radius, "Radius of the arc, ring or cylinder, metres");
   make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
-  make->add_option("--width", arguments.new_rig.width, "Pixels")->capture_default_str();
-  make->add_option("--height", arguments.new_rig.height, "Pixels")->capture_default_str();
+  make->add_option("--width", arguments.new_rig.width, "Image width, pixels")->capture_default_str();
+  make->add_option("--height", arguments.new_rig.height, "Image height, pixels")->capture_default_str();
   make->add_flag("--devices", arguments.devices,
-                 "Plugged-in cameras become the sources, in the order of their ports: v4l2, libcamera, Aravis, "
-                 "whatever GStreamer knows");
+                 "Use connected cameras as sources, in the order of their ports: v4l2, libcamera, Aravis and all other "
+                 "cameras known to GStreamer");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
   cli::App* info = app.add_subcommand("info", "Describes a rig");
   info->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  cli::App* check = app.add_subcommand("check", "Looks for what is wrong; exit status 1 if something is");
+  cli::App* check = app.add_subcommand("check", "Checks a rig file; exit status 1 if there is an error");
   check->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  cli::App* subset = app.add_subcommand("subset", "Some of the cameras, as a rig file of their own");
+  cli::App* subset = app.add_subcommand("subset", "Writes a rig file with some of the cameras");
   subset->add_option("RIG", arguments.rig, "Rig file")->required();
   cli::App* which = subset->add_option_group("which");
   which->add_option("--every", arguments.every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-scene: films the built-in scene with the cameras of any rig, and writes its ground truth for any views.
+// lf-scene: films the built-in scene with the cameras of any rig, and renders ground truth for any views.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -36,7 +36,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// The colour faults that lf-scene gives its cameras.
 struct FaultOptions {
   int seed = -1;
   std::string stuck;
@@ -44,15 +43,14 @@ struct FaultOptions {
   void add_to(cli::App& app) {
     cli::Option* faults =
         app.add_option("--faults", seed,
-                       "Cameras with colours of their own: brightness +-8 %, white balance +-5 %, black level, gamma, "
+                       "Give cameras different colours: brightness +-8 %, white balance +-5 %, black level, gamma, "
                        "crosstalk, up to 30 % of vignetting, noise; colours.json has the truth")
             ->type_name("SEED")
             ->check(cli::Range(0, 1000000));
-    app.add_option("--stuck", stuck, "Ids of cameras whose exposure is stuck, 1.6 times as bright")
+    app.add_option("--stuck", stuck, "Ids of cameras with a stuck exposure, 1.6 times as bright")
         ->type_name("LIST")
         ->needs(faults);
   }
-  // The faults, one for each camera; empty where none are asked for. Throws Error for ids that are none.
   std::vector<lf::ColourFault> faults(const lf::Rig& rig) const {
     if (seed < 0) return {};
     std::vector<lf::ColourFault> faults = lf::random_faults(rig.cameras.size(), static_cast<uint32_t>(seed));
@@ -62,19 +60,17 @@ struct FaultOptions {
   }
 };
 
-// The picture that camera `i` gives: frame `n` of a film.
-lf::Image filmed(lf::Image image, const std::vector<lf::ColourFault>& faults, const lf::Rig& rig, size_t i,
-                        int n) {
+lf::Image filmed(lf::Image image, const std::vector<lf::ColourFault>& faults, const lf::Rig& rig, size_t i, int n) {
   if (faults.empty()) return image;
-  return lf::with_fault(image, faults[i], rig.cameras[i].principal_point(),
-                        (uint64_t{i} << 32) + static_cast<uint64_t>(n));
+  return lf::apply_fault(image, faults[i], rig.cameras[i].principal_point(),
+                         (uint64_t{i} << 32) + static_cast<uint64_t>(n));
 }
 
 void write_faults(const lf::Rig& rig, const std::vector<lf::ColourFault>& faults, const std::string& folder) {
   if (!faults.empty()) lf::write_text_file(lf::faults_to_json(rig, faults), folder + "/colours.json");
 }
 
-// lf-scene chart: what cameras record while a chart of 24 colours is held before them, here and there.
+// lf-scene chart: films a chart of 24 colours at several positions.
 struct ChartOptions {
   std::string rig, out;
   int places = 12, quality = 97;
@@ -84,8 +80,8 @@ struct ChartOptions {
 void film_chart(const ChartOptions& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
-  const std::vector<lf::ChartPose> charts = lf::chart_poses(rig, options.places);
-  lf::FolderUpdate update(options.out);
+  const std::vector<lf::ChartPose> charts = lf::colour_chart_poses(rig, options.places);
+  lf::AtomicFolderUpdate update(options.out);
   Progress progress("filming", rig.cameras.size());
   for (size_t i = 0; i < rig.cameras.size(); i++, progress.step()) {
     lf::Camera& camera = rig.cameras[i];
@@ -111,31 +107,30 @@ void film_chart(const ChartOptions& options) {
               options.out.c_str());
 }
 
-// Returns the command.
 cli::App* add_chart_command(cli::App& app) {
   const auto o = std::make_shared<ChartOptions>();
   cli::App* command =
-      app.add_subcommand("chart", "Films a chart of 24 colours that is held before the array here and there");
-  command->add_option("--rig", o->rig, "Cameras")->required()->type_name("RIG.json");
-  command->add_option("--out", o->out, "Folder to write to: rig.json, and a recording of each camera")
+      app.add_subcommand("chart", "Films a chart of 24 colours at several positions in front of the array");
+  command->add_option("--rig", o->rig, "Rig file")->required()->type_name("RIG.json");
+  command->add_option("--out", o->out, "Folder to write: rig.json and a recording of each camera")
       ->required()
       ->type_name("DIR");
-  command->add_option("--places", o->places, "Where the chart is held: a frame each")
+  command->add_option("--places", o->places, "Number of chart positions, one frame each")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  command->add_option("--quality", o->quality, "Of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
   o->faults.add_to(*command);
   command->callback([o] { film_chart(*o); });
   return command;
 }
 
-// lf-scene lights: what cameras record while a light, or a bar with two, is moved through the dark.
+// lf-scene lights: films a light, or a bar with two lights, that moves in the dark.
 struct LightOptions {
   std::string rig, out;
   std::vector<std::string> framerates = {"30"}, seconds = {"20"};
   int quality = 95;
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  lf::LightsOptions lights;
+  lf::MovingLightOptions lights;
 };
 
 FrameRate parse_rate(const std::string& text) {
@@ -152,23 +147,23 @@ double parse_seconds(const std::string& text) {
   int end = 0;
   double value = 0;
   if (std::sscanf(text.c_str(), "%lf%n", &value, &end) != 1 || text[end] != 0 || !(value > 0 && value <= 3600))
-    throw lf::Error("--seconds " + text + ": must be more than 0, an hour at most");
+    throw lf::Error("--seconds " + text + ": must be positive, at most 3600");
   return value;
 }
 
-// What one camera records: the film, and where the lights are in it.
-json record(const LightOptions& options, const std::string& folder, const lf::LightsPath& path,
+// Records the film of one camera and returns the true positions of the lights in its frames.
+json record(const LightOptions& options, const std::string& folder, const lf::LightTrajectory& path,
             const lf::Camera& camera, size_t index, const std::function<void()>& step) {
   const FrameRate rate = parse_rate(options.framerates[index % options.framerates.size()]);
   const double seconds = parse_seconds(options.seconds[index % options.seconds.size()]);
   const auto frames = std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
-  const lf::LightsCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
+  const lf::MovingLightCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
   MjpegWriter writer((fs::path(folder) / (camera.name + ".mkv")).string(), camera.width, camera.height, rate,
                      options.quality);
   json list = json::array();
   for (int64_t n = 0; n < frames; n++, step()) {
     const double stamp = static_cast<double>(n) * rate.denominator / rate.numerator;
-    // A stamp is short of the true capture time by the camera's offset.
+    // The timestamp plus the camera's offset is the true capture time.
     const double time = stamp + camera.time_offset;
     writer.add(lights.picture(time, index << 32 | static_cast<uint64_t>(n)));
     json frame = {stamp};
@@ -183,7 +178,7 @@ json record(const LightOptions& options, const std::string& folder, const lf::Li
 
 void film_lights(const LightOptions& options) {
   const lf::Rig rig = lf::load_rig(options.rig);
-  const lf::LightsPath path(rig, options.lights);
+  const lf::LightTrajectory path(rig, options.lights);
   check_file_names(rig);
   size_t frames = 0;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -191,7 +186,7 @@ void film_lights(const LightOptions& options) {
     const double seconds = parse_seconds(options.seconds[i % options.seconds.size()]);
     frames += std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
   }
-  lf::FolderUpdate update(options.out);
+  lf::AtomicFolderUpdate update(options.out);
   Progress progress("filming", frames);
   std::mutex mutex;
   std::vector<json> cameras(rig.cameras.size());
@@ -213,7 +208,6 @@ void film_lights(const LightOptions& options) {
   std::printf("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
 }
 
-// Returns the command.
 cli::App* add_lights_command(cli::App& app) {
   const auto o = std::make_shared<LightOptions>();
   cli::App* command = app.add_subcommand(
@@ -225,33 +219,33 @@ cli::App* add_lights_command(cli::App& app) {
   command->add_option("--bar", o->lights.bar, "metres between the two lights; 0: one light")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--framerate", o->framerates, "frames per second; of several, cameras have one each in turn")
+  command->add_option("--framerate", o->framerates, "frames per second; several values apply to the cameras in turn")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--seconds", o->seconds, "length; of several, cameras have one each in turn")
+  command->add_option("--seconds", o->seconds, "length; several values apply to the cameras in turn")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--speed", o->lights.speed, "of the lights, metres a second")
+  command->add_option("--speed", o->lights.speed, "speed of the lights, metres per second")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--near", o->lights.near, "metres before the array")->capture_default_str();
-  command->add_option("--far", o->lights.far, "metres before the array")->capture_default_str();
-  command->add_option("--power", o->lights.power, "light of a pixel amid a light 1 m away: 1 saturates")
+  command->add_option("--near", o->lights.near, "minimum distance from the array, metres")->capture_default_str();
+  command->add_option("--far", o->lights.far, "maximum distance from the array, metres")->capture_default_str();
+  command->add_option("--power", o->lights.power, "brightness of a light 1 m away; 1: saturated")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--exposure", o->lights.exposure, "seconds")
+  command->add_option("--exposure", o->lights.exposure, "exposure time, seconds")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--noise", o->lights.noise, "of samples, of 255")
+  command->add_option("--noise", o->lights.noise, "noise of the samples, of 255")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--ambient", o->lights.ambient, "light that is left in the room, of the scene's own")
+  command->add_option("--ambient", o->lights.ambient, "ambient light as a fraction of the scene's light")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--reflection", o->lights.reflection, "share of the lights that a window behind reflects")
+  command->add_option("--reflection", o->lights.reflection, "fraction of the light reflected by a window behind")
       ->capture_default_str()
       ->check(cli::Range(0.0, 1.0));
-  command->add_option("--quality", o->quality, "of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
   command->add_option("--threads", o->threads)->capture_default_str()->check(cli::Range(1, 256));
   command->callback([o] { film_lights(*o); });
   return command;
@@ -294,7 +288,6 @@ std::string frame_name(const std::string& camera, int frame) {
   return camera + number;
 }
 
-// What is to be done; `step` is called after each picture.
 using Step = std::function<void()>;
 using Job = std::function<void(const Step& step)>;
 
@@ -302,8 +295,8 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
              const std::vector<lf::ColourFault>& faults, FrameRate rate) {
   const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
-  const auto frame = [=, &rig, &faults, offset = camera.time_offset](lf::SceneFilm& film, int n) {
-    // A stamp is short of the true capture time by the camera's offset.
+  const auto frame = [=, &rig, &faults, offset = camera.time_offset](lf::SceneRenderer& film, int n) {
+    // The timestamp plus the camera's offset is the true capture time.
     const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
     return filmed(film.at(time), faults, rig, index, n);
   };
@@ -312,15 +305,15 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
   const int frames = options.frames, samples = options.samples;
   if (options.format == "png")
     return [=](const Step& step) {
-      lf::SceneFilm film(lens, samples);
+      lf::SceneRenderer film(lens, samples);
       for (int n = 0; n < frames; n++, step()) lf::save_image(frame(film, n), (folder / frame_name(name, n)).string());
     };
   return [=, quality = options.quality](const Step& step) {
-    lf::SceneFilm film(lens, samples);
+    lf::SceneRenderer film(lens, samples);
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
     for (int n = 0; n < frames; n++, step()) {
       const lf::Image image = frame(film, n);
-      // A still beside the film, for tools that render without a stream.
+      // Also saves a still, for tools that render without a stream.
       if (n == 0) lf::save_image(image, (folder / (name + ".png")).string());
       writer.add(image);
     }
@@ -337,14 +330,13 @@ Job truth_job(const Options& options, const std::string& folder, const lf::Named
   };
 }
 
-// Frames of a longer film that was in the folder before would be taken for the end of this one.
+// Removes frames of an earlier, longer film, which would look like the end of the new film.
 void remove_later_frames(const Options& options, const lf::Rig& rig) {
   for (const lf::Camera& camera : rig.cameras)
     for (int n = options.frames; fs::remove(fs::path(options.out) / frame_name(camera.name, n)); n++) {
     }
 }
 
-// Runs the jobs on threads; the first error ends them all.
 void run_jobs(const std::vector<Job>& jobs, int threads, Progress& progress) {
   std::atomic<size_t> next = 0;
   std::mutex mutex;
@@ -384,9 +376,9 @@ void film(const Options& options) {
   for (size_t i = 0; i < views.size(); i++)
     check_file_name(views[i].name, options.truth + ": views[" + std::to_string(i) + "].name", view_names);
 
-  // What the folder has stays until the new film is complete. The rig file comes last: all that it names is there.
+  // Existing files stay until the new film is complete. The rig file is written last, so that all files it names exist.
   const fs::path rig_path = fs::path(options.out) / "rig.json";
-  lf::FolderUpdate update(options.out);
+  lf::AtomicFolderUpdate update(options.out);
   if (!views.empty()) fs::create_directory(fs::path(update.staging()) / "truth");
 
   std::vector<Job> jobs;
@@ -417,23 +409,23 @@ int main(int argc, char** argv) {
   Options o;
   cli::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
                "lf-scene");
-  app.add_option("--out", o.out, "folder to write to; required")->type_name("DIR");
+  app.add_option("--out", o.out, "folder to write; required")->type_name("DIR");
   cli::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
   app.add_option("--grid", o.grid, "film with the scene's own array")
       ->type_name("RxC")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "of its cameras, pixels")->capture_default_str()->excludes(rig);
-  app.add_option("--height", o.height, "of its cameras, pixels")->capture_default_str()->excludes(rig);
+  app.add_option("--width", o.width, "image width of --grid, pixels")->capture_default_str()->excludes(rig);
+  app.add_option("--height", o.height, "image height of --grid, pixels")->capture_default_str()->excludes(rig);
   app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));
   app.add_option("--framerate", o.framerate, "frames per second: 15, 29.97, 30000/1001")->capture_default_str();
   app.add_option("--format", o.format, "mjpeg: NAME.mkv and its first frame, NAME.png; png: NAME_0000.png, ...")
       ->capture_default_str()
       ->check(cli::IsMember({"mjpeg", "png"}));
   const cli::Option* quality =
-      app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+      app.add_option("--quality", o.quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
   app.add_option("--truth", o.truth, "write the ground truth of these views at their times")->type_name("VIEWS.json");
-  app.add_option("--samples", o.samples, "N x N rays per pixel where one is too few")
+  app.add_option("--samples", o.samples, "N x N rays per pixel where antialiasing is needed")
       ->capture_default_str()
       ->check(cli::Range(1, 16));
   app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
@@ -443,7 +435,7 @@ int main(int argc, char** argv) {
   for (cli::App* command : {chart, lights}) command->excludes_options_of(app);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] {
-    if (*quality && o.format == "png") throw lf::Error("--quality: of --format mjpeg");
+    if (*quality && o.format == "png") throw lf::Error("--quality: only for --format mjpeg");
     if (!*chart && !*lights) film(o);
   });
 }

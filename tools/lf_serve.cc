@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-serve: anybody with a browser flies through the light field.
+// lf-serve: serves the light field to browsers.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -31,7 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace lf::serve;
 
-constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
+constexpr double kSceneFocus = 2.2;  // metres; distance of the figure in the built-in scene
 
 struct Options {
   std::string rig, nodes, key_file, record, token_file, ice_credentials, media, resampling = "sharpened",
@@ -40,12 +40,11 @@ struct Options {
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
-  bool watch = false;         // the rig file
-  bool trusted = false;       // the rig file may run any element
-  int capture_delay_ms = -1;  // less than 0: by the kind of cameras
+  bool watch = false;
+  bool trusted = false;
+  int capture_delay_ms = -1;  // negative: depends on the cameras
 };
 
-// "NAME=FILE".
 std::pair<std::string, std::string> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == text.npos || equals == 0) throw lf::Error("--path " + text + ": must be NAME=FILE");
@@ -68,21 +67,21 @@ gboolean quit(gpointer loop) {
   return G_SOURCE_CONTINUE;
 }
 
-// The address of this machine that video comes from; "" for all of them.
+// Returns the local address for outgoing video; "": all addresses.
 std::string media_address(const std::string& text) {
   if (text == "any" || text == "0.0.0.0" || text == "::") return "";
   if (text == "localhost") return "127.0.0.1";
   const std::string address = plain_address(text);
   if (address.empty() || !is_local_address(address))
-    throw lf::Error("--media " + text + ": must be an IP address of this machine, or any");
+    throw lf::Error("--media-address " + text + ": must be an IP address of this machine, or any");
   return address;
 }
 
 std::string token_in(const std::string& path) {
   std::string token = lf::read_secret_file(path);
   while (!token.empty() && g_ascii_isspace(token.back())) token.pop_back();
-  if (token.empty()) throw lf::Error(path + ": has no token");
-  // Clients send it in a header.
+  if (token.empty()) throw lf::Error(path + ": contains no token");
+  // Clients send the token in a header.
   if (!std::ranges::all_of(token, [](char c) { return c >= ' ' && c <= '~'; }))
     throw lf::Error(path + ": a token is one line of printable ASCII: openssl rand -hex 16 >FILE");
   constexpr size_t kShort = 16;
@@ -93,16 +92,15 @@ std::string token_in(const std::string& path) {
 }
 
 void check_options(Options& options) {
-  if (!options.nodes.empty() && options.rig.empty())
-    throw lf::Error("--nodes: needs --rig, which says where cameras are");
+  if (!options.nodes.empty() && options.rig.empty()) throw lf::Error("--nodes: needs --rig, the poses of the cameras");
   if (!options.record.empty() && !options.nodes.empty())
     throw lf::Error("--record: the hosts of --nodes record their own cameras (lfnodesink record=FOLDER)");
   if (!options.record.empty() && options.watch)
-    throw lf::Error("--record: not with --watch, which may bring other cameras; a recording is of the same ones");
+    throw lf::Error("--record: not with --watch, because the cameras of a recording can't change");
   if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
   if (!options.key_file.empty() && options.nodes.empty())
-    throw lf::Error("--key-file: needs --nodes, the hosts that have the same");
-  const FocusOn& focus = options.limits.focus_on;
+    throw lf::Error("--key-file: needs --nodes, the hosts with the same key");
+  const FocusSettings& focus = options.limits.focus_settings;
   if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be nearer than --focus-far");
   if (!options.token_file.empty()) options.server.token = token_in(options.token_file);
   for (const std::string& path : options.paths) options.server.whep.paths.insert(parse_path(path));
@@ -115,43 +113,40 @@ void check_options(Options& options) {
   options.server.whep.media_address = media_address(options.media.empty() ? options.server.address : options.media);
 }
 
-// A film of the built-in scene that loops, made by lf-scene where it is not there yet, beside the main loop. On the
-// main thread alone.
-class Film {
+// Creates a looping film of the built-in scene with lf-scene, in a child process. Use on the main thread only.
+class SceneFilming {
  public:
-  // The rig file, and whether it is there already.
   static std::string rig();
   static bool exists();
 
-  // Begins. `on_end` is called once, with what went wrong or "". Throws Error.
-  explicit Film(std::function<void(const std::string& problem)> on_end);
-  ~Film();
-  Film(const Film&) = delete;
+  // Starts filming. `on_end` is called once, with an error or "". Throws Error.
+  explicit SceneFilming(std::function<void(const std::string& problem)> on_end);
+  ~SceneFilming();
+  SceneFilming(const SceneFilming&) = delete;
 
-  // How much is done, 0 to 1.
   double progress() const;
 
  private:
   void read_line();
-  void take_line(const std::string& line);
+  void parse_line(const std::string& line);
 
   std::function<void(const std::string&)> on_end_;
   GSubprocess* process_ = nullptr;
-  GDataInputStream* says_ = nullptr;
+  GDataInputStream* stderr_ = nullptr;
   GCancellable* cancellable_;
   int64_t began_;
-  double told_ = 0;  // share of the film, 0 to 1, when it was last told
-  int64_t told_at_ = 0;
+  double reported_ = 0;  // latest reported progress, 0 to 1
+  int64_t reported_at_ = 0;
   std::string last_line_;
 };
 
 fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
 
-std::string Film::rig() { return folder() / "rig.json"; }
+std::string SceneFilming::rig() { return folder() / "rig.json"; }
 
-bool Film::exists() { return fs::exists(rig()); }  // written last
+bool SceneFilming::exists() { return fs::exists(rig()); }  // the rig file is written last
 
-Film::Film(std::function<void(const std::string&)> on_end)
+SceneFilming::SceneFilming(std::function<void(const std::string&)> on_end)
     : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
   std::error_code none;
   const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
@@ -166,59 +161,60 @@ Film::Film(std::function<void(const std::string&)> on_end)
     g_object_unref(cancellable_);
     throw lf::Error(text);
   }
-  says_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
+  stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
   read_line();
 }
 
-Film::~Film() {
+SceneFilming::~SceneFilming() {
   g_cancellable_cancel(cancellable_);
   g_subprocess_force_exit(process_);
-  g_object_unref(says_);
+  g_object_unref(stderr_);
   g_object_unref(process_);
   g_object_unref(cancellable_);
 }
 
-void Film::read_line() {
+void SceneFilming::read_line() {
   g_data_input_stream_read_line_async(
-      says_, G_PRIORITY_DEFAULT, cancellable_,
+      stderr_, G_PRIORITY_DEFAULT, cancellable_,
       [](GObject* stream, GAsyncResult* result, gpointer data) {
         GError* error = nullptr;
         g_autofree gchar* line =
             g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
         const bool cancelled = g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
         g_clear_error(&error);
-        if (cancelled) return;  // `data` is gone
-        Film* self = static_cast<Film*>(data);
-        if (line) return self->take_line(line);
-        g_subprocess_wait(self->process_, nullptr, nullptr);  // it has closed its standard error: it ends
+        if (cancelled) return;  // `data` no longer exists
+        SceneFilming* self = static_cast<SceneFilming*>(data);
+        if (line) return self->parse_line(line);
+        // standard error is closed, so the process is about to exit
+        g_subprocess_wait(self->process_, nullptr, nullptr);
         const bool made =
             g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
-        self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "was ended" : self->last_line_));
+        self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "terminated" : self->last_line_));
       },
       this);
 }
 
-// "filming: 40 %".
-void Film::take_line(const std::string& line) {
+// Parses "filming: 40 %".
+void SceneFilming::parse_line(const std::string& line) {
   int percent = 0;
   if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
-    told_ = std::clamp(percent, 0, 100) * 0.01;
-    told_at_ = g_get_monotonic_time();
+    reported_ = std::clamp(percent, 0, 100) * 0.01;
+    reported_at_ = g_get_monotonic_time();
   } else {
     last_line_ = line;
   }
   read_line();
 }
 
-// It is told every ten seconds, and goes on as fast between.
-double Film::progress() const {
-  if (told_at_ <= began_) return 0;
-  const double speed = told_ / static_cast<double>(told_at_ - began_);
+// lf-scene reports every ten seconds; interpolates between reports.
+double SceneFilming::progress() const {
+  if (reported_at_ <= began_) return 0;
+  const double speed = reported_ / static_cast<double>(reported_at_ - began_);
   constexpr double kNearlyDone = 0.99;
-  return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), told_, kNearlyDone);
+  return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
 }
 
-// The page from the beginning; the light field when it has been filmed, where it must be, and its cameras run.
+// Serves the page at once, and the light field when the scene is filmed and the cameras run.
 class Program {
  public:
   explicit Program(const Options& options)
@@ -226,19 +222,19 @@ class Program {
   ~Program() {
     {
       const std::lock_guard lock(mutex_);
-      ends_ = true;
+      ending_ = true;
       if (field_) field_->cancel();
     }
     watch_.reset();
-    if (opens_.joinable()) opens_.join();
-    if (sessions_) sessions_->close_all("the server ends");  // while there is a server to tell it
+    if (open_thread_.joinable()) open_thread_.join();
+    if (sessions_) sessions_->close_all("the server ends");  // while the server can still notify viewers
     server_.stop();
     sessions_.reset();
     if (timer_) g_source_remove(timer_);
     g_main_loop_unref(loop_);
   }
 
-  // Until a signal comes. Throws Error.
+  // Runs until SIGINT or SIGTERM. Throws Error.
   void run() {
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
     if (options_.rig.empty())
@@ -257,15 +253,15 @@ class Program {
   }
 
   void film() {
-    options_.rig = Film::rig();
+    options_.rig = SceneFilming::rig();
     if (options_.limits.focus == 0) options_.limits.focus = kSceneFocus;
-    if (Film::exists()) return open();
-    std::printf("filming the built-in scene (once, kept as %s); the page waits at %s\n", options_.rig.c_str(),
+    if (SceneFilming::exists()) return open();
+    std::printf("filming the built-in scene (only once, stored as %s); the page waits at %s\n", options_.rig.c_str(),
                 server_.url().c_str());
-    server_.films(0);
-    film_ = std::make_unique<Film>([this](const std::string& problem) {
+    server_.show_filming(0);
+    film_ = std::make_unique<SceneFilming>([this](const std::string& problem) {
       if (!problem.empty()) return fail(problem);
-      server_.starts();
+      server_.show_starting();
       open();
     });
     constexpr guint kEvery = 500;  // milliseconds
@@ -273,15 +269,15 @@ class Program {
         kEvery,
         [](gpointer data) -> gboolean {
           Program* self = static_cast<Program*>(data);
-          if (!self->sessions_ && !self->opens_.joinable()) self->server_.films(self->film_->progress());
+          if (!self->sessions_ && !self->open_thread_.joinable()) self->server_.show_filming(self->film_->progress());
           return G_SOURCE_CONTINUE;
         },
         this);
   }
 
-  // In a thread, because cameras may take a minute.
+  // Runs in a thread, because opening cameras may take a minute.
   void open() {
-    opens_ = std::thread([this] {
+    open_thread_ = std::thread([this] {
       std::string problem;
       try {
         auto field =
@@ -290,7 +286,7 @@ class Program {
         {
           const std::lock_guard lock(mutex_);
           field_ = std::move(field);
-          if (ends_) field_->cancel();
+          if (ending_) field_->cancel();
         }
         field_->start([this](const std::string& what) { fail(what); });
       } catch (const lf::Error& error) {
@@ -305,7 +301,7 @@ class Program {
     });
   }
 
-  // Packets of network cameras are waited for and put in order, see `latency` of lfcamsrc.
+  // Network cameras need a jitter buffer, see `latency` of lfcamsrc.
   int capture_delay() const {
     constexpr int kOfNetworkCameras = 300;  // milliseconds
     if (options_.capture_delay_ms >= 0) return options_.capture_delay_ms;
@@ -318,20 +314,24 @@ class Program {
     options_.limits.capture_delay_ms = capture_delay();
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
-    if (options_.watch) watch_ = std::make_unique<RigReload>(*field_, *sessions_);
+    if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
     std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+    if (options_.nodes.empty() && std::ranges::all_of(field_->array()->rig().cameras, [](const lf::Camera& camera) {
+          return camera.image.empty() && camera.source.empty();
+        }))
+      std::printf("no camera has an image or a source: the cameras film the built-in scene\n");
   }
 
   Options options_;
   GMainLoop* loop_;
   HttpServer server_;
-  std::unique_ptr<Film> film_;
-  std::thread opens_;
+  std::unique_ptr<SceneFilming> film_;
+  std::thread open_thread_;
   std::mutex mutex_;
-  bool ends_ = false;                  // under the mutex
-  std::unique_ptr<LightField> field_;  // set by `opens_` under the mutex, and not changed after that
+  bool ending_ = false;                // guarded by mutex_
+  std::unique_ptr<LightField> field_;  // set once by `open_thread_`, under mutex_
   std::unique_ptr<Sessions> sessions_;
-  std::unique_ptr<RigReload> watch_;
+  std::unique_ptr<RigReloader> watch_;
   guint timer_ = 0;
   std::string failure_;
 };
@@ -344,99 +344,95 @@ void serve(Options& options) {
 }
 
 void add_camera_options(cli::App& app, Options& o) {
-  app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
+  app.add_option("--rig", o.rig, "rig file (default: the built-in scene, filmed once)")->type_name("RIG.json");
   app.add_flag("--watch", o.watch,
-               "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
+               "reload the rig file when it changes, for example after a calibration; viewers stay connected");
   cli::add_trust_option(app, o.trusted);
-  app.add_option("--nodes", o.nodes,
-                 "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (lfnodesink)");
-  app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
+  app.add_option("--nodes", o.nodes, "camera hosts (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,...");
+  app.add_option("--key-file", o.key_file, "key shared with the hosts of --nodes, 32 or more random characters");
   app.add_option("--record", o.record,
-                 "the cameras are recorded into this folder, with a rig.json to serve them by later")
+                 "record the cameras into this folder, with a rig.json that lf-serve can play later")
       ->type_name("FOLDER");
 }
 
 void add_server_options(cli::App& app, Options& o) {
-  app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
+  app.add_option("--listen", o.server.address, "IP address; other than loopback requires TLS or --insecure")
       ->capture_default_str();
-  app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));
+  app.add_option("--port", o.server.port, "port; 0: any")->capture_default_str()->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
   app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
-  app.add_flag("--insecure", o.server.insecure, "others may listen in");
-  app.add_option("--token-file", o.token_file, "viewers need the bearer token in this file")->type_name("FILE");
+  app.add_flag("--insecure", o.server.insecure, "allow unencrypted HTTP on other addresses than loopback");
+  app.add_option("--token-file", o.token_file, "require the bearer token in this file from viewers")->type_name("FILE");
   app.add_option("--origin", o.origins,
-                 "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
-  app.add_option("--host", o.hosts, "name that browsers reach this server by, beside its own and its addresses; repeat")
-      ->type_name("NAME");
+                 "other sites allowed to embed the viewer: https://example.org, null (files), or *; may be repeated");
+  app.add_option("--host", o.hosts, "additional host name of this server; may be repeated")->type_name("NAME");
   app.add_option("--proxy", o.proxies,
-                 "address of a reverse proxy, whose X-Forwarded-For and X-Forwarded-Prefix are believed; repeat")
+                 "address of a reverse proxy with trusted X-Forwarded-For and X-Forwarded-Prefix; may be repeated")
       ->type_name("ADDRESS");
-  app.add_option("--media", o.media, "address of this machine that video comes from, or any (default: as --listen)")
+  app.add_option("--media-address", o.media, "local address that sends video, or any (default: as --listen)")
       ->type_name("ADDRESS");
   app.add_option(
          "--ice-server", o.ice_servers,
-         "STUN or TURN server, for viewers and for this one: stun:HOST:PORT, turn:HOST:PORT?transport=udp; repeat")
+         "STUN or TURN server for viewers and lf-serve: stun:HOST:PORT, turn:HOST:PORT?transport=udp; may be repeated")
       ->type_name("URI");
   app.add_option("--ice-credentials", o.ice_credentials,
-                 "for TURN: has USER PASSWORD, or the secret that is shared with the TURN server (use-auth-secret)")
+                 "TURN credentials: a file with USER PASSWORD, or with the secret of the TURN server (use-auth-secret)")
       ->type_name("FILE");
-  app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
+  app.add_option("--path", o.paths, "camera path that links can play (#path=NAME), NAME=VIEWS.json; may be repeated")
       ->type_name("NAME=FILE");
 }
 
 void add_view_options(cli::App& app, Options& o) {
-  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")
+  app.add_option("--viewers", o.limits.viewers, "maximum number of viewers; a stereo viewer counts twice")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  app.add_option("--address-views", o.limits.address_views, "of one address at a time")
+  app.add_option("--address-views", o.limits.address_views, "maximum number of views per client address")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
-  app.add_option(
-         "--capture-delay", o.capture_delay_ms,
-         "how old a capture must be before it is asked for: what the cameras take, milliseconds (default: 100, or "
-         "300 where some are behind RTSP)")
+  app.add_option("--capture-delay", o.capture_delay_ms,
+                 "delay from capture to request, the latency of the cameras, milliseconds (default: 100, or "
+                 "300 with RTSP cameras)")
       ->check(cli::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
-                 "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
+                 "initial distance of the focal plane, metres (default: 4 times the size of the array)")
       ->check(cli::PositiveNumber);
   app.add_option(
-         "--focus-on", o.limits.focus_on.mode,
-         "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
+         "--focus-mode", o.limits.focus_settings.mode,
+         "focus on the viewer's plane, or on a surface with the whole picture in focus; auto: depends on the scene")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface", "auto"}));
-  app.add_option("--focus-near", o.limits.focus_on.near,
-                 "nearest that the surface can be, metres from the array (default: as the scene asks)")
+  app.add_option("--focus-near", o.limits.focus_settings.near,
+                 "minimum distance of the surface, metres from the array (default: depends on the scene)")
       ->check(cli::PositiveNumber);
-  app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(cli::PositiveNumber);
-  app.add_option("--gains", o.limits.focus_on.gains,
-                 "whether cameras match their brightness (default: until the rig has their colours)")
+  app.add_option("--focus-far", o.limits.focus_settings.far, "maximum distance")->check(cli::PositiveNumber);
+  app.add_option("--gains", o.limits.focus_settings.gains,
+                 "exposure compensation (default: on unless the rig has colour models)")
       ->check(cli::IsMember({"on", "off", "auto"}));
-  app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
+  app.add_option("--resampling", o.resampling, "sampling of camera images (for --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
-  app.add_option("--renderer", o.renderer, "what draws views: gl: OpenGL ES; auto: the faster one (of --nodes: theirs)")
+  app.add_option("--renderer", o.renderer, "renderer; gl: OpenGL ES; auto: the faster one (not for --nodes)")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
-  app.add_option(
-         "--monitor", o.limits.monitor,
-         "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
-         "turn: the page and /metrics tell which ones have something wrong (0: never)")
+  app.add_option("--monitor", o.limits.monitor,
+                 "viewer requests per camera check: each check predicts a camera, in turn, from the remaining cameras; "
+                 "the page and /metrics report faulty cameras (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
-  app.add_option("--max-aperture", o.limits.max_aperture, "of a view, metres (default: the array's size)")
+  app.add_option("--max-aperture", o.limits.max_aperture, "maximum aperture, metres (default: size of the array)")
       ->check(cli::PositiveNumber);
-  app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
-  app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
-  app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")
+  app.add_option("--max-width", o.limits.max_width, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
+  app.add_option("--max-height", o.limits.max_height, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
+  app.add_option("--bitrate", o.limits.bit_rate, "maximum video bit rate per viewer, bits per second")
       ->capture_default_str()
       ->check(cli::Range(100000, 100000000));
-  app.add_option("--messages", o.limits.messages_per_second, "of a viewer, per second")
+  app.add_option("--message-rate", o.limits.messages_per_second, "maximum control messages per viewer and second")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
-  app.add_option("--connects", o.limits.connects_per_second, "of an address, per second, in the long run")
+  app.add_option("--connects", o.limits.connects_per_second, "maximum connections per address and second, on average")
       ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
 }
@@ -447,8 +443,7 @@ int main(int argc, char** argv) {
   prepare_process();
   setlinebuf(stdout);
   Options o;
-  cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
-               "lf-serve");
+  cli::App app("Serves a web page with a virtual camera for each viewer, and the same streams over WHEP.", "lf-serve");
   add_camera_options(app, o);
   add_server_options(app, o);
   add_view_options(app, o);

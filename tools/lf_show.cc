@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-show: pictures of the system, from a rig whose cameras name stills: what they saw, and how views are made of it.
+// lf-show: visualizes camera images and rendered views of a rig with still images.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,25 +15,24 @@
 #include "base/text.h"
 #include "command_line.h"
 #include "composite/still.h"
-#include "focus/view_focus.h"
+#include "contact_sheet.h"
+#include "focus/view_depths.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/contribution_map.h"
 #include "render/epipolar.h"
 #include "render/focus_range.h"
 #include "rig/mesh.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "scene/scene.h"
-#include "sheet.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
 namespace {
 
-// A rig of which lf-show makes pictures, with what its cameras saw.
 class Scene {
  public:
   explicit Scene(const std::string& rig_file);
@@ -42,32 +41,31 @@ class Scene {
   lf::Mesh mesh;
   const lf::CameraImages images = [this](lf::CameraIndex camera) -> const lf::Image& { return stills_.get(camera); };
 
-  // The distance in focus where nobody says one, metres: from the images.
+  // Estimates the focus distance from the images, metres.
   double estimated_focus() const;
 
  private:
-  mutable lf::StillImages stills_;
+  mutable lf::StillImageCache stills_;
 };
 
-// Which views, on the command line of a command.
 class ViewOptions {
  public:
-  // This outlives the command. `is_sweep`: there is one view, focused by the command.
+  // This object must outlive `command`. `is_sweep`: only one view, focused by the command.
   void add_to(cli::App& command, bool is_sweep = false);
 
-  // The views that are asked for, not focused yet, the first alone unless `many`; of the array's home view where there
-  // is no file. Throws lf::Error naming the option.
+  // Returns the selected views without a focal surface: all views of the file if `many`, otherwise the first; the home
+  // view if there is no file. Throws lf::Error that names the option.
   std::vector<lf::NamedView> views(const Scene& scene, bool many) const;
-  // The eye that the options ask for where there is no file of views.
+  // Applies the options to `from`; used if there is no views file.
   lf::Viewpoint viewpoint(const lf::Viewpoint& from) const;
   double focus_distance(const Scene& scene) const;
   double aspect(const Scene& scene) const;
-  // As the options say: as it is, or with a focal surface that is found.
+  // Finds a focal surface if the options ask for one, otherwise returns the view unchanged.
   lf::View focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const;
 
   std::string rig;
   bool from_file() const { return !file_.empty(); }
-  // Whether any option says where the eye is or how large its picture.
+  // True if an option sets the viewpoint or the size of the view.
   bool places_eye() const { return from_file() || !size_.empty() || fov_ > 0 || !move_.empty(); }
   std::pair<int, int> size(const Scene& scene) const;  // pixels
 
@@ -85,24 +83,24 @@ double Scene::estimated_focus() const {
 }
 
 void ViewOptions::add_to(cli::App& command, bool is_sweep) {
-  command.add_option("--rig", rig, "Rig file whose cameras name stills (lf-rig snapshot takes them)")->required();
+  command.add_option("--rig", rig, "Rig file with still images (lf-rig snapshot)")->required();
   cli::Option* file =
       command.add_option("--views", file_,
-                         is_sweep ? "Views (views.json), of which the first is taken"
-                                  : "Views (views.json): the first, or all of them where --out takes several");
-  command.add_option("--size", size_, "Of the view, pixels (default: a camera's)")->type_name("WxH")->excludes(file);
-  command.add_option("--fov", fov_, "Vertical field of view, degrees (default: what the cameras fill)")
+                         is_sweep ? "Views (views.json); the first is used"
+                                  : "Views (views.json): the first, or all if --out accepts several pictures");
+  command.add_option("--size", size_, "View size, pixels (default: a camera's)")->type_name("WxH")->excludes(file);
+  command.add_option("--fov", fov_, "Vertical field of view, degrees (default: filled by the cameras)")
       ->check(cli::Range(lf::kMinFovDeg, lf::kMaxFovDeg))
       ->excludes(file);
-  command.add_option("--move", move_, "Metres to the right, down and forward that the eye moves from home")
+  command.add_option("--move", move_, "Offset of the eye from the home view, metres to the right, down and forward")
       ->type_name("X,Y,Z")
       ->delimiter(',')
       ->excludes(file);
   if (is_sweep) return;
-  command.add_option("--focus-distance", distance_, "Of the focal plane, metres from the eye (default: estimated)")
+  command.add_option("--focus-distance", distance_, "Distance of the focal plane, metres (default: estimated)")
       ->check(cli::PositiveNumber)
       ->excludes(file);
-  command.add_option("--focus", focus_, "On what: a surface, found from the view's plane, or that plane")
+  command.add_option("--focus", focus_, "Focus on a surface, found from the view's plane, or on that plane")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
 }
@@ -131,8 +129,8 @@ lf::Viewpoint ViewOptions::viewpoint(const lf::Viewpoint& from) const {
   if (fov_ > 0) at.fov_y_deg = fov_;
   if (!move_.empty()) {
     at.pose.position += at.pose.rotation() * lf::Vec3(move_[0], move_[1], move_[2]);
-    if (distance_ <= 0) at.focus_distance -= move_[2];  // what was in focus still is
-    if (!(at.focus_distance > 0)) throw lf::Error("--move: ends behind what is in focus; give --focus-distance");
+    if (distance_ <= 0) at.focus_distance -= move_[2];  // keeps the same point in focus
+    if (!(at.focus_distance > 0)) throw lf::Error("--move: the eye passes the point in focus; give --focus-distance");
   }
   return lf::clamped(at);
 }
@@ -144,7 +142,7 @@ std::vector<lf::NamedView> ViewOptions::views(const Scene& scene, bool many) con
     return views;
   }
   const auto [width, height] = size(scene);
-  const lf::Viewpoint home = lf::VisibleShare(scene.rig).home(aspect(scene), focus_distance(scene));
+  const lf::Viewpoint home = lf::VisibleFraction(scene.rig).home(aspect(scene), focus_distance(scene));
   return {{"view", 0, lf::make_view(viewpoint(home), width, height)}};
 }
 
@@ -153,24 +151,22 @@ lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const lf
   return lf::focus_still(scene.rig, mesh, view, scene.images, {.mode = lf::FocusMode::kSurface});
 }
 
-// A view's picture, sampled as lf-render does.
 lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const lf::View& focused) {
   return lf::render_still(scene.rig, mesh, focused, scene.images, lf::Resampling::kSharpened);
 }
 
 constexpr int kFilmQuality = 90;
 
-// Where lf-show writes its pictures: NAME.png or NAME.jpg, one of them; a name with one %d (%03d), numbered from 0 on;
-// or NAME.mkv, a film in Motion JPEG. One thread at a time.
+// Output of pictures: NAME.png or NAME.jpg, a single picture; a name with one %d (%03d), pictures numbered from 0;
+// NAME.mkv, a Motion JPEG film. Not thread-safe.
 class Output {
  public:
-  // Throws lf::Error for a name that ends otherwise, or that has another '%' than that.
+  // Throws lf::Error for another extension or another use of '%'.
   explicit Output(const std::string& path, FrameRate rate = {});
 
   bool takes_many() const { return kind_ != Kind::kOne; }
-  // All pictures of one film have the size of the first. Throws lf::Error naming the file.
+  // All pictures of a film must have the size of the first picture. Throws lf::Error that names the file.
   void add(const lf::Image& rgb);
-  // Ends a film; its file is there only now.
   void finish();
 
  private:
@@ -182,16 +178,15 @@ class Output {
   std::unique_ptr<MjpegWriter> film_;
 };
 
-// Where to write pictures of views, on the command line of a command.
 struct OutputOptions {
   std::string out;
   double framerate = 15;
-  std::vector<const cli::Option*> framerate_options;  // one of each command
+  std::vector<const cli::Option*> framerate_options;
 
-  // This outlives the command.
+  // This object must outlive `command`.
   void add_to(cli::App& command,
-              const char* what = "Picture (.png, .jpg); several are numbered (NAME_%03d.png) or a film (NAME.mkv)");
-  // Throws lf::Error for a frame rate of pictures that are not a film.
+              const char* what = "Picture (.png, .jpg), numbered pictures (NAME_%03d.png) or film (NAME.mkv)");
+  // Throws lf::Error if a frame rate is set but the output is not a film.
   void check() const;
   Output open() const;
 };
@@ -206,7 +201,7 @@ Output::Output(const std::string& path, FrameRate rate) : path_(path), rate_(rat
   else if (std::regex_match(path, film))
     kind_ = Kind::kFilm;
   else
-    throw lf::Error("--out " + path + ": must be NAME.png or NAME.jpg, of several pictures NAME_%03d.png or NAME.mkv");
+    throw lf::Error("--out " + path + ": must be NAME.png or NAME.jpg, for several pictures NAME_%03d.png or NAME.mkv");
   if (kind_ == Kind::kFilm) gst_init(nullptr, nullptr);
 }
 
@@ -216,7 +211,7 @@ void Output::add(const lf::Image& rgb) {
     return film_->add(rgb);
   }
   if (kind_ == Kind::kOne) return lf::save_image(rgb, path_);
-  // The pattern was checked when it came.
+  // The constructor checked the pattern.
   std::string name(path_.size() + 16, 0);
   name.resize(static_cast<size_t>(std::snprintf(name.data(), name.size(), path_.c_str(), count_++)));
   lf::save_image(rgb, name);
@@ -245,7 +240,6 @@ Output OutputOptions::open() const {
   return Output(out, rate);
 }
 
-// Writes what `make` makes of each view.
 void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& views,
                 const std::function<lf::Image(const lf::NamedView&)>& make) {
   Output output = options.open();
@@ -262,7 +256,6 @@ void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& 
 struct Options {
   ViewOptions view;
   OutputOptions output;
-  // Of one command each.
   int width = 0, stripe = 16, row = -1, column = -1, planes = 32;
   bool behind = false, ids = false;
   double distance = 0, across = 0, near = 0, far = 0;
@@ -272,7 +265,6 @@ constexpr int kScreen = 1920;
 
 void show_mosaic(const Options& options) {
   const Scene scene(options.view.rig);
-  // A camera that gave nothing leaves a dark place with its name.
   const lf::Image dark(lf::PixelFamily::kRgb, scene.rig.cameras[0].width, scene.rig.cameras[0].height);
   const lf::CameraImages images = [&](lf::CameraIndex camera) -> const lf::Image& {
     return scene.rig.cameras[camera].image.empty() ? dark : scene.images(camera);
@@ -284,15 +276,15 @@ void show_mosaic(const Options& options) {
   std::printf("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
 }
 
-// The cameras' ids where they do most, of those that do most first: where there is room for more, more.
+// Writes camera ids at the centres of their contributions, largest contribution first, without overlaps.
 void write_ids(lf::Image& map, const Scene& scene, const lf::View& view) {
   const double size = std::max(8.0, view.height / 40.0);  // pixels
   const lf::ViewPlan plan(scene.rig, scene.mesh, view);
-  const lf::OwnerMap owners(plan, {0, 0, view.width, view.height});
-  std::vector<lf::CameraPlace> places = lf::camera_places(scene.rig, plan, owners);
-  std::ranges::stable_sort(places, std::ranges::greater(), &lf::CameraPlace::weight);
+  const lf::FaceIdMap owners(plan, {0, 0, view.width, view.height});
+  std::vector<lf::CameraFootprint> places = lf::camera_footprints(scene.rig, plan, owners);
+  std::ranges::stable_sort(places, std::ranges::greater(), &lf::CameraFootprint::weight);
   std::vector<lf::Vec2> written;
-  for (const lf::CameraPlace& place : places) {
+  for (const lf::CameraFootprint& place : places) {
     const std::string text = std::to_string(scene.rig.cameras[place.camera].id);
     const lf::Vec2 room(text_width(text, size) + size, 2 * size);
     if (std::ranges::any_of(written, [&](const lf::Vec2& other) {
@@ -309,7 +301,7 @@ void show_contributions(const Options& options) {
   const Scene scene(options.view.rig);
   std::vector<lf::NamedView> views;
   if (options.behind) {
-    if (options.view.from_file()) throw lf::Error("--behind: says where the eye is, as --views does; give one of them");
+    if (options.view.from_file()) throw lf::Error("--behind: sets the viewpoint, like --views; give only one");
     const auto [width, height] = options.view.size(scene);
     const lf::Viewpoint behind = options.view.viewpoint(
         lf::viewpoint_behind(scene.rig, options.view.aspect(scene), options.view.focus_distance(scene)));
@@ -333,24 +325,24 @@ void show_coverage(const Options& options) {
     const lf::View view = options.view.focused(scene, scene.mesh, named.view);
     const lf::Image picture = picture_of(scene, scene.mesh, view).picture;
     const lf::ViewPlan plan(scene.rig, scene.mesh, view);
-    const lf::OwnerMap owners(plan, {0, 0, view.width, view.height});
-    const std::vector<float> lost = lf::lost_weights(scene.rig, plan, owners);
+    const lf::FaceIdMap owners(plan, {0, 0, view.width, view.height});
+    const std::vector<float> lost = lf::missing_weights(scene.rig, plan, owners);
     double whole = 0, seen = 0, none = 0;
     for (const float share : lost) {
       if (std::isnan(share)) {
         none++;
         continue;
       }
-      whole += share <= 1 - lf::kCovered;
+      whole += share <= 1 - lf::kMinCoverage;
       seen += 1 - share;
     }
     const double percent = 100.0 / static_cast<double>(lost.size());
-    return with_scale(lf::heat_map(lost, view.width, view.height, 1, &picture),
-                      {"0 % lost",
-                       "100 % lost",
-                       none > 0 ? "no camera" : "",
-                       {lf::format_text("%.1f %% of the pixels whole,", whole * percent),
-                        lf::format_text("%.1f %% of all weight seen", seen * percent)}});
+    return with_colour_bar(lf::heat_map(lost, view.width, view.height, 1, &picture),
+                           {"0 % missing",
+                            "100 % missing",
+                            none > 0 ? "no camera" : "",
+                            {lf::format_text("%.1f %% of the pixels complete,", whole * percent),
+                             lf::format_text("%.1f %% of the weight visible", seen * percent)}});
   });
 }
 
@@ -376,11 +368,11 @@ void show_sweep(const Options& options) {
   const Scene scene(options.view.rig);
   if (!options.output.open().takes_many())
     throw lf::Error("--out " + options.output.out +
-                    ": of a sweep must be numbered pictures, NAME_%03d.png, or NAME.mkv");
+                    ": must be numbered pictures, NAME_%03d.png, or NAME.mkv for a sweep");
   lf::FocusRange range{options.near, options.far};
   if (!(range.near > 0 && range.far > 0)) {
     const std::optional<lf::FocusRange> found = lf::estimate_focus_range(scene.rig, scene.images);
-    if (!found) throw lf::Error("the images don't say how near and how far things are: give --near and --far");
+    if (!found) throw lf::Error("can't estimate the depth range from the images: give --near and --far");
     if (!(range.near > 0)) range.near = range.far > 0 ? std::min(found->near, range.far) : found->near;
     if (!(range.far > 0)) range.far = std::max(found->far, range.near);
   }
@@ -410,12 +402,12 @@ struct DifferenceOptions {
   double full = 64;
 };
 
-// What a view should look like: a file, the built-in scene, or what the camera saw that was left out.
+// Returns the expected picture: a file, the built-in scene, or the image of the held-out camera.
 lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const lf::NamedView& named, size_t number) {
   const lf::View& view = named.view;
   if (options.left_out >= 0) return scene.images(*scene.rig.index_of_id(static_cast<uint32_t>(options.left_out)));
   if (options.scene) return lf::render_scene({view.width, view.height, view.lens, view.pose}, named.time);
-  if (number > 0) throw lf::Error("--truth: is one picture, for one view");
+  if (number > 0) throw lf::Error("--truth: needs a single view, because it is a single picture");
   lf::Image truth = lf::load_image(options.truth);
   if (truth.width() != view.width || truth.height() != view.height)
     throw lf::Error(options.truth + ": must have the view's size, " + std::to_string(view.width) + "x" +
@@ -426,13 +418,13 @@ lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const l
 void show_difference(const DifferenceOptions& options) {
   const Scene scene(options.view.rig);
   if ((options.left_out >= 0) + options.scene + !options.truth.empty() != 1)
-    throw lf::Error("give one of --truth, --scene and --left-out");
+    throw lf::Error("give one of --truth, --scene and --held-out-camera");
   std::vector<lf::NamedView> views;
   lf::Mesh mesh = scene.mesh;
   if (options.left_out >= 0) {
     const lf::CameraIndex camera = lf::parse_camera_list(scene.rig, std::to_string(options.left_out))[0];
     if (options.view.places_eye())
-      throw lf::Error("--left-out: the view is the camera's; leave out --views, --size, --fov and --move");
+      throw lf::Error("--held-out-camera: the camera defines the view; omit --views, --size, --fov and --move");
     const lf::Camera& at = scene.rig.cameras[camera];
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, options.view.focus_distance(scene));
@@ -448,13 +440,12 @@ void show_difference(const DifferenceOptions& options) {
     const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
     const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
     const std::vector<std::string> texts =
-        quality.coverage > 0
-            ? std::vector{lf::format_text("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
-                          lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
-                                          100 * quality.coverage)}
-            : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel of it"};
+        quality.coverage > 0 ? std::vector{lf::format_text("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
+                                           lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
+                                                           100 * quality.coverage)}
+                             : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel"};
     std::printf("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
-    return with_scale(
+    return with_colour_bar(
         lf::heat_map(off, named.view.width, named.view.height, options.full),
         {"off by 0", lf::format_text("%.4g of 255", options.full), quality.coverage < 1 ? "not compared" : "", texts});
   });
@@ -462,13 +453,13 @@ void show_difference(const DifferenceOptions& options) {
 
 void add_difference_command(cli::App& app) {
   const auto o = std::make_shared<DifferenceOptions>();
-  cli::App* difference = app.add_subcommand("difference", "How far a view is from what it should look like");
+  cli::App* difference = app.add_subcommand("difference", "Difference between a view and the expected picture");
   o->view.add_to(*difference);
-  difference->add_option("--truth", o->truth, "A picture of what it should look like");
-  difference->add_flag("--scene", o->scene, "The cameras filmed the built-in scene: compare with that");
-  difference->add_option("--left-out", o->left_out, "Id of a camera that is left out, to compare with what it saw")
+  difference->add_option("--truth", o->truth, "Expected picture");
+  difference->add_flag("--scene", o->scene, "Compare with the built-in scene, filmed by the cameras");
+  difference->add_option("--held-out-camera", o->left_out, "Id of a camera to hold out and compare with")
       ->check(cli::NonNegativeNumber);
-  difference->add_option("--full", o->full, "The difference, of 255, that is the end of the scale")
+  difference->add_option("--full-scale", o->full, "Difference of 255 at the end of the scale")
       ->capture_default_str()
       ->check(cli::Range(1.0, 255.0));
   o->output.add_to(*difference);
@@ -479,53 +470,52 @@ void add_difference_command(cli::App& app) {
 
 int main(int argc, char** argv) {
   Options o;
-  cli::App app("Pictures of a light field at work, of the stills that a rig file names.", "lf-show");
+  cli::App app("Visualizes camera images and rendered views of a rig with still images.", "lf-show");
   app.require_subcommand(1);
 
-  cli::App* mosaic = add_command(app, "mosaic", "What all cameras saw, side by side, with their names", o, show_mosaic);
-  mosaic->add_option("--rig", o.view.rig, "Rig file whose cameras name stills")->required();
+  cli::App* mosaic = add_command(app, "mosaic", "All camera images, side by side, with names", o, show_mosaic);
+  mosaic->add_option("--rig", o.view.rig, "Rig file with still images")->required();
   mosaic->add_option("--out", o.output.out, "Picture to write (.png, .jpg)")->required()->type_name("FILE");
-  mosaic->add_option("--width", o.width, "Of the picture, pixels (default: as wide as screens)")
+  mosaic->add_option("--width", o.width, "Width of the picture, pixels (default: 1920)")
       ->check(cli::Range(1, lf::kMaxImageSize));
 
   cli::App* contributions = add_command(
-      app, "contributions", "Which cameras make which part of a view: each in a colour that its neighbours don't have",
-      o, show_contributions);
+      app, "contributions", "Contribution of each camera to a view; neighbouring cameras have different colours", o,
+      show_contributions);
   o.view.add_to(*contributions);
-  contributions->add_flag("--behind", o.behind, "From behind the array, so that all cameras are in the picture");
-  contributions->add_flag("--ids", o.ids, "Write the cameras' ids where they do most");
+  contributions->add_flag("--behind", o.behind, "View from behind the array that shows all cameras");
+  contributions->add_flag("--ids", o.ids, "Write camera ids where the cameras contribute most");
   o.output.add_to(*contributions);
 
-  cli::App* coverage = add_command(app, "coverage", "How much of each pixel's weight no camera sees", o, show_coverage);
+  cli::App* coverage = add_command(app, "coverage", "Missing weight of each pixel", o, show_coverage);
   o.view.add_to(*coverage);
   o.output.add_to(*coverage);
 
   cli::App* epi =
-      add_command(app, "epi", "An epipolar-plane image: one line of the world, camera by camera", o, show_epipolar);
-  epi->add_option("--rig", o.view.rig, "Rig file of a grid whose cameras name stills")->required();
+      add_command(app, "epi", "Epipolar-plane image: a scene line seen by a row of cameras", o, show_epipolar);
+  epi->add_option("--rig", o.view.rig, "Rig file of a grid with still images")->required();
   cli::Option* row = epi->add_option("--row", o.row, "Row of the grid, 0 at the top")->check(cli::NonNegativeNumber);
   epi->add_option("--column", o.column, "Column of the grid, 0 at the left")
       ->check(cli::NonNegativeNumber)
       ->excludes(row);
   epi->add_option("--focus-distance", o.distance,
-                  "Of the line, metres from the cameras: what is there stands still (default: estimated)")
+                  "Distance of the line, metres; points there have no disparity (default: estimated)")
       ->check(cli::PositiveNumber);
-  epi->add_option("--across", o.across, "Metres that the line lies below the cameras' axes, of a column to the right")
+  epi->add_option("--across", o.across, "Offset of the line from the axes, metres: down (row) or right (column)")
       ->capture_default_str();
-  epi->add_option("--width", o.width, "Of the picture, pixels (default: a camera's)")
+  epi->add_option("--width", o.width, "Width of the picture, pixels (default: a camera's)")
       ->check(cli::Range(1, lf::kMaxImageSize));
-  epi->add_option("--stripe", o.stripe, "Pixels that each camera is high")
+  epi->add_option("--stripe", o.stripe, "Height of each camera's stripe, pixels")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
   epi->add_option("--out", o.output.out, "Picture to write (.png, .jpg)")->required()->type_name("FILE");
 
-  cli::App* sweep =
-      add_command(app, "sweep", "A view focused on one plane after the other, from near to far", o, show_sweep);
+  cli::App* sweep = add_command(app, "sweep", "A view focused on successive planes, from near to far", o, show_sweep);
   o.view.add_to(*sweep, true);
   sweep->add_option("--near", o.near, "Nearest plane, metres from the eye (default: from the images)")
       ->check(cli::PositiveNumber);
-  sweep->add_option("--far", o.far, "Farthest")->check(cli::PositiveNumber);
-  sweep->add_option("--planes", o.planes, "How many, even in inverse distance")
+  sweep->add_option("--far", o.far, "Farthest plane, metres from the eye")->check(cli::PositiveNumber);
+  sweep->add_option("--planes", o.planes, "Number of planes, evenly spaced in inverse distance")
       ->capture_default_str()
       ->check(cli::Range(2, 100000));
   o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv)");

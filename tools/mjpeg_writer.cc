@@ -10,12 +10,12 @@
 
 namespace {
 
-// Times are multiples of 10 us: of milliseconds, a third of one would be lost on average. A block counts from its
-// cluster in 16 bits, hence the clusters' length, ns.
+// Timestamps have a resolution of 10 us, because milliseconds would lose a third of one on average. Block times are
+// 16-bit offsets from their cluster, which limits the cluster duration (ns).
 constexpr char kMuxer[] =
     "matroskamux name=muxer timecodescale=10000 min-cluster-duration=300000000 max-cluster-duration=300000000";
 
-// The conventions of Image: full-range BT.601, chroma in the middle of its four pixels.
+// Conventions of Image: full-range BT.601, chroma sited in the centre of four pixels.
 GstVideoInfo info_of(int width, int height, FrameRate rate) {
   GstVideoInfo info;
   gst_video_info_set_format(&info, GST_VIDEO_FORMAT_I420, width, height);
@@ -77,8 +77,8 @@ void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
-// A demuxer counts from the first block on, whatever its stamp is. Here that is a text's, the time of day, so that
-// films of cameras whose first frames came at different times have one beginning.
+// A demuxer starts at the first block, whatever its timestamp. Here the first block is a subtitle with the time of day
+// at 0. Films of cameras with different first frames thus share one start.
 void MjpegWriter::write_beginning() {
   GstElement *text = gst_element_factory_make("appsrc", nullptr),
              *muxer = gst_bin_get_by_name(GST_BIN(pipeline_), "muxer");
@@ -139,8 +139,8 @@ void MjpegWriter::finish() {
 }
 
 void MjpegWriter::fail() {
-  // The error may still be on its way from another thread.
-  const std::string reason = lf::posted_error(pipeline_, GST_SECOND, "the pipeline stopped");
-  close();  // the constructor, too, ends here
+  // Another thread may still be posting the error.
+  const std::string reason = lf::bus_error(pipeline_, GST_SECOND, "the pipeline stopped");
+  close();  // also called by the constructor
   throw lf::Error(path_ + ": can't be written: " + reason);
 }

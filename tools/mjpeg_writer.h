@@ -11,14 +11,14 @@
 
 namespace lf {
 
-// What the first error says that is on the pipeline's bus, or comes there within `patience`; `otherwise` if none does.
-// The message is taken off the bus.
-inline std::string posted_error(GstElement* pipeline, GstClockTime patience, std::string otherwise) {
+// Returns the first error on the pipeline's bus, waiting up to `timeout`, or `otherwise` if there is none. Removes the
+// message from the bus.
+inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::string otherwise) {
   GstBus* bus = gst_element_get_bus(pipeline);
-  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, patience, GST_MESSAGE_ERROR)) {
+  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR)) {
     GError* error = nullptr;
     gst_message_parse_error(message, &error, nullptr);
-    otherwise = location_text(error->message);
+    otherwise = redacted_location(error->message);
     g_error_free(error);
     gst_message_unref(message);
   }
@@ -31,41 +31,41 @@ inline std::string posted_error(GstElement* pipeline, GstClockTime patience, std
 // Frames per second as a fraction.
 struct FrameRate {
   int numerator = 15, denominator = 1;
-  // The time of frame `n`, counted from 0, nanoseconds.
+  // Returns the time of frame `n`, counted from 0, nanoseconds.
   GstClockTime time(uint64_t n) const {
     return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(denominator), static_cast<guint64>(numerator));
   }
 };
 
-// Motion JPEG in a Matroska file, through GStreamer. finish() replaces the file as a whole (base/file.h); without it
-// nothing changes. One thread at a time. Throws lf::Error naming the file. gst_init() must have been called.
+// Writes Motion JPEG into a Matroska file through GStreamer. finish() replaces the file atomically (base/file.h);
+// without finish() nothing changes. Not thread-safe. Throws lf::Error that names the file. Requires gst_init().
 class MjpegWriter {
  public:
-  // Writes pictures. `quality`: JPEG's, 1..100. `rate`: 0/1 where every frame comes with its time.
+  // Encodes images. `quality`: JPEG quality, 1..100. `rate` 0/1: every frame has its own time.
   MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
-  // Of frames that are JPEG already, which go to the file as they are.
+  // Stores frames that are already JPEG without re-encoding.
   MjpegWriter(const std::string& path, int width, int height);
   ~MjpegWriter();
   MjpegWriter(const MjpegWriter&) = delete;
   MjpegWriter& operator=(const MjpegWriter&) = delete;
 
-  // Writes the next frame, RGB of the writer's size, at its time by the rate.
+  // Writes the next RGB frame of the writer's size, at the time given by the rate.
   void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
-  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before. Without a rate the
-  // beginning is one that all films have in common, even if no frame was taken then.
+  // Writes a frame at `time`, nanoseconds, which must increase. Without a rate, time 0 is common to all films of a
+  // recording, even if no frame was taken then.
   void add(const lf::Image& rgb, GstClockTime time);
-  void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // the buffer is borrowed
+  void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // `jpeg` is borrowed
   void finish();
 
  private:
-  void open(const std::string& coder, GstCaps* caps);  // takes the caps
+  void open(const std::string& coder, GstCaps* caps);  // takes ownership of `caps`
   void write_beginning();
-  void push(GstBuffer* buffer, GstClockTime time);  // takes it
+  void push(GstBuffer* buffer, GstClockTime time);  // takes ownership of `buffer`
   void close();
-  [[noreturn]] void fail();  // throws lf::Error with what the pipeline has to say
+  [[noreturn]] void fail();  // throws lf::Error with the pipeline's error
 
   std::string path_;
-  lf::FileReplacement file_;
+  lf::AtomicFileWriter file_;
   FrameRate rate_;
   uint64_t frames_ = 0;
   GstElement* pipeline_ = nullptr;

@@ -11,8 +11,8 @@
 
 #include <unistd.h>
 
-// A progress bar on standard error. If that is not a terminal, a line every ten seconds with the estimated time left.
-// One thread at a time.
+// A progress bar on standard error. Without a terminal, prints a line with the estimated remaining time every ten
+// seconds. Not thread-safe.
 class Progress {
  public:
   Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
@@ -23,7 +23,7 @@ class Progress {
     done_++;
     if (total_ > 0) reach(static_cast<double>(done_) / static_cast<double>(total_));
   }
-  // `share`: how much is done, of 1; less than was shown before is not shown. `doing`: in words, what is done now.
+  // `share`: completed fraction, 0..1; the bar never moves back. `doing`: current step.
   void reach(double share, const std::string& doing = "") {
     const int percent = std::max(shown_, static_cast<int>(100 * std::clamp(share, 0.0, 1.0)));
     if (!visible_) {
@@ -44,7 +44,6 @@ class Progress {
                  std::string(kWidth - filled, '.').c_str(), percent, doing.empty() ? "" : "  ", doing.c_str());
     std::fflush(stderr);
   }
-  // Clears the line that the bar is on.
   void finish() {
     if (visible_ && shown_ >= 0) std::fprintf(stderr, "\r\033[K");
     shown_ = -1;
@@ -60,8 +59,8 @@ class Progress {
   std::chrono::steady_clock::time_point last_line_ = begun_;
 };
 
-// The progress of what takes a time that is known beforehand, about, and tells nothing meanwhile: a bar that moves by
-// the clock, for as long as this lives. Where standard error is no terminal, a line that says what is done.
+// A progress bar that moves by the clock, for a job of about known duration that reports no progress. Runs until
+// destroyed. Without a terminal, prints a single line.
 class TimedProgress {
  public:
   TimedProgress(const std::string& what, double seconds) {

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
-# Asks nothing, and says nothing when nothing is to do. With --quickstart it installs and builds only what
-# pipelines/quickstart.sh runs on the built-in scene. With --tests it installs, too, what only running the tests needs: a browser, tshark, Janus,
-# coturn, nginx, pictures for calibration, a clock that can be set, other languages. TARGETs (of ninja) are built in place
-# of everything.
+# Installs the Debian 12 packages that gst-lightfield needs, then configures and builds it in build/. Non-interactive,
+# and silent when everything is up to date. --quickstart installs and builds only the programs and packages that
+# pipelines/quickstart.sh needs for the built-in scene. --tests also installs the packages needed to run the tests: a
+# browser, tshark, Janus, coturn, nginx, calibration images, faketime, locales, MkDocs. Given TARGETs (of ninja), builds
+# only these targets.
 set -euo pipefail
 
 what=
@@ -35,15 +35,15 @@ if [[ $what != quickstart ]]; then
     gstreamer1.0-nice gstreamer1.0-plugins-ugly        # WebRTC's network, H.264
     gstreamer1.0-x                                     # windows
     libceres-dev libopencv-calib3d-dev libopencv-contrib-dev libopencv-video-dev libopencv-videoio-dev
-    libegl1 libgl1-mesa-dri                            # OpenGL ES, and a driver of it that computes on the CPU
+    libegl1 libgl1-mesa-dri                            # OpenGL ES and a software driver
     libbenchmark-dev libgmock-dev libgtest-dev
     libgstrtspserver-1.0-dev                           # network cameras of the tests
     python3-gi gir1.2-gst-plugins-base-1.0             # the example in Python
   )
 fi
 if [[ $what == tests ]]; then
-  packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales)
-  # These come from elsewhere, too.
+  packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales mkdocs)
+  # These programs are often installed from other sources.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)
   command -v npm >/dev/null || packages+=(npm)
@@ -73,7 +73,7 @@ install_packages() {
   ((${#missing[@]})) || return 0
   if ((EUID != 0)); then
     if ! command -v sudo >/dev/null || ! sudo -n true 2>/dev/null && [[ ! -t 0 ]]; then
-      echo "tools/setup.sh: needs root, or sudo, to install: ${missing[*]}" >&2
+      echo "tools/setup.sh: root or sudo is required to install: ${missing[*]}" >&2
       exit 1
     fi
     as_root=(sudo)
@@ -81,7 +81,7 @@ install_packages() {
   echo "installing ${missing[*]}"
   local log
   log=$(mktemp)
-  # apt-get tells "dlstatus:N:PERCENT:..." while it loads packages, then "pmstatus:PACKAGE:PERCENT:..." from 0 on again.
+  # apt-get prints "dlstatus:N:PERCENT:..." during downloads, then "pmstatus:PACKAGE:PERCENT:..." during installation.
   if ! { "${as_root[@]}" apt-get -qq update &&
     "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends -o APT::Status-Fd=1 \
       install "${missing[@]}"; } 2>&1 </dev/null | tee "$log" |
@@ -93,7 +93,7 @@ install_packages() {
     exit 1
   fi
   rm "$log"
-  # Debian starts servers that nobody asked for: the tests have their own.
+  # Debian starts these servers after installation, but the tests start their own instances.
   local package
   for package in "${missing[@]}"; do
     [[ $package =~ ^(janus|coturn|nginx)(-light)?$ && -d /run/systemd/system ]] || continue
@@ -101,7 +101,7 @@ install_packages() {
   done
 }
 
-# All of it, or for the quickstart what there are packages for. Other options of build/ stay as they are.
+# Enables all features, or for the quickstart those with installed packages. Keeps all other options of build/.
 configure() {
   local options=(-Dauto_features=enabled)
   if [[ $what == quickstart ]]; then
@@ -109,7 +109,7 @@ configure() {
     options=()
   elif [[ -f build/build.ninja ]]; then
     ! grep -qx 'auto_features = enabled' build/meson-private/cmd_line.txt || return 0
-    meson configure --clearcache build >/dev/null  # packages that were not there
+    meson configure --clearcache build >/dev/null  # forget that packages were missing
     options+=(--reconfigure)
   fi
   echo "configuring build/"
@@ -120,7 +120,7 @@ configure() {
 }
 
 build() {
-  # A dry run knows whether there is work, but for build files that changed, which it regenerates first.
+  # A dry run finds out if there is work. It first regenerates build files that have changed.
   if ninja -C build -n "$@" | grep -q 'no work to do'; then return; fi
   if [[ -t 1 ]]; then
     ninja -C build "$@"
@@ -141,7 +141,7 @@ build() {
 if command -v dpkg-query >/dev/null; then
   install_packages
 else
-  echo "tools/setup.sh: not a Debian system; going on with what is installed" >&2
+  echo "tools/setup.sh: not a Debian system; using the installed packages" >&2
 fi
 configure
 if [[ $what == quickstart ]]; then set -- quickstart "$@"; fi

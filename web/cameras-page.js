@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// All cameras live, side by side as they stand, with names and health. The one that a hand is held before lights up. Where
-// the server lets it (lf-rig identify), a camera that is dragged onto another changes places with it; so do two that are
-// chosen one after the other, by clicks or keys. While a moved light is recorded (lf-rig record --lights) the places of each
-// picture that it came to are green, and where it is to go is said.
+// Shows all cameras live, arranged like the array, with names and health. A camera lights up when a hand is waved in
+// front of it. If the server allows it (lf-rig identify), two cameras can be swapped by dragging, or by selecting them
+// in turn with clicks or keys. While a moving light is recorded (lf-rig record --lights), the image regions it has
+// reached are green, and a text says where to move the light next.
 
-const kEvery = 200;        // milliseconds
-const kPatience = 5000;    // after which a request is given up
+const kPollInterval = 200;        // milliseconds
+const kRequestTimeout = 5000;    // milliseconds
 const mosaic = document.getElementById('mosaic'), told = document.getElementById('told');
 const asks = document.getElementById('asks');
-const tiles = new Map();   // by the cameras' ids
+const tiles = new Map();
 const tokenOfAddress = () => new URLSearchParams(location.hash.slice(1)).get('token') ?? '';
 let token = tokenOfAddress(), swaps = false, chosen = null, turns = 0;
 
 const ask = async (name, options = {}) => {
   const headers = { ...options.headers, ...token && { Authorization: `Bearer ${token}` } };
-  const response = await fetch(name, { ...options, headers, signal: AbortSignal.timeout(kPatience) });
+  const response = await fetch(name, { ...options, headers, signal: AbortSignal.timeout(kRequestTimeout) });
   if (response.status === 401) asks.hidden = false;
   if (!response.ok) throw new Error((await response.text()).trim() || response.statusText);
   asks.hidden = true;
@@ -70,9 +70,9 @@ async function swap(a, b) {
   const name = id => tiles.get(id).querySelector('.name').textContent;
   try {
     await ask('swap', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ a, b }) });
-    told.textContent = `The cameras at ${name(a)} and ${name(b)} have changed places, and the rig file has them so.`;
+    told.textContent = `Swapped the cameras at ${name(a)} and ${name(b)} in the rig file.`;
   } catch (error) {
-    told.textContent = `They stay where they are: ${error.message}`;
+    told.textContent = `The cameras were not swapped: ${error.message}`;
   }
 }
 
@@ -82,7 +82,7 @@ function show(state, picture) {
     mosaic.replaceChildren();
     tiles.clear();
     for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
-    // As large as leaves all of them, with their two lines of words, in the window, below what is told.
+    // The largest size that fits all tiles, with two lines of text each, into the window below the instructions.
     const fits = `((100vh - ${state.told ? 150 : 70}px) / ${state.rows} - 46px) * ${width / height}`;
     mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
   }
@@ -103,7 +103,6 @@ function show(state, picture) {
   }
 }
 
-// Green where the light came to, framed where it is to go.
 function showPlaces(context, came, [columns, rows], width, height) {
   const w = width / columns, h = height / rows;
   came.forEach((yes, i) => {
@@ -115,19 +114,19 @@ function showPlaces(context, came, [columns, rows], width, height) {
   });
 }
 
-// A server that asks for a token is left alone until it is given one.
+// If the server requires a token, polling pauses until a token is entered.
 async function turn() {
   const latest = ++turns;
   try {
     const [state, jpeg] = await Promise.all([
       ask('mosaic.json').then(response => response.json()), ask('mosaic.jpg').then(response => response.blob())]);
     show(state, await createImageBitmap(jpeg));
-    if (told.dataset.failed && !state.told) told.textContent = 'Hold a hand before a camera: it lights up.';
+    if (told.dataset.failed && !state.told) told.textContent = 'Wave at a camera to highlight it.';
     delete told.dataset.failed;
   } catch (error) {
-    told.textContent = asks.hidden ? `Nothing comes from the cameras: ${error.message}` : 'The server asks for a token.';
+    told.textContent = asks.hidden ? `Can't load the cameras: ${error.message}` : 'The server asks for a token.';
     told.dataset.failed = 'yes';
   }
-  if (latest === turns && asks.hidden) setTimeout(turn, kEvery);
+  if (latest === turns && asks.hidden) setTimeout(turn, kPollInterval);
 }
 turn();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 
-/** Where a virtual camera stands and looks: metres and degrees; x to the right, y down, z forward. */
+/** Pose, field of view and focus of a virtual camera: metres and degrees; x to the right, y down, z forward. */
 export interface LightfieldView {
   x: number;
   y: number;
@@ -11,18 +11,18 @@ export interface LightfieldView {
   roll: number;
   /** Vertical field of view. */
   fov: number;
-  /** Metres to what is sharp, along the line of sight. */
+  /** Distance to the plane in focus, along the optical axis, metres. */
   focusDistance: number;
 }
 
-/** For one eye; for two beside each other; or for red-cyan glasses. */
+/** One eye, two pictures side by side, or red-cyan glasses. */
 export type LightfieldEyes = 'one' | 'side' | 'anaglyph';
 
-/** What the server counts, told once a second; docs/web-interface.md of gst-lightfield has all of it. */
+/** Statistics of the server, once a second; docs/reference/web-interface.md of gst-lightfield lists all fields. */
 export interface LightfieldStatistics {
   pictures: number;
   incomplete: number;
-  /** Share of the picture that cameras see, 0..1. */
+  /** Fraction of the picture that the cameras cover, 0..1. */
   coverage?: number;
   /** Milliseconds from a request until its picture is composed. */
   pictureMs: number;
@@ -30,110 +30,116 @@ export interface LightfieldStatistics {
   bitRate: number;
   frameRate: number;
   sizeDivisor: number;
-  /** Share of packets, 0..1. */
+  /** Fraction of lost packets, 0..1. */
   loss: number;
   roundTripMs: number;
-  /** What the latest picture shows: the pose in metres and as w, x, y, z, and more (docs/web-interface.md). */
+  /** The latest picture: position in metres, orientation as w, x, y, z, and more (docs/reference/web-interface.md). */
   picture?: { sequence: number; position: number[]; orientation: number[]; complete: boolean; [name: string]: unknown };
-  /** Of the server's own cameras; where none works the picture stays as it was. */
+  /** The server's own cameras; if no camera works, the picture is frozen. */
   cameras?: { count: number; working: number };
-  /** Hosts with cameras, where these are not the server's own; `silent` counts from 0. */
+  /** Camera hosts, if the cameras are not the server's own; `silent` contains indices from 0. */
   nodes?: { count: number; silent: number[] };
   [name: string]: unknown;
 }
 
 export interface LightfieldFailure {
-  /** For people, as the element shows it. */
+  /** Message for people, as shown by the element. */
   message: string;
-  /** As the server or the browser says it. */
+  /** Error of the server or the browser. */
   cause: string;
-  /** Of HTTP; missing where the server was not reached. */
+  /** HTTP status; missing if the server was not reached. */
   status?: number;
-  /** For programs: "token", "full", "filming", "path", "origin", "rate", ... */
+  /** Machine-readable reason: "token", "full", "filming", "path", "origin", "rate", ... */
   reason?: string;
-  /** Seconds until the element tries again by itself; Infinity: it does not. */
+  /** Seconds until the element tries again; Infinity: never. */
   retryAfter: number;
 }
 
 export interface LightfieldViewerEventMap {
-  /** The first picture is on the screen; pixels. */
+  /** The first picture is displayed; pixels. */
   'first-frame': CustomEvent<{ width: number; height: number }>;
-  /** A picture of another view is on the screen. `by`: who moved the view last, with the element's controls or methods. */
+  /**
+   * A picture of another view is displayed. `by`: author of the last movement, with the element's controls or its
+   * methods.
+   */
   'view-change': CustomEvent<{ view: LightfieldView; by: 'person' | 'script' }>;
-  /** What is sharp in it is at another distance. */
+  /** The focus distance of the displayed picture has changed. */
   'focus-change': CustomEvent<{ focusDistance: number }>;
   error: CustomEvent<LightfieldFailure>;
   connected: CustomEvent<null>;
   disconnected: CustomEvent<{ reason: string }>;
   statistics: CustomEvent<LightfieldStatistics>;
-  /** The server has another rig, after a calibration say; `hash` tells it from others. The view stays. */
+  /** The server has another rig, for example after a calibration; `hash` identifies the rig. The view stays. */
   rig: CustomEvent<{ hash: string }>;
 }
 
-/** `<lightfield-viewer>`: a picture of a light field, and what flies it. */
+/** `<lightfield-viewer>`: a picture of a light field with controls for its virtual camera. */
 export class LightfieldViewer extends HTMLElement {
-  /** The server's WHEP endpoint; without it that of the server that this script came from. */
+  /** The server's WHEP endpoint; null: the server of this script. */
   src: string | null;
-  /** Bearer token, where the server wants one. */
+  /** Bearer token, if the server requires one. */
   token: string | null;
-  /** URL of a picture that is shown until there is one. */
+  /** URL of an image shown until the first picture. */
   poster: string | null;
-  /** What the picture shows, for who can't see it. */
+  /** Description of the picture for screen readers. */
   alt: string | null;
   eyes: LightfieldEyes | null;
   /** Metres between two eyes, 0 or more; null: 0.063. */
   eyeDistance: number | null;
-  /** Name of a camera path that the server flies. */
+  /** Name of a camera path that the server plays. */
   path: string | null;
-  /** The bar, and flying by mouse, touch, keys and gamepad. */
+  /** Enables the control bar and navigation by mouse, touch, keyboard and gamepad. */
   controls: boolean;
-  /** Begins by itself as soon as it is in sight. */
+  /** Starts the stream when the element becomes visible. */
   autoplay: boolean;
-  /** Reads the view from the page's address, and writes it there where somebody shares it. */
+  /** Reads the view from the page's address, and writes it there when it is shared. */
   shares: boolean;
-  /** Maximum width of the picture to request, in pixels of each eye; 64 at least. */
+  /** Maximum width of the requested picture in pixels per eye, at least 64. */
   maxWidth: number | null;
-  /** STUN and TURN servers; null: those of the attribute, or that the server names. */
+  /** STUN and TURN servers; null: from the attribute or from the server. */
   iceServers: RTCIceServer[] | null;
-  /** The view that is seen; null before there is one. Setting it to what it was set to before changes nothing. */
+  /** The displayed view; null before the first picture. Setting the same value again changes nothing. */
   get view(): LightfieldView | null;
   set view(view: Partial<LightfieldView> | string | null);
-  /** Metres to what is sharp. Setting it focuses there, also to the same number as before. */
+  /** Focus distance in metres. Setting it always focuses there, even if the number is unchanged. */
   get focusDistance(): number | null;
   set focusDistance(metres: number | null);
-  /** A picture has been shown. */
+  /** True if a picture has been displayed. */
   readonly loaded: boolean;
   readonly connected: boolean;
   readonly paused: boolean;
-  /** The latest; {} before there are any. */
+  /** The latest statistics; {} before the first. */
   readonly statistics: Partial<LightfieldStatistics>;
-  /** Of the stream, for who looks into it; null without one. */
+  /** The stream's connection, for inspection; null: no stream. */
   readonly connection: { readonly peer: RTCPeerConnection; readonly channel: RTCDataChannel } | null;
-  /** The element that says what is in the way; hidden where nothing is. */
+  /** The element with the status message; hidden if there is none. */
   readonly status: HTMLElement;
 
   /**
-   * Numbers that are not given stay. Ends with the view when it is on the screen, or one that was set later. Rejected with
-   * TypeError or RangeError for a wrong number, with InvalidStateError while the server flies a path, and with AbortError
-   * when `src` or `path` changes before the view is seen.
+   * Missing fields keep their values. Resolves with the displayed view when this or a later view is displayed. Rejects
+   * with TypeError or RangeError for an invalid number, with InvalidStateError while the server plays a path, and with
+   * AbortError if `src` or `path` changes before the view is displayed.
    */
   setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
-  /** Flies to `view` and `focus`; numbers that these do not give are those of the server's home. */
+  /** Flies to `view` and `focus`; the server's home view provides the remaining fields. */
   goHome(): void;
-  /** Lets go of the stream and asks for another one, where it was. */
+  /** Restarts the stream with the current view. */
   reconnect(): void;
-  /** Copies a link to the view where that is allowed, and returns it. With `share` it becomes the page's address, too. */
+  /**
+   * Copies a link to the view, if the browser allows that, and returns the link. With `share`, it becomes the page's
+   * address.
+   */
   share(): Promise<string>;
   /**
-   * Focuses on what is seen at a place in the window, as `event.clientX`, like a click. False: not connected, or the server
-   * flies a path.
+   * Focuses at a position in the window, as in `event.clientX`, like a click. Returns false if there is no connection
+   * or the server plays a path.
    */
   focusAt(clientX: number, clientY: number): boolean;
-  /** The picture that is shown. Rejected where there is none. */
+  /** Returns the displayed picture. Rejects if there is none. */
   toBlob(options?: { type?: string; quality?: number }): Promise<Blob>;
-  /** Begins, where there is no `autoplay`. */
+  /** Starts the stream, if there is no `autoplay`. */
   play(): void;
-  /** Lets the seat on the server go; the picture stays. */
+  /** Frees the seat on the server; the last picture stays. */
   pause(): void;
 
   addEventListener<K extends keyof LightfieldViewerEventMap>(type: K,
@@ -160,7 +166,7 @@ declare global {
   }
 }
 
-/** What JSX sets: properties, and listeners by the events' own names, as `onview-change`. */
+/** Props for JSX: properties, and listeners named like the events, such as `onview-change`. */
 export type LightfieldViewerProps = Partial<Pick<LightfieldViewer, 'src' | 'token' | 'poster' | 'alt' | 'eyes' | 'eyeDistance' |
   'path' | 'controls' | 'autoplay' | 'shares' | 'maxWidth' | 'iceServers' | 'focusDistance'>> & {
   view?: Partial<LightfieldView> | string | null;
@@ -168,8 +174,7 @@ export type LightfieldViewerProps = Partial<Pick<LightfieldViewer, 'src' | 'toke
   [Name in keyof LightfieldViewerEventMap as `on${Name}`]?: (event: LightfieldViewerEventMap[Name]) => void;
 };
 
-// Of React 19 and later. Where it is not installed there is no such module, and no harm.
-// @ts-ignore
+// Types for React 19 and later; ignored if React is not installed.
 declare module 'react' {
   namespace JSX {
     interface IntrinsicElements {

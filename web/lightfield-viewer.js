@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // <lightfield-viewer src="https://HOST:PORT/whep" controls autoplay></lightfield-viewer>
 //
-// One virtual camera of an lf-serve: its picture, and mouse, touch, keys and a slider that fly it. Attributes, properties,
-// methods, events, slots, parts: README.md and lightfield-viewer.d.ts.
+// A virtual camera of an lf-serve: its picture, and controls for mouse, touch, keyboard and a focus slider. README.md
+// and lightfield-viewer.d.ts document attributes, properties, methods, events, slots and parts.
 
 import { fromScript, numberIn, toScript, viewOf } from './src/view.js';
 import { Viewer } from './src/viewer.js';
 
-// Attributes that properties of the same meaning reflect.
+// Attributes that are reflected by properties of the same meaning.
 const kTexts = { src: 'src', token: 'token', poster: 'poster', alt: 'alt', eyes: 'eyes', path: 'path' };
 const kSwitches = { controls: 'controls', autoplay: 'autoplay', shares: 'share' };
 const kNumbers = { eyeDistance: 'eye-distance', maxWidth: 'max-width' };
 const kOwn = ['view', 'focusDistance', 'iceServers'];
 
-// Nobody else's: neither other scripts nor frameworks meet it by name.
+// Private: other scripts and frameworks can't access it by name.
 const inside = Symbol('inside');
 const isSame = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
-// Servers that render pages have no elements: there the class is only a name.
+// There is no HTMLElement on the server (server-side rendering), where the class only provides its name.
 export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   static observedAttributes = [...Object.values(kTexts), ...Object.values(kSwitches), ...Object.values(kNumbers), 'view',
     'focus', 'ice-servers'];
-  #declared = {};  // the values that properties were set to, which frameworks set again and again
+  #declared = {};  // latest values of properties; frameworks set the same value repeatedly
 
   constructor() {
     super();
@@ -29,7 +29,7 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   }
 
   connectedCallback() {
-    // What was set before there was this class.
+    // Applies properties that were set before the class was defined.
     for (const name of [...Object.keys({ ...kTexts, ...kSwitches, ...kNumbers }), ...kOwn]) {
       if (!Object.hasOwn(this, name)) continue;
       const value = this[name];
@@ -42,18 +42,18 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   attributeChangedCallback(name, before, now) {
     if (before === now) return;
     const viewer = this[inside];
-    if (name === 'view') viewer.declared = null;  // what was declared last counts
-    if (name === 'src' || name === 'path') viewer.forgetFlight();
+    if (name === 'view') viewer.declared = null;
+    if (name === 'src' || name === 'path') viewer.resetNavigation();
     if (!this.isConnected) return;
     if (name === 'view') return void viewer.flight.setView(viewOf(now)).catch(() => {});
     if (name === 'focus') return void this.#focus(numberIn(now));
     if (name === 'autoplay' && now !== null && !viewer.started) viewer.play();
     if (name === 'controls' || name === 'share') viewer.controls.settle();
-    viewer.settleSoon();
+    viewer.scheduleSettle();
   }
 
-  // The view that is seen; null before there is one. Set to what setView() takes or to "x=0.1 yaw=3": to the same again
-  // changes nothing, so that a page that is rendered anew does not take away where somebody has flown.
+  // The displayed view; null before the first picture. Accepts the values of setView() or a text "x=0.1 yaw=3". Setting
+  // the same value again changes nothing, so that re-rendering a page does not reset the user's view.
   get view() { return this[inside].flight.seen && toScript(this[inside].flight.seen); }
   set view(value) {
     const view = typeof value === 'string' ? viewOf(value) : fromScript(value);
@@ -62,7 +62,7 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
     this[inside].declared = Object.keys(view).length ? view : null;
     if (Object.keys(view).length) this[inside].flight.setView(view).catch(() => {});
   }
-  // Metres to what is sharp. Set to a number, it focuses there, also after somebody has focused elsewhere.
+  // Focus distance in metres. Setting a number always focuses there, even if it is unchanged.
   get focusDistance() { return this.view?.focusDistance ?? numberIn(this.getAttribute('focus')); }
   set focusDistance(value) {
     const isSame = value != null && this.getAttribute('focus') === String(value);
@@ -72,7 +72,6 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   #focus(metres) {
     if (metres > 0) this[inside].flight.setView({ 'focus-distance': metres }).catch(() => {});
   }
-  // As RTCPeerConnection has them.
   get iceServers() { return this[inside].iceServers ?? null; }
   set iceServers(value) {
     if (isSame(value ?? null, this.iceServers)) return;
@@ -84,8 +83,8 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   get connected() { return this[inside].stream.isOpen; }
   get paused() { return !this[inside].started; }
   get statistics() { return this[inside].statistics; }
-  // For who looks into it: the RTCPeerConnection `peer` and its data channel `channel`, null without; the element that
-  // says what is in the way, hidden where nothing is.
+  // For inspection: the RTCPeerConnection `peer` and its data channel `channel`, or null; and the element with the
+  // status message, hidden if there is none.
   get connection() { return this[inside].stream.connection ?? null; }
   get status() { return this[inside].notice.box; }
 
@@ -95,15 +94,14 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   toBlob({ type = 'image/png', quality } = {}) { return this[inside].picture.toBlob(type, quality); }
   play() { this[inside].play(); }
   pause() { this[inside].pause(); }
-  // Lets go of the stream and asks for another one, where it was.
   reconnect() { this[inside].stream.again(); }
-  // As the button does: copies a link to the view, where the browser allows that, and returns it.
+  // Copies a link to the view, if the browser allows that, and returns the link, like the share button.
   share() { return this[inside].share.share(); }
-  // Telephones that have it for videos alone get that.
+  // Some phones support full screen for videos only.
   async requestFullscreen(options) {
     if (super.requestFullscreen && document.fullscreenEnabled) return super.requestFullscreen(options);
     const { video } = this[inside];
-    if (!video.webkitEnterFullscreen) throw new TypeError('there is no full screen here');
+    if (!video.webkitEnterFullscreen) throw new TypeError('full screen is not available');
     video.webkitEnterFullscreen();
   }
 }

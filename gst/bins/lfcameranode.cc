@@ -3,37 +3,44 @@
 /**
  * SECTION:element-lfcameranode
  * @title: lfcameranode
- * @short_description: the cameras of a rig, or some of them, as one node that answers view requests
+ * @short_description: cameras of a rig as one node that answers view requests
  *
- * A bin of one #element-lfcamsrc for each camera of a list and one #element-lffragment. View requests come in on
- * `request`, an answer for each goes out on `src`. Further requesters, such as compositors on other hosts, have pads of
- * their own: what comes in on `request_0` is answered on `src_0`.
+ * lfcameranode opens some or all cameras of a rig and answers view requests with their sum. Use it on a host with
+ * cameras, or with lfviewrequest and lfcompositor in one pipeline.
  *
- * A camera that fails ends nothing: its neighbours close the gap. Live ones are opened again until they are back
- * (`retry`), others are lost for good. #element-lfcamsrc tells which with its messages, `stats` have the state, the
- * reason and the retries of each. An error it is where no camera has worked, or none is opened again.
+ * The bin contains one #element-lfcamsrc per camera and one #element-lffragment. View requests arrive at `request`, and
+ * `src` delivers one answer per request. Further clients, such as compositors on other hosts, request a pad
+ * `request_%u`: the answers to `request_0` leave by `src_0`.
  *
- * With `record` what the cameras give is on disk when the node stops, the views to be chosen later: the folder has a
- * Matroska file for each of them and a rig.json, which this element plays as any other, with the same capture times.
- * JPEG, H.264, H.265, VP8, VP9 and AV1 stay as they come; raw video is encoded as JPEG of quality 95. A disk that is
- * too slow, or full, costs frames of the recording (`stats`), and neither cameras nor viewers. After a crash the files
- * can be played up to then.
+ * If a camera fails, the node continues without it and the neighbouring cameras fill in. Live cameras are reopened
+ * until they work again (`retry`); other cameras stay lost. #element-lfcamsrc posts messages about each loss, and
+ * `stats` has the state, reason and retries of each camera. The node posts an error if no camera has ever worked, or if
+ * all cameras are lost for good.
+ *
+ * If `record` is set, the node records all cameras, for rendering other views later. The folder contains one Matroska
+ * file per camera and a rig.json, which plays in this element with the same capture times. JPEG, H.264, H.265, VP8, VP9
+ * and AV1 are stored unchanged; raw video is encoded as JPEG of quality 95. If the disk is slow or full, frames are
+ * missing in the recording (`stats`), but cameras and viewers continue. After a crash, the files are playable up to the
+ * crash.
  *
  * ## Example launch lines
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
- * ]|
+ * ]| Renders a PNG file for each view in views.json.
  * |[
  * gst-launch-1.0 lfcameranode rig=rig.json is-live=true loop=true record=recording
  * ]| Records all cameras until Ctrl-C.
  *
  * ## Element messages
- * Those of its cameras; and "lightfield-no-camera" when the last one that worked is lost and some are opened again:
- * cameras (uint: how many there are), reason (string: those of all), beside one warning. The next
- * "lightfield-camera-found" ends that. "lightfield-recording-stopped" when no more is recorded, as the disk is full:
- * folder, reason (strings), beside one warning.
+ * The bin forwards the messages of its cameras and adds:
+ *
+ * - "lightfield-all-cameras-lost": all cameras are lost, but some will be reopened. Fields: cameras (uint: number of
+ *   cameras), reason (string: reasons of all cameras). The node also posts one warning. The next
+ *   "lightfield-camera-found" ends this state.
+ * - "lightfield-recording-stopped": the recording has ended, for example because the disk is full. Fields: folder,
+ *   reason (strings). The node also posts one warning.
  */
 
 #include "bins/lfcameranode.h"
@@ -53,7 +60,7 @@
 
 #include "base/schedule.h"
 #include "base/text.h"
-#include "bins/property_copy.h"
+#include "bins/property_proxy.h"
 #include "camsrc/lfcamsrc.h"
 #include "common/common.h"
 #include "common/gst_pointers.h"
@@ -69,7 +76,6 @@ GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 namespace lf {
 namespace {
 
-// lfcameranode's properties, but for those that are its lffragment's.
 struct CameraNodeSettings {
   std::string rig;
   std::string cameras;
@@ -91,40 +97,41 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
   using S = CameraNodeSettings;
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Path of the rig file (rig.json) of the whole array. Set while running, it is read again and "
-                        "serves from the next request on, if it has the same cameras with the same sources; time "
-                        "offsets count from the next start on"),
+                        "Rig file (rig.json) of the whole array. If set while running, the file is loaded again and "
+                        "used from the next request on; its cameras and sources must not change, and time offsets take "
+                        "effect at the next start"),
       property<&S::cameras>(kWhileReady, "cameras", "Cameras",
-                            "Ids of the cameras of this node, such as \"0-15,20\" (empty = all of the rig)", ""),
+                            "Ids of the cameras of this node, such as \"0-15,20\" (empty: all cameras of the rig)", ""),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
-          "Frames per second of each camera (0/1 = as its source has them, 15/1 where that has none)", 0, 1),
+          "Frame rate of each camera, in frames per second (0/1: rate of the source, or 15/1 if it has none)", 0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Frames come at their time on the pipeline's clock, in place of when a request needs them"),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Videos and image sequences begin again at their end"),
+                            "Frames are produced in real time by the pipeline clock, instead of on demand of a "
+                            "request"),
+      property<&S::loop>(kWhileReady, "loop", "Loop", "Videos and image sequences restart at their end"),
       property<&S::node>(kWhileReady, "node", "Node",
                          "Number of this node in its answers; each node of an array has its own", 0u, G_MAXUINT),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "JPEG video is decoded frame by frame, in place of where a request looks, and what is in a "
-                           "graphics card's memory is copied to the computer's"),
+                           "JPEG video is decoded completely, instead of only the regions that a request needs, and "
+                           "GPU frames are copied to system memory"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
-                            guint64{0}, guint64{60 * GST_SECOND}),
+                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds", guint64{0},
+                            guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "Live cameras that fail are opened again, after half a second at first and after ten seconds "
-                          "at most; else they are lost for good, as files are that are not live"),
+                          "Failed live cameras are reopened, first after half a second, later after up to ten seconds; "
+                          "if false, and for files that are not live, a failed camera stays lost"),
       property<&S::record>(kWhileReady, "record", "Record",
-                           "Folder that the cameras are recorded into from the start to the stop, with a rig.json to "
-                           "play them by; it must not have one already (none: not recorded)"),
+                           "Folder for recordings of all cameras and a rig.json for playback; must not contain a "
+                           "rig.json yet (empty: no recording)"),
       property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Whether the rig file may run any element: without it, sources that describe elements can "
-                            "have sources, converters and decoders of a short list only"),
+                            "Permission for the rig file to run any element; if false, launch descriptions may contain "
+                            "only allowed sources, converters and decoders"),
   };
   return table;
 }
 
 constexpr std::string_view kColon = ": ";
-constexpr size_t kAlone = 3;  // reasons that are told one by one
+constexpr size_t kAlone = 3;
 
 struct Reason {
   std::string_view place, why;
@@ -145,7 +152,7 @@ std::string grouped_reasons(std::span<const std::string> reasons, const std::str
   for (const std::string& reason : reasons) {
     const auto [place, why] = parse(reason);
     const size_t count = cameras[why];
-    if (count == 0) continue;  // told with the first of them
+    if (count == 0) continue;
     if (!text.empty()) text += separator;
     if (count <= kAlone) {
       text += reason;
@@ -164,14 +171,14 @@ using Settings = lf::CameraNodeSettings;
 
 struct _LfCameraNode {
   GstBin parent;
-  GstElement* fragment;                 // borrowed from the bin's children; null where lffragment is not installed
-  Settings* settings;                   // under the object lock
-  Settings* opened;                     // what the children were made for
-  std::shared_ptr<const lf::Rig>* rig;  // the same
-  std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock
-  std::shared_ptr<lf::Recording>* recording;  // null where nothing is recorded; under the object lock
-  bool failed;                                // no camera works, which ends the node; under the object lock
-  bool none_works;                            // no camera works for now, and that has been told; the same
+  GstElement* fragment;  // borrowed; null if lffragment is not installed
+  Settings* settings;    // guarded by the object lock
+  Settings* opened;      // settings of the current children
+  std::shared_ptr<const lf::Rig>* rig;
+  std::vector<GstElement*>* cameras;          // borrowed; guarded by the object lock
+  std::shared_ptr<lf::Recording>* recording;  // null if not recording; guarded by the object lock
+  bool failed;                                // the error "No camera works" has been posted; guarded by the object lock
+  bool no_camera;                             // the loss of all cameras has been reported; guarded by the object lock
 };
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
@@ -188,23 +195,22 @@ static GstStaticPadTemplate more_request_template =
 static GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
-// Null where nothing is recorded.
-static std::shared_ptr<lf::Recording> recording_of(LfCameraNode* self) {
+// Null if not recording.
+static std::shared_ptr<lf::Recording> find_recording(LfCameraNode* self) {
   const lf::ObjectLock lock(self);
   return *self->recording;
 }
 
-// A camera that has just been made: what it gives is recorded while there is a recording. Both outlive its streams.
+// Node and camera outlive the streams, which call the tap.
 static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
   LfCamSrc* camera = LF_CAM_SRC(element);
-  lf_cam_src_set_keeper(camera, [=](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
-    const std::shared_ptr<lf::Recording> recording = recording_of(self);
+  lf_cam_src_set_tap(camera, [=](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
+    const std::shared_ptr<lf::Recording> recording = find_recording(self);
     if (recording) recording->add(id, buffer, caps, captured, lf_cam_src_is_live(camera));
   });
 }
 
-// From now on, between two starts, its cameras are recorded, if its property says so. False, after posting the reason,
-// where they can't be.
+// Starts a recording if the property `record` is set. Call while stopped. Returns false after posting an error.
 static bool start_recording(LfCameraNode* self) {
   const std::string& folder = self->opened->record;
   if (folder.empty()) return true;
@@ -221,16 +227,16 @@ static bool start_recording(LfCameraNode* self) {
   }
 }
 
-// When they have stopped.
+// Call when the cameras have stopped.
 static void finish_recording(LfCameraNode* self) {
-  const std::shared_ptr<lf::Recording> recording = recording_of(self);
+  const std::shared_ptr<lf::Recording> recording = find_recording(self);
   if (!recording) return;
   recording->finish();
   const lf::ObjectLock lock(self);
   self->recording->reset();
 }
 
-static std::vector<lf::ElementPtr> hold_cameras(LfCameraNode* self) {
+static std::vector<lf::ElementPtr> hold_camera_locks(LfCameraNode* self) {
   std::vector<lf::ElementPtr> cameras;
   lf::ObjectLock lock(self);
   for (GstElement* camera : *self->cameras) cameras.emplace_back(GST_ELEMENT(gst_object_ref(camera)));
@@ -240,20 +246,19 @@ static std::vector<lf::ElementPtr> hold_cameras(LfCameraNode* self) {
 
 namespace {
 
-// Of a node none of whose cameras works.
-struct Losses {
+struct LostCameras {
   bool has_worked = false, for_good = true;
   std::vector<std::string> reasons;
 };
 
 }  // namespace
 
-// Nothing where a camera works, or is still being opened for the first time.
-static std::optional<Losses> losses_of(LfCameraNode* self) {
-  Losses losses;
-  for (const lf::ElementPtr& camera : hold_cameras(self)) {
-    const lf::CameraService::Report report = lf_cam_src_service(LF_CAM_SRC(camera.get())).report();
-    if (report.state != lf::CameraService::State::kLost) return std::nullopt;
+// Nothing if a camera works or is being opened for the first time.
+static std::optional<LostCameras> lost_cameras(LfCameraNode* self) {
+  LostCameras losses;
+  for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
+    const lf::CameraLifecycle::Report report = lf_cam_src_lifecycle(LF_CAM_SRC(camera.get())).report();
+    if (report.state != lf::CameraLifecycle::State::kLost) return std::nullopt;
     losses.has_worked = losses.has_worked || report.worked;
     losses.for_good = losses.for_good && lf_cam_src_is_lost_for_good(LF_CAM_SRC(camera.get()));
     losses.reasons.push_back(report.reason);
@@ -268,14 +273,13 @@ static bool exchange_flag(LfCameraNode* self, bool* flag, bool value) {
   return before;
 }
 
-// A camera is back. Any thread.
-static void note_found(LfCameraNode* self) { exchange_flag(self, &self->none_works, false); }
+// Thread-safe.
+static void note_found(LfCameraNode* self) { exchange_flag(self, &self->no_camera, false); }
 
-// All of them may come back.
-static void tell_none_works(LfCameraNode* self, const Losses& losses) {
-  if (exchange_flag(self, &self->none_works, true)) return;
-  // One that came back before the line above has not been noticed by it.
-  if (!losses_of(self)) return note_found(self);
+static void post_no_camera(LfCameraNode* self, const LostCameras& losses) {
+  if (exchange_flag(self, &self->no_camera, true)) return;
+  // A camera may have returned before the flag was set.
+  if (!lost_cameras(self)) return note_found(self);
   const std::string reasons = lf::grouped_reasons(losses.reasons, "; ");
   GstStructure* structure =
       gst_structure_new(LF_NO_CAMERA, "cameras", G_TYPE_UINT, static_cast<guint>(losses.reasons.size()), "reason",
@@ -284,31 +288,32 @@ static void tell_none_works(LfCameraNode* self, const Losses& losses) {
   GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("No camera works any more: %s", reasons.c_str()), (nullptr));
 }
 
-// A camera has been lost: if none works any more that is an error, or where one has worked before and some may come
-// back a warning and an element message, once until one is back. Any thread.
+// Called from any thread when a camera is lost. If no camera works, posts an error, or, if cameras may be reopened, one
+// warning and element message per outage.
 static void check_cameras(LfCameraNode* self) {
-  const std::optional<Losses> losses = losses_of(self);
+  const std::optional<LostCameras> losses = lost_cameras(self);
   if (!losses) return;
-  if (losses->has_worked && !losses->for_good) return tell_none_works(self, *losses);
+  if (losses->has_worked && !losses->for_good) return post_no_camera(self, *losses);
   if (exchange_flag(self, &self->failed, true)) return;
   GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
                     ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
 }
 
-// Waits, for a limited time, until each camera has a first frame or is lost. Then has_failed() tells of an error at the
+// Waits up to kStartTimeout until each camera has a first frame or is lost. has_failed() then reports an error at
 // start.
 static void wait_for_cameras(LfCameraNode* self) {
-  constexpr uint64_t kPatience = 2'000'000'000;
+  constexpr uint64_t kStartTimeout = 2'000'000'000;
   const auto is_opening = [](const lf::ElementPtr& camera) {
-    return lf_cam_src_service(LF_CAM_SRC(camera.get())).state() == lf::CameraService::State::kOpening;
+    return lf_cam_src_lifecycle(LF_CAM_SRC(camera.get())).state() == lf::CameraLifecycle::State::kOpening;
   };
-  const std::vector<lf::ElementPtr> cameras = hold_cameras(self);
-  for (const uint64_t end = lf::now_ns() + kPatience; lf::now_ns() < end && std::ranges::any_of(cameras, is_opening);)
+  const std::vector<lf::ElementPtr> cameras = hold_camera_locks(self);
+  for (const uint64_t end = lf::now_ns() + kStartTimeout;
+       lf::now_ns() < end && std::ranges::any_of(cameras, is_opening);)
     g_usleep(1000);
-  check_cameras(self);  // a loss is noted before it is told
+  check_cameras(self);  // The camera updates its state before it posts its message.
 }
 
-// Whether the error that no camera works has been posted since it was forgotten.
+// True if the error "No camera works" has been posted since forget_failure().
 static bool has_failed(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
   const bool failed = self->failed;
@@ -318,19 +323,19 @@ static bool has_failed(LfCameraNode* self) {
 
 static void forget_failure(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
-  self->failed = self->none_works = false;
+  self->failed = self->no_camera = false;
   GST_OBJECT_UNLOCK(self);
 }
 
-// The `stats` property: what lffragment counts, and the structure `cameras` of one for each, camera-ID. Owned by the
-// caller.
+// Returns the value of the property `stats`: the counters of lffragment and the structure `cameras` with one structure
+// "camera-ID" per camera. The caller owns the result.
 static GstStructure* stats_of(LfCameraNode* self) {
   GstStructure* stats = nullptr;
   if (self->fragment) g_object_get(self->fragment, "stats", &stats, nullptr);
   if (!stats) stats = gst_structure_new_empty("lightfield-fragment-stats");
   g_autoptr(GstStructure) cameras = gst_structure_new_empty("lightfield-cameras");
-  const std::shared_ptr<lf::Recording> recording = recording_of(self);
-  for (const lf::ElementPtr& camera : hold_cameras(self)) {
+  const std::shared_ptr<lf::Recording> recording = find_recording(self);
+  for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
     guint id = 0;
     g_object_get(camera.get(), "camera", &id, nullptr);
     const std::string name = "camera-" + std::to_string(id);
@@ -371,7 +376,6 @@ static void remove_cameras(LfCameraNode* self) {
   }
 }
 
-// The pad is named after the camera's index, which is easily found in a picture of the pipeline.
 static void add_camera(LfCameraNode* self, const Settings& settings, const lf::Rig& rig, lf::CameraIndex index) {
   const std::string id = std::to_string(rig.cameras[index].id);
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
@@ -379,12 +383,12 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
                "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, "retry", settings.retry,
                "trusted", settings.trusted, nullptr);
-  lf_cam_src_set_expendable(LF_CAM_SRC(camera));
+  lf_cam_src_set_optional(LF_CAM_SRC(camera));
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
   {
     const lf::ObjectLock lock(self);
-    self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
+    self->cameras->reserve(self->cameras->size() + 1);  // push_back() below must not throw after gst_bin_add()
   }
   if (!settings.record.empty()) tap_camera(self, camera, rig.cameras[index].id);
   gst_bin_add(GST_BIN(self), camera);
@@ -397,7 +401,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
                       static_cast<gint>(rig.cameras[index].id), nullptr);
 }
 
-// False, without cameras, after posting the reason.
+// Returns false, without cameras, after posting an error.
 static bool open_cameras(LfCameraNode* self) {
   remove_cameras(self);
   const Settings settings = current_settings(self);
@@ -424,8 +428,7 @@ static bool open_cameras(LfCameraNode* self) {
   return false;
 }
 
-// Whether the rig has the same cameras with the same sources as the one that the cameras were opened with; else
-// *problem says what is not.
+// True if the rig has the same cameras and sources as the open rig. Otherwise sets *problem.
 static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string* problem) {
   const lf::Rig& before = **self->rig;
   const auto place = [](const lf::Rig& of, const std::string& path) {
@@ -434,11 +437,11 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
   try {
     std::vector<lf::CameraIndex> own = lf::parse_camera_list(before, self->opened->cameras);
     if (lf::parse_camera_list(rig, self->opened->cameras).size() != own.size())
-      throw lf::Error("it has another number of cameras");
+      throw lf::Error("the number of cameras differs");
     for (const lf::CameraIndex index : own) {
       const lf::Camera& was = before.cameras[index];
       const auto is = rig.index_of_id(was.id);
-      if (!is) throw lf::Error("it has no camera " + std::to_string(was.id));
+      if (!is) throw lf::Error("it lacks camera " + std::to_string(was.id));
       const lf::Camera& now = rig.cameras[*is];
       if (place(before, was.source) != place(rig, now.source) || place(before, was.image) != place(rig, now.image))
         throw lf::Error("camera " + std::to_string(was.id) + " has another source");
@@ -450,7 +453,7 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
   }
 }
 
-// While the node runs lffragment takes the new rig, and the cameras go on as they are.
+// While running, lffragment switches to the new rig and the cameras continue.
 static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   if (lf::is_running(GST_ELEMENT(self))) {
     const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
@@ -459,12 +462,12 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
     if (!has_same_sources(self, *rig, &problem)) {
       GST_ELEMENT_WARNING(
           self, RESOURCE, SETTINGS,
-          ("%s: %s: such a rig needs this node to be started anew; the rig stays as it was.", path, problem.c_str()),
+          ("%s: %s: restart this node to use this rig. The current rig stays in use.", path, problem.c_str()),
           (nullptr));
       return;
     }
     g_object_set(self->fragment, "rig", path, nullptr);
-    if (const auto recording = recording_of(self)) recording->take_rig(*rig, path);
+    if (const auto recording = find_recording(self)) recording->update_rig(*rig, path);
   }
   lf::ObjectLock lock(self);
   self->settings->rig = path ? path : "";
@@ -503,7 +506,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (lf::is_copy(pspec)) {
+  if (lf::is_proxy(pspec)) {
     if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
@@ -513,7 +516,7 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (lf::is_copy(pspec)) {
+  if (lf::is_proxy(pspec)) {
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
@@ -542,7 +545,7 @@ static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadT
   return pad;
 }
 
-// lffragment adds the source pad with the request pad and takes it away with it.
+// lffragment adds and removes the source pad together with the request pad.
 static GstPad* lf_camera_node_new_pad(GstElement* element, GstPadTemplate*, const gchar* name, const GstCaps*) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
   if (!self->fragment) return nullptr;
@@ -579,14 +582,13 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
   const guint next_id = Properties::install(
       object_class,
-      "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended, "
-      "lost or stopped), reason of the latest loss, losses, retries, dropped frames, capture-time; while it records "
-      "also how many frames were recorded and how many not (unrecorded), and in recording: folder, begin (clock time "
-      "that live frames in it count from), reason why it has stopped");
+      "Counters of lffragment, and for each camera: state (opening, running, ended, lost or stopped), reason of the "
+      "latest loss, losses, retries, dropped frames, capture-time; while recording also the number of recorded and "
+      "unrecorded frames, and the structure recording: folder, begin (clock time of timestamp 0 for live frames), "
+      "reason for its end");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
-  // How lffragment answers is its own property under the same name.
-  lf::install_copies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
+  lf::install_proxies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_camera_node_change_state>;
@@ -599,7 +601,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &more_src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera node", "Filter/Video",
-      "Answers view requests with the sum of a range of cameras: an lfcamsrc each and one lffragment",
+      "Answers view requests with the sum of a range of cameras: one lfcamsrc per camera and one lffragment",
       "gst-lightfield");
 }
 
@@ -609,8 +611,8 @@ static void lf_camera_node_init(LfCameraNode* self) {
   self->rig = new std::shared_ptr<const lf::Rig>;
   self->cameras = new std::vector<GstElement*>;
   self->recording = new std::shared_ptr<lf::Recording>;
-  // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
-  // It is never the clock of a pipeline, whatever its cameras have.
+  // The node answers requests, so its output ends with the requests and not with an EOS event to its cameras. It must
+  // not provide the clock of the pipeline either, even if its cameras could.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));

@@ -16,9 +16,9 @@ G_END_DECLS
 
 namespace lf {
 
-// Why cameras were lost, for a person to read. A reason is "PLACE: WHY", as lfcamsrc tells it, and its last part is the
-// why. Reasons stand as they are, in their order, with `separator` between them; but those of more than three cameras
-// with one and the same why are told once, where the first of them is: "64 cameras: WHY (PLACE and others)".
+// Formats the reasons of lost cameras for display. A reason has the form "PLACE: WHY". Reasons are joined by
+// `separator` in their order. If more than three cameras share a WHY, they become one entry: "64 cameras: WHY (PLACE
+// and others)".
 std::string grouped_reasons(std::span<const std::string> reasons, const std::string& separator);
 
 }  // namespace lf

@@ -3,28 +3,28 @@
 /**
  * SECTION:element-lfnodesink
  * @title: lfnodesink
- * @short_description: the cameras of this machine for viewers on others
+ * @short_description: the cameras of this machine for viewers on other hosts
  *
- * The other end of `lfviewsrc nodes=...`: an #element-lfcameranode ("node") with live cameras, whose view requests come
- * in by RTP at the port `listen`, and whose answers go to `answers`. Where several hosts ask, both have an item for
- * each, in the same order. It has the properties of lfcameranode; films begin again at their end, but with
- * `loop=false`.
+ * lfnodesink serves the cameras of this machine to `lfviewsrc nodes=...` on other hosts. It contains an
+ * #element-lfcameranode ("node") with live cameras. View requests arrive by RTP at the port `listen`, and the node
+ * sends its answers to `answers`. For several clients, both properties are lists of the same length and order. The
+ * element has the properties of lfcameranode. File sources loop unless `loop=false`.
  *
- * With `key-file`, the same file on all hosts, requests are taken from those who have it and from nobody else, and only
- * they can read the answers (#element-lfrtpseal, #element-lfrtpgate). Without, requests are taken from the addresses of
- * `peers`, or else from the hosts that answers go to and from this machine; that keeps nobody out who means harm, which
- * is said once at start. What is dropped is counted in `stats`.
+ * If `key-file` names the same file on all hosts, packets are encrypted and only holders of the key can send requests
+ * and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from the
+ * addresses in `peers`. The default is the hosts of `answers` and this machine. Addresses can be forged, so the element
+ * posts a warning at start. `stats` counts dropped packets.
  *
- * A bin without pads. It runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
- * something else in the pipeline gives a clock.
+ * The bin has no pads. It provides the realtime clock of the machine, unless another element in the bin provides a
+ * clock. Synchronise the clocks of all hosts (chrony, PTP).
  *
  * ## Example launch line
  * |[
  * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 node=0 listen=6000 answers=VIEWER:6100
- * ]|
+ * ]| Serves cameras 0 to 31 to the host VIEWER.
  * |[
  * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 listen=6000 answers=VIEWER:6100 key-file=lightfield.key
- * ]| Nobody without the key sees or steers.
+ * ]| Does the same with encryption.
  */
 
 #include <gst/gst.h>
@@ -34,12 +34,12 @@
 
 #include "base/text.h"
 #include "bins/lfcameranode.h"
-#include "bins/property_copy.h"
+#include "bins/property_proxy.h"
 #include "bins/rtp_link.h"
-#include "common/day_clock.h"
 #include "common/gst_pointers.h"
 #include "common/guard.h"
 #include "common/properties.h"
+#include "common/wall_clock.h"
 #include "rtp/peers.h"
 #include "rtp/rtplfpay.h"
 
@@ -48,8 +48,7 @@ GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
 
 namespace {
 
-// The network side as properties say it.
-struct Settings : lf::Admission {
+struct Settings : lf::RtpSecurity {
   std::string listen, answers;
   bool operator==(const Settings&) const = default;
 
@@ -58,30 +57,28 @@ struct Settings : lf::Admission {
     static lf::PropertyTable<S> table = {
         lf::property<&S::listen>(
             lf::kWhileReady, "listen", "Listen",
-            "UDP port that view requests come in at, ADDRESS:PORT of this machine, or GROUP:PORT of a multicast group; "
-            "one for each host that asks, with commas between; required"),
+            "Local UDP port, ADDRESS:PORT, or multicast GROUP:PORT for view requests; comma-separated, one item per "
+            "client; required"),
         lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
-                                  "HOST:PORT where the answers go to, for each item of listen; required"),
+                                  "HOST:PORT that receives the answers, for each item of listen; required"),
         lf::inherited_property<S, &S::key_file>(
             lf::kWhileReady, "key-file", "Key file",
-            "File with the secret that all hosts share, 32 or more random characters (none: whoever is on the network "
-            "can see and steer)"),
+            "File with the secret that all hosts share: 32 or more random characters (empty: no encryption)"),
         lf::inherited_property<S, &S::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between (none: with "
-            "a key-file all that have it; else the hosts of answers and this machine)"),
+            "Comma-separated names, addresses and networks (10.0.0.0/24) allowed to send requests (empty: all holders "
+            "of the key-file, or, without key-file, the hosts of answers and this machine)"),
     };
     return table;
   }
 };
 
-// Strips of 16 rows of 320: about a packet, so that a lost one loses no more.
-constexpr lf::CopyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, {"strip-pixels", 5120}};
+// Strips of 320 x 16 pixels fill about one packet, so a lost packet costs one strip.
+constexpr lf::ProxyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, {"strip-pixels", 5120}};
 
-// The network side: what was made for these properties.
 struct Links {
   Settings settings;
-  std::unique_ptr<lf::AddedElements> elements;
+  std::unique_ptr<lf::ScopedElements> elements;
   std::unique_ptr<lf::RequestedPads> pads;
 };
 
@@ -92,9 +89,9 @@ G_DECLARE_FINAL_TYPE(LfNodeSink, lf_node_sink, LF, NODE_SINK, GstBin)
 
 struct _LfNodeSink {
   GstBin parent;
-  Settings* settings;  // under the object lock
-  GstElement* node;    // borrowed from the bin's children; null where lfcameranode is not installed
-  GstElement* pay;     // is in no bin: has the properties of all that are
+  Settings* settings;  // guarded by the object lock
+  GstElement* node;    // borrowed; null if lfcameranode is not installed
+  GstElement* pay;     // in no bin; holds the property values for all payloaders
   GstClock* realtime;
   Links* links;
 };
@@ -106,26 +103,24 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfnodesink, "lfnodesink", GST_RANK_NONE, L
 
 static void remove_links(LfNodeSink* self) { *self->links = {}; }
 
-// Requester number `index`, who is at `to`.
 static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to,
-                          const lf::Admission& admission) {
+                          const lf::RtpSecurity& security) {
   const std::string number = std::to_string(index);
   const std::vector<std::string> addresses = lf::addresses_of(to.host);
-  lf::AddedElements& elements = *self->links->elements;
+  lf::ScopedElements& elements = *self->links->elements;
   GstElement* received = lf::add_receiver(elements, from, "X-LIGHTFIELD-REQUEST",
-                                          lf::admission_of(admission, addresses), "requests" + number);
+                                          lf::rtp_security_of(security, addresses), "requests" + number);
   GstElement* queue = elements.add("queue", "requests" + number);
-  // Late requests are of no use.
   gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
   g_object_set(queue, "max-size-buffers", 4, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
-  // The node makes the next answer while one is on its way.
+  // The node renders the next answer while the network sends the previous answer.
   GstElement* made = elements.add("queue", "made" + number);
   g_object_set(made, "max-size-buffers", 16, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
   GstElement* pay = elements.add("rtplfpay", "answers" + number + "_pay");
   for (const char* name : {"mtu", "max-bitrate"})
     g_object_bind_property(self->pay, name, pay, name, G_BINDING_SYNC_CREATE);
   GstElement* seal = elements.add("lfrtpseal", "answers" + number + "_seal");
-  if (!admission.key_file.empty()) g_object_set(seal, "key-file", admission.key_file.c_str(), nullptr);
+  if (!security.key_file.empty()) g_object_set(seal, "key-file", security.key_file.c_str(), nullptr);
   GstElement* udp = elements.add("udpsink", "answers" + number + "_udp");
   g_object_set(udp, "host", addresses.front().c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
 
@@ -142,7 +137,7 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   if (!linked) throw lf::Error("the cameras can't be linked with the network");
 }
 
-// Before READY and before PAUSED. False after posting the reason.
+// Called before READY and before PAUSED. Returns false after posting an error.
 static bool prepare(LfNodeSink* self) {
   lf::ObjectLock lock(self);
   const Settings settings = *self->settings;
@@ -156,13 +151,13 @@ static bool prepare(LfNodeSink* self) {
                                     to = lf::parse_host_ports(settings.answers);
     if (from.empty()) throw lf::Error("listen: not set");
     if (from.size() != to.size())
-      throw lf::Error("listen and answers: must have as many items, one for each host that asks");
+      throw lf::Error("listen and answers: must have the same number of items, one per client");
     for (const lf::HostPort& place : to)
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
-    links.elements = std::make_unique<lf::AddedElements>(GST_BIN(self));
+    links.elements = std::make_unique<lf::ScopedElements>(GST_BIN(self));
     links.pads = std::make_unique<lf::RequestedPads>();
     for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings);
-    lf::follow_limits(GST_BIN(self), self->node);
+    lf::bind_limits(GST_BIN(self), self->node);
     links.settings = settings;
     return true;
   } catch (const std::exception& error) {
@@ -186,15 +181,14 @@ static GstClock* lf_node_sink_provide_clock(GstElement* element) {
 }
 
 static GstElement* owner_of(LfNodeSink* self, GParamSpec* copy) {
-  return lf::is_copy(copy, LF_TYPE_CAMERA_NODE) ? self->node : self->pay;
+  return lf::is_proxy(copy, LF_TYPE_CAMERA_NODE) ? self->node : self->pay;
 }
 
-// Adds what a child counts.
 static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructure* to) {
   g_autoptr(GstElement) element = gst_bin_get_by_name(GST_BIN(self), child.c_str());
   g_autoptr(GstStructure) stats = nullptr;
   if (element) g_object_get(element, "stats", &stats, nullptr);
-  if (!stats) return;  // its links are being taken apart
+  if (!stats) return;  // the links are being removed
   gst_structure_foreach(
       stats,
       [](GQuark field, const GValue* value, gpointer all) -> gboolean {
@@ -204,7 +198,6 @@ static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructur
       to);
 }
 
-// What lfcameranode counts, and of each requester what its lfrtpgate and rtplfdepay do.
 static GstStructure* make_stats(LfNodeSink* self) {
   GstStructure* stats = nullptr;
   if (self->node) g_object_get(self->node, "stats", &stats, nullptr);
@@ -226,13 +219,13 @@ static Settings& settings_of(LfNodeSink* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of, make_stats>;
 
 static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
-  if (!lf::is_copy(pspec)) return Properties::set(object, id, value, pspec);
+  if (!lf::is_proxy(pspec)) return Properties::set(object, id, value, pspec);
   if (GstElement* owner = owner_of(LF_NODE_SINK(object), pspec))
     g_object_set_property(G_OBJECT(owner), pspec->name, value);
 }
 
 static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  if (!lf::is_copy(pspec)) return Properties::get(object, id, value, pspec);
+  if (!lf::is_proxy(pspec)) return Properties::get(object, id, value, pspec);
   if (GstElement* owner = owner_of(LF_NODE_SINK(object), pspec))
     g_object_get_property(G_OBJECT(owner), pspec->name, value);
 }
@@ -265,15 +258,14 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   object_class->finalize = lf_node_sink_finalize;
   const guint first_copy = Properties::install(
       object_class,
-      "Those of lfcameranode, and in requests of each requester (requests0, requests1, ...) what its "
-      "lfrtpgate and rtplfdepay count: packets that passed and those that were dropped, and requests that were "
-      "refused, by reason");
+      "Counters of lfcameranode, and the structure requests with one structure per client (requests0, requests1, ...): "
+      "counters of its lfrtpgate and rtplfdepay for passed and dropped packets and for refused requests, by reason");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =
-      lf::install_copies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"}, {}, kNodeDefaults);
-  lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats", "min-ptime", "max-ptime", "ptime-multiple"},
-                     {"mtu"});
+      lf::install_proxies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"}, {}, kNodeDefaults);
+  lf::install_proxies(object_class, next, LF_TYPE_RTP_PAY, {"stats", "min-ptime", "max-ptime", "ptime-multiple"},
+                      {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_node_sink_change_state>;
@@ -281,13 +273,13 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   element_class->provide_clock = lf::callback<lf_node_sink_provide_clock>;
   gst_element_class_set_static_metadata(
       element_class, "Light field node sink", "Sink/Network/Video",
-      "The cameras of this machine for lfviewsrc on others: answers view requests that come by RTP", "gst-lightfield");
+      "Serves the cameras of this machine to lfviewsrc on other hosts: answers view requests by RTP", "gst-lightfield");
 }
 
 static void lf_node_sink_init(LfNodeSink* self) {
   self->settings = new Settings;
   self->links = new Links;
-  self->realtime = lf::new_day_clock();
+  self->realtime = lf::new_wall_clock();
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->pay = gst_element_factory_make("rtplfpay", nullptr);
   if (self->pay) gst_object_ref_sink(self->pay);

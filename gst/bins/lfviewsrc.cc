@@ -3,69 +3,73 @@
 /**
  * SECTION:element-lfviewsrc
  * @title: lfviewsrc
- * @short_description: a view of a light field as a source of video, with everything that it takes inside
+ * @short_description: a light field view as a video source, with all required elements inside
  *
- * A bin of an #element-lfviewrequest ("view"), an #element-lfcompositor ("compositor") and the cameras: those of the
- * rig that are on this machine as one #element-lfcameranode ("node"), or, with `nodes`, those of other hosts, which are
- * reached by RTP and run #element-lfnodesink. Mouse and keys in a window behind it fly. Its properties are those of
- * view and compositor; other children's are set as those of any bin's (`lfviewsrc node::cameras=0-15 ...`).
+ * lfviewsrc renders a view of a camera array as video. Use it when one application needs cameras, renderer and viewer
+ * in one element.
  *
- * Each request pad `src_%u` is a further viewer of the same cameras, which has an lfviewrequest and an lfcompositor of
- * its own ("view_0", "compositor_0" of `src_0`). It begins with the settings of the bin, but with a view of its own
- * that stands in the middle of the array; `location`, `loop` and `num-buffers` are of `src` alone. Viewers come and go
- * while everything runs, and none waits for another. Pictures of a pad that is not linked are dropped.
+ * The bin contains an #element-lfviewrequest ("view"), an #element-lfcompositor ("compositor") and the cameras. Cameras
+ * of this machine are one #element-lfcameranode ("node"). If `nodes` is set, the cameras are on other hosts that run
+ * #element-lfnodesink, connected by RTP. A downstream window sends mouse and key events that move the view. The bin has
+ * the properties of view and compositor. Set properties of other children as for any bin
+ * (`lfviewsrc node::cameras=0-15 ...`).
  *
- * `width`, `height` and `framerate` that are not set follow downstream caps, also when these change while playing; what
- * is set counts, and views of `location` have sizes of their own. Where downstream accepts no such pictures an error
- * says why. Formats are those of the cameras: `videoconvert` makes others. Each picture has a meta that says which view
- * it shows (#element-lfcompositor).
+ * Each request pad `src_%u` is another viewer of the same cameras. Its lfviewrequest and lfcompositor are called
+ * "view_0" and "compositor_0" for `src_0`. A new viewer copies the settings of the bin and starts in the middle of the
+ * array. `location`, `loop` and `num-buffers` apply to `src` only. Pads can be requested and released while the
+ * pipeline runs, and a slow viewer does not delay another viewer. Pictures of unlinked pads are dropped.
  *
- * Live, whoever takes pictures more slowly than they come gets the newest: the oldest are dropped behind the
- * compositor, and the search for the focal surface goes on at its own pace. No queue is needed between the pads and
- * their sinks.
+ * Unless set, `width`, `height` and `framerate` follow the downstream caps, also while playing. Views in `location`
+ * define their size in the file. The element posts an error if downstream does not accept the size. The pixel formats
+ * are the formats of the cameras; use `videoconvert` to convert. Each buffer has a meta that describes its view
+ * (#element-lfcompositor).
  *
- * With `views` there are several eyes, side by side around the view, whose pictures of one moment make one: a stereo
- * pair, a row, a quilt (#element-lfviewrequest).
+ * In live mode a slow sink receives the newest picture: a leaky queue behind the compositor drops the oldest. The
+ * search for the focal surface continues at full speed. No queue is needed between the pads and the sinks.
  *
- * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
- * `location`. Films begin again at their end, but with `node::loop=false`.
+ * If `views` is set, the element renders several eyes side by side into one picture: a stereo pair, a row, or a quilt
+ * (#element-lfviewrequest).
  *
- * With `record` the cameras are on disk, too, for other views of the same (#element-lfcameranode).
+ * Cameras are live by default. If `is-live=false`, the element renders as fast as downstream consumes, and ends after
+ * the last view of `location`. File sources loop unless `node::loop=false`.
  *
- * With `listen` views are those that viewers on other hosts ask for at this port by RTP (`lfviewrequest ! rtplfpay !
- * lfrtpseal ! udpsink`): `src` shows view 0, `src_0` view 1, and so on. That is a host of compositors, for viewers that
- * take pictures. With `partial` it is one of a rack, whose `src` is the sum of the rack's cameras, for the next one.
+ * If `record` is set, the cameras are also recorded to disk, for rendering other views later (#element-lfcameranode).
  *
- * With `key-file`, the same file as on those hosts, nobody else can see or steer what goes between
- * (#element-lfrtpseal); without, answers are taken from the addresses of `nodes` and requests from those of
- * `peers`, and whoever is on the network in between can do both.
+ * If `listen` is set, the views come from viewers on other hosts, as requests by RTP (`lfviewrequest ! rtplfpay !
+ * lfrtpseal ! udpsink`). `src` then shows view 0, `src_0` view 1, and so on. Use `listen` on a host that composes for
+ * remote viewers. If `partial` is also set, `src` delivers the sum of the cameras for the next compositor in a tree.
  *
- * As a URI, lf:///path/of/rig.json, cameras whose sources describe elements are refused: a player may be given any URI.
+ * If `key-file` names the same file on all hosts, packets are encrypted and authenticated (#element-lfrtpseal). Without
+ * a key file, answers are accepted from the addresses of `nodes` and requests from the addresses of `peers`. Anyone on
+ * the network path can then read and forge packets.
  *
- * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
- * something else in it gives a clock.
+ * The element handles URIs of the form lf:///path/of/rig.json. A player may open any URI, so rigs with launch
+ * descriptions as camera sources are refused there.
+ *
+ * If `nodes` or `listen` is set, the bin provides the realtime clock of the machine, unless another element in the bin
+ * provides a clock. Synchronise the clocks of all hosts (chrony, PTP).
  *
  * ## Example launch lines
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json ! videoconvert ! autovideosink
- * ]| A window in which mouse and keys fly.
+ * ]| Opens a window; mouse and keys move the view.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json location=views.json is-live=false ! videoconvert ! pngenc ! \
  *   multifilesink location=out_%02d.png
- * ]| Pictures of the views in a file.
+ * ]| Writes a PNG file for each view in a file.
  * |[
  * gst-launch-1.0 lfviewsrc name=v rig=rig.json width=640 height=480  v.src ! videoconvert ! autovideosink \
  *   v.src_0 ! videoconvert ! autovideosink
- * ]| Two viewers, each with a window.
+ * ]| Opens two windows with independent views.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json views=stereo ! videoconvert ! autovideosink
- * ]| A stereo pair, side by side.
+ * ]| Shows a stereo pair side by side.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
- * ]| The cameras of two other hosts.
+ * ]| Shows the cameras of two other hosts.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json record=seen ! videoconvert ! autovideosink
- * ]| Seen and recorded; lfviewsrc rig=seen/rig.json shows it again.
+ * ]| Shows the view and records all cameras. Play the recording with rig=seen/rig.json.
  */
 
 #include <algorithm>
@@ -79,16 +83,16 @@
 #include <gst/gst.h>
 
 #include "base/text.h"
-#include "bins/property_copy.h"
+#include "bins/property_proxy.h"
 #include "bins/rtp_link.h"
 #include "bins/viewer_chain.h"
 #include "common/common.h"
-#include "common/day_clock.h"
 #include "common/guard.h"
 #include "common/properties.h"
+#include "common/wall_clock.h"
 #include "compositor/lfcompositor.h"
 #include "fragment/lffragment.h"
-#include "node/card.h"
+#include "node/renderer_selector.h"
 #include "rig/source_security.h"
 #include "viewrequest/lfviewrequest.h"
 #include "viewrequest/view_control.h"
@@ -104,18 +108,16 @@ namespace {
 struct Viewer {
   Viewer(GstBin* bin, guint view_id, const std::string& ending) : chain(bin, view_id, ending) {}
   lf::ViewerChain chain;
-  std::unique_ptr<lf::RequestedPads> pads;      // link the viewer with the cameras
-  std::unique_ptr<lf::RequestedPads> requests;  // link the viewer with hosts that ask for its view
+  std::unique_ptr<lf::RequestedPads> pads;
+  std::unique_ptr<lf::RequestedPads> requests;
 };
 
-// Other hosts, as properties name them.
 struct Hosts {
   std::string nodes, listen, key_file, peers;
   bool operator==(const Hosts&) const = default;
   bool any() const { return !nodes.empty() || !listen.empty(); }
 };
 
-// The properties of lfviewsrc, but for those of the elements inside.
 struct Settings : Hosts {
   std::string rig;
   bool is_live = true;
@@ -126,7 +128,7 @@ struct Settings : Hosts {
   static lf::PropertyTable<Settings>& properties();
 };
 
-// Of one viewer and no other.
+// Properties that are not copied to further viewers.
 constexpr std::array kOwnProperties = {"location", "loop", "num-buffers"};
 
 bool is_own(const char* name) {
@@ -138,22 +140,22 @@ bool is_own(const char* name) {
 
 struct _LfViewSrc {
   GstBin parent;
-  // Under the object lock.
+  // Guarded by the object lock:
   Settings* settings;
-  bool by_uri;  // the rig was named by a URI, which may come from anywhere
+  bool by_uri;  // the rig was set by a URI and is not trusted
 
-  gint failed;  // atomic; 1: something inside has posted an error since the last change of state began
+  gint failed;  // atomic; 1: a child has posted an error since the current state change began
 
-  GstElement *view, *compositor;  // the viewer of the pad `src`; null where the elements are not installed
-  // What is inside, under its own lock, which is taken before any other: bins tell applications of children.
+  GstElement *view, *compositor;  // of the viewer of pad `src`, borrowed; null if the elements are not installed
+  // `mutex` is acquired before all other locks: bins emit signals to applications when children change.
   struct Inside {
     std::recursive_mutex mutex;
-    std::map<std::string, std::shared_ptr<Viewer>> viewers;  // by the name of the viewer's pad
-    std::set<guint> view_ids;                                // numbers that some viewer has or had
+    std::map<std::string, std::shared_ptr<Viewer>> viewers;  // key: name of the viewer's pad
+    std::set<guint> view_ids;
     std::unique_ptr<lf::ViewerCameras> cameras;
-    std::unique_ptr<lf::ViewerRequests> requests;  // null where viewers make their own
-    Hosts hosts;                                   // the hosts that `cameras` and `requests` were made for
-    GstClock* realtime = nullptr;                  // made when it is asked for
+    std::unique_ptr<lf::ViewerRequests> requests;  // null if viewers generate their own requests
+    Hosts hosts;
+    GstClock* realtime = nullptr;
   } * inside;
 };
 
@@ -170,40 +172,38 @@ lf::PropertyTable<Settings>& Settings::properties() {
   static lf::PropertyTable<S> table = {
       lf::property<&S::rig>(
           lf::kWhilePlaying, "rig", "Rig",
-          "Rig file (rig.json) of the array; required. Set while running, it is read again and serves from the next "
-          "request on, if it has the same cameras with the same sources"),
+          "Rig file (rig.json) of the array; required. If set while running, the file is loaded again and used from "
+          "the next request on; its cameras and sources must not change"),
       lf::inherited_property<S, &S::nodes>(
           lf::kWhileReady, "nodes", "Nodes",
-          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..., with the ports "
-          "for requests there and for answers here, and the address of this machine that those come in at (none: any). "
-          "They are live (empty: all cameras are on this machine)"),
+          "Comma-separated camera hosts running lfnodesink: HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT,... The "
+          "request port is on HOST, the answer port on this machine. These cameras are always live (empty: all cameras "
+          "are on this machine)"),
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
-          "UDP port, ADDRESS:PORT of this machine or GROUP:PORT of a multicast group where viewers on other hosts ask "
-          "for views, which are shown in place of views of its own: view 0 by src, view 1 by src_0, and so on (none: "
-          "viewers are here)"),
+          "Local UDP port, ADDRESS:PORT or multicast GROUP:PORT for view requests of viewers on other hosts: view 0 "
+          "goes to src, view 1 to src_0, and so on (empty: viewers are local)"),
       lf::inherited_property<S, &S::key_file>(
           lf::kWhileReady, "key-file", "Key file",
-          "With nodes or listen: file with the secret that all hosts share, 32 or more random characters (none: "
-          "whoever is on the network can see and steer)"),
+          "File with the shared secret for nodes and listen: 32 or more random characters (empty: no encryption)"),
       lf::inherited_property<S, &S::peers>(
           lf::kWhileReady, "peers", "Peers",
-          "With listen: names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between "
-          "(none: with a key-file all that have it; else the first address of this machine that asks)"),
+          "Comma-separated names, addresses and networks (10.0.0.0/24) allowed to send requests to listen (empty: all "
+          "holders of the key-file, or, without key-file, the first local address that sends a request)"),
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
-                                "Pictures come in time with the clock, of frames that live cameras make, in place of "
-                                "as fast as they are taken"),
+                                "Live cameras, with pictures synchronised to the clock; if false, pictures are "
+                                "rendered as fast as downstream consumes"),
       lf::property<&S::record>(
           lf::kWhileReady, "record", "Record",
-          "Folder that the cameras are recorded into from the start to the stop, with a rig.json to play them by; it "
-          "must not have one already. Of nodes: see lfnodesink (none: not recorded)"),
+          "Folder for recordings of local cameras and a rig.json for playback; must not contain a rig.json yet. For "
+          "remote cameras see lfnodesink (empty: no recording)"),
       lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
-                                 "What draws the sums of cameras of this machine, as of lfcameranode",
+                                 "Renderer for the sums of local cameras, as in lfcameranode",
                                  LF_TYPE_FRAGMENT_RENDERER),
       lf::property<&S::trusted>(
           lf::kWhileReady, "trusted", "Trusted",
-          "Whether the rig file may run any element: without it, sources that describe elements can "
-          "have sources, converters and decoders of a short list only"),
+          "Permission for the rig file to run any element; if false, launch descriptions may contain only allowed "
+          "sources, converters and decoders"),
   };
   return table;
 }
@@ -211,7 +211,6 @@ lf::PropertyTable<Settings>& Settings::properties() {
 static Settings& settings_of(LfViewSrc* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of>;
 
-// The path of the rig that the element is set to; "" where there is none. Takes the object lock.
 static std::string rig_of(LfViewSrc* self) { return Properties::now(self).rig; }
 static Hosts hosts_of(LfViewSrc* self) { return Properties::now(self); }
 static bool is_live(LfViewSrc* self) { return Properties::now(self).is_live; }
@@ -219,7 +218,6 @@ static std::string record_of(LfViewSrc* self) { return Properties::now(self).rec
 
 static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
 
-// Gives lfcameranode, if there is one inside, those of its properties that the bin decides.
 static void set_node(LfViewSrc* self) {
   GstElement* node = find_node(self);
   if (!node) return;
@@ -231,7 +229,6 @@ static void set_node(LfViewSrc* self) {
   gst_object_unref(node);
 }
 
-// Has a viewer send the commands that the cameras of "node" need (access).
 static void follow_access(LfViewSrc* self, const lf::ViewerChain& viewer) {
   GstElement* node = find_node(self);
   if (!node) return;
@@ -246,7 +243,8 @@ static void set_by_uri(LfViewSrc* self, bool by_uri) {
   self->by_uri = by_uri;
 }
 
-// While it runs a node may have other cameras, and not take the rig: then nobody does. False if so.
+// Returns false if the running node rejects the rig, for example because its cameras differ. The viewers then keep
+// their rig.
 static bool give_rig(LfViewSrc* self, const gchar* path) {
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
@@ -268,12 +266,12 @@ static void give_live(LfViewSrc* self, gboolean live) {
 }
 
 static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
-  return lf::is_copy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
+  return lf::is_proxy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
 }
 
 static void lf_view_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfViewSrc* self = LF_VIEW_SRC(object);
-  if (lf::is_copy(pspec)) {
+  if (lf::is_proxy(pspec)) {
     if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
     return;
   }
@@ -287,19 +285,18 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
 }
 
 static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  if (!lf::is_copy(pspec)) return Properties::get(object, id, value, pspec);
+  if (!lf::is_proxy(pspec)) return Properties::get(object, id, value, pspec);
   if (GstElement* owner = owner_of(LF_VIEW_SRC(object), pspec))
     g_object_get_property(G_OBJECT(owner), pspec->name, value);
 }
 
-// Gives a new viewer the properties that all viewers of the bin have in common.
 static void copy_settings(LfViewSrc* self, const lf::ViewerChain& to) {
   guint count = 0;
   g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(self), &count);
   for (guint i = 0; i < count; i++) {
     GParamSpec* spec = specs[i];
-    if (!lf::is_copy(spec) || !(spec->flags & G_PARAM_WRITABLE) || is_own(spec->name)) continue;
-    const bool of_view = lf::is_copy(spec, LF_TYPE_VIEW_REQUEST);
+    if (!lf::is_proxy(spec) || !(spec->flags & G_PARAM_WRITABLE) || is_own(spec->name)) continue;
+    const bool of_view = lf::is_proxy(spec, LF_TYPE_VIEW_REQUEST);
     GValue value = G_VALUE_INIT;
     g_object_get_property(G_OBJECT(self), spec->name, &value);
     g_object_set_property(G_OBJECT(of_view ? to.view() : to.compositor()), spec->name, &value);
@@ -359,11 +356,12 @@ static void install_actions(GObjectClass* klass) {
   /**
    * LfViewSrc::set-view:
    * @src: the element
-   * @view: as of lfviewrequest
+   * @view: the view, as for lfviewrequest
    *
-   * Moves the view of `src`, as the same action of lfviewrequest does. That of `src_0` is moved by its child "view_0".
+   * Moves the view of `src`, like the action of the same name of lfviewrequest. To move the view of `src_0`, use its
+   * child "view_0".
    *
-   * Returns: %FALSE if nothing of @view is known.
+   * Returns: %FALSE if @view has no known field.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_src_set_view>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
@@ -371,12 +369,12 @@ static void install_actions(GObjectClass* klass) {
   /**
    * LfViewSrc::focus-at:
    * @src: the element
-   * @x: pixels of the view, of a set of the whole picture, from the middle of its first one
-   * @y: the same
+   * @x: column in pixels; for a set of views, a column of the whole picture relative to its first view
+   * @y: row in pixels, in the same frame of reference
    *
-   * Focuses the view of `src` at a pixel, as the same action of lfviewrequest does.
+   * Focuses the view of `src` at a pixel, like the action of the same name of lfviewrequest.
    *
-   * Returns: %FALSE if that can't be.
+   * Returns: %FALSE if the view cannot be focused there.
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_src_focus_at>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
@@ -387,16 +385,17 @@ static void install_properties(GObjectClass* klass) {
   const guint first_copy = Properties::install(klass);
   klass->set_property = lf::callback<lf_view_src_set_property>;
   klass->get_property = lf::callback<lf_view_src_get_property>;
-  const guint next = lf::install_copies(klass, first_copy, LF_TYPE_VIEW_REQUEST,
-                                        {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
-  constexpr lf::CopyDefault kLatency[] = {{"latency", LF_COMPOSITOR_LATENCY}};
-  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"}, kLatency);
+  const guint next =
+      lf::install_proxies(klass, first_copy, LF_TYPE_VIEW_REQUEST,
+                          {"rig", "view-id", "is-live", "navigation-element", "access"}, {"num-buffers"});
+  constexpr lf::ProxyDefault kLatency[] = {{"latency", LF_COMPOSITOR_LATENCY}};
+  lf::install_proxies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"}, kLatency);
 }
 
 constexpr guint kFirstOfReopened = 1 << 20;
 
-// View 0 by src, view 1 by src_0, and so on. Of a closed viewer there may still be answers, so that who comes by the
-// same pad is another view, unless others name it.
+// Returns 0 for `src`, 1 for `src_0`, and so on. A reopened pad gets a new id, because answers to the closed viewer may
+// still arrive. The id stays if `listen` is set, because remote viewers define the ids.
 static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
   std::set<guint>& used = self->inside->view_ids;
   const guint id = ending.empty() ? 0 : static_cast<guint>(g_ascii_strtoull(ending.c_str() + 1, nullptr, 10)) + 1;
@@ -407,14 +406,13 @@ static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
   return next;
 }
 
-// Links a viewer with what it has in common with the others, as far as that is there. Throws Error.
+// Links a viewer to the shared cameras and requests that exist. Throws Error.
 static void connect_viewer(LfViewSrc* self, Viewer& viewer) {
   auto& inside = *self->inside;
   if (inside.requests) viewer.requests = inside.requests->connect(viewer.chain);
   if (inside.cameras) viewer.pads = inside.cameras->connect(viewer.chain);
 }
 
-// The viewer whose pictures leave by the pad `name`. Throws Error.
 static std::shared_ptr<Viewer> add_viewer(LfViewSrc* self, const std::string& name) {
   auto& inside = *self->inside;
   const std::string ending = name.substr(sizeof("src") - 1);
@@ -468,13 +466,13 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
 
 namespace {
 
-struct Closing {
+struct CloseTask {
   std::shared_ptr<Viewer> viewer;
   GstPad* pad;
 };
 
 void close_viewer(GstElement*, gpointer data) {
-  auto& [viewer, pad] = *static_cast<Closing*>(data);
+  auto& [viewer, pad] = *static_cast<CloseTask*>(data);
   viewer->chain.close([&] {
     viewer->requests.reset();
     viewer->pads.reset();
@@ -483,23 +481,24 @@ void close_viewer(GstElement*, gpointer data) {
 }
 
 void free_closing(gpointer data) {
-  Closing* closing = static_cast<Closing*>(data);
+  CloseTask* closing = static_cast<CloseTask*>(data);
   gst_object_unref(closing->pad);
   delete closing;
 }
 
 }  // namespace
 
-// The viewer stops in another thread: this may be one of its own, in a probe, or somebody may hold its last picture.
+// Stops the viewer in another thread: the caller may be a streaming thread of this viewer, or an application may hold
+// its last picture.
 static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   LfViewSrc* self = LF_VIEW_SRC(element);
   const std::lock_guard lock(self->inside->mutex);
   const auto found = self->inside->viewers.find(GST_PAD_NAME(pad));
-  if (found == self->inside->viewers.end()) {  // the element itself goes, see dispose
+  if (found == self->inside->viewers.end()) {  // The element is being disposed.
     gst_element_remove_pad(element, pad);
     return;
   }
-  Closing* closing = new Closing{found->second, GST_PAD(gst_object_ref(pad))};
+  CloseTask* closing = new CloseTask{found->second, GST_PAD(gst_object_ref(pad))};
   self->inside->viewers.erase(found);
   gst_ghost_pad_set_target(GST_GHOST_PAD(pad), nullptr);
   gst_element_remove_pad(element, pad);
@@ -507,7 +506,6 @@ static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   gst_element_call_async(element, lf::callback<close_viewer>, closing, free_closing);
 }
 
-// The viewer of the pad that is always there, and the pad. Throws Error.
 static void add_main_viewer(LfViewSrc* self) {
   const std::shared_ptr<Viewer> viewer = add_viewer(self, "src");
   self->view = viewer->chain.view();
@@ -540,9 +538,9 @@ static void drop_hosts(LfViewSrc* self) {
   inside.cameras.reset();
 }
 
-static lf::Admission admission_of_requests(const Hosts& hosts) { return {hosts.key_file, hosts.peers}; }
+static lf::RtpSecurity request_security(const Hosts& hosts) { return {hosts.key_file, hosts.peers}; }
 
-// What f() makes of a property; an Error of it begins with the property's name.
+// Returns f(). Prefixes an Error with the name of the property.
 template <typename F>
 static auto of_property(const char* name, F f) {
   try {
@@ -553,9 +551,9 @@ static auto of_property(const char* name, F f) {
 }
 
 static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const Hosts& hosts) {
-  if (hosts.nodes.empty()) return lf::cameras_here(GST_BIN(self));
-  return of_property("nodes",
-                     [&] { return lf::cameras_on_hosts(GST_BIN(self), lf::parse_nodes(hosts.nodes), hosts.key_file); });
+  if (hosts.nodes.empty()) return lf::make_local_cameras(GST_BIN(self));
+  return of_property(
+      "nodes", [&] { return lf::make_remote_cameras(GST_BIN(self), lf::parse_nodes(hosts.nodes), hosts.key_file); });
 }
 
 static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Hosts& hosts) {
@@ -563,11 +561,11 @@ static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Ho
   return of_property("listen", [&] {
     const std::vector<lf::HostPort> places = lf::parse_host_ports(hosts.listen);
     if (places.size() != 1) throw lf::Error("must be one port");
-    return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], admission_of_requests(hosts));
+    return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], request_security(hosts));
   });
 }
 
-// Other cameras, and other requests, for all viewers. While nothing runs. Throws Error.
+// Replaces cameras and requests of all viewers. Call while nothing runs. Throws Error.
 static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   auto& inside = *self->inside;
   drop_hosts(self);
@@ -580,7 +578,7 @@ static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
     drop_hosts(self);
     throw;
   }
-  lf::follow_limits(GST_BIN(self), self->compositor);
+  lf::bind_limits(GST_BIN(self), self->compositor);
   if (GstElement* node = gst_bin_get_by_name(GST_BIN(self), "node")) {
     g_object_set(node, "loop", TRUE, nullptr);
     gst_object_unref(node);
@@ -588,12 +586,12 @@ static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   set_node(self);
 }
 
-// Players open URIs from anywhere, and elements may run any program.
+// A URI can come from an untrusted page, and launch descriptions can run any program.
 static void refuse_described_sources(const lf::Rig& rig, const std::string& path) {
   for (const lf::Camera& camera : rig.cameras)
-    if (lf::is_bin_description(camera.source))
+    if (lf::is_launch_description(camera.source))
       throw lf::Error(path + ": camera " + std::to_string(camera.id) +
-                      ": its source describes elements, which no URI opens: set the property rig in place of a URI");
+                      ": its source describes elements, which no URI opens: set the property rig instead of a URI");
 }
 
 static bool is_by_uri(LfViewSrc* self) {
@@ -601,7 +599,7 @@ static bool is_by_uri(LfViewSrc* self) {
   return self->by_uri;
 }
 
-// Before READY and before PAUSED. False after posting the reason.
+// Called before READY and before PAUSED. Returns false after posting an error.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
   const std::string rig = rig_of(self);
@@ -610,11 +608,9 @@ static bool prepare(LfViewSrc* self) {
     if (rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
-    if (hosts.any() && !is_live(self))
-      throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
-    if (!hosts.any() && !hosts.key_file.empty())
-      throw lf::Error("key-file: nothing goes over the network without nodes or listen");
-    if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: nobody sends requests without listen");
+    if (hosts.any() && !is_live(self)) throw lf::Error("nodes, listen: remote hosts are live, is-live must be true");
+    if (!hosts.any() && !hosts.key_file.empty()) throw lf::Error("key-file: has no effect without nodes or listen");
+    if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: has no effect without listen");
     if (!hosts.nodes.empty() && !record_of(self).empty())
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
@@ -627,17 +623,18 @@ static bool prepare(LfViewSrc* self) {
   }
 }
 
-// Hosts name capture times by the time of day. Null where everything is here.
+// Returns the realtime clock, because hosts exchange capture times as time of day. Null if no host is configured. The
+// caller owns the reference.
 static GstClock* hosts_clock(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
   if (!self->inside->hosts.any()) return nullptr;
-  if (!self->inside->realtime) self->inside->realtime = lf::new_day_clock();
+  if (!self->inside->realtime) self->inside->realtime = lf::new_wall_clock();
   return GST_CLOCK(gst_object_ref(self->inside->realtime));
 }
 
 static void warn_without_key(LfViewSrc* self) {
   const Hosts hosts = hosts_of(self);
-  if (!hosts.listen.empty()) lf::warn_without_key(GST_ELEMENT(self), admission_of_requests(hosts));
+  if (!hosts.listen.empty()) lf::warn_without_key(GST_ELEMENT(self), request_security(hosts));
 }
 
 static GstClock* lf_view_src_provide_clock(GstElement* element) {
@@ -652,10 +649,10 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(self);
   g_atomic_int_set(&self->failed, 0);
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
-  // An error that comes while the state still changes fails that change: gst-launch-1.0 waits for ever after an error
-  // that is posted before its loop runs.
+  // Fail the state change if an error arrives during it: gst-launch-1.0 hangs after an error that is posted before its
+  // main loop runs.
   if (starts && g_atomic_int_get(&self->failed)) result = GST_STATE_CHANGE_FAILURE;
-  // A pipeline asks once, unless it is told that there is something new; other runs may have other cameras.
+  // Pipelines cache the clock provider, and the next run may have other cameras.
   const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
   if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
   if (GstClock* clock = hosts_clock(self)) {
@@ -666,7 +663,6 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   return result;
 }
 
-// What goes upstream, such as a key that an application presses, comes in behind the pictures of `src`.
 static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
   if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_DOWNSTREAM)
     return GST_ELEMENT_CLASS(lf_view_src_parent_class)->send_event(element, event);
@@ -715,14 +711,14 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
   install_pads(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view source", "Source/Video",
-      "A view of a light field, flown with mouse and keys: lfviewrequest, the cameras of a rig and lfcompositor in one",
+      "Renders an interactive view of a light field: lfviewrequest, the cameras of a rig and lfcompositor in one bin",
       "gst-lightfield");
 }
 
 static void lf_view_src_init(LfViewSrc* self) {
   self->inside = new _LfViewSrc::Inside;
   self->settings = new Settings;
-  // Requests to hosts leave by a sink, which is none of the pipeline's.
+  // Request packets leave by a sink that must not count as a sink of the pipeline.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {
     add_main_viewer(self);

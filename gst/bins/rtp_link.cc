@@ -13,10 +13,10 @@
 namespace lf {
 namespace {
 
-// The system's default is 208 KiB. (Capped by the sysctl net.core.rmem_max.)
+// The default of Linux is 208 KiB. The sysctl net.core.rmem_max is the upper limit.
 constexpr int kReceiveBuffer = 8 << 20;
 
-// A socket of IPv6 takes what comes by either.
+// An IPv6 socket also receives IPv4 packets.
 bool has_ipv6() {
   std::ifstream interfaces("/proc/net/if_inet6");
   return interfaces.peek() != std::ifstream::traits_type::eof();
@@ -29,7 +29,7 @@ bool is_group(const std::string& host) {
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
-// Of a host that is this machine itself nothing comes from outside.
+// A node on the loopback address sends its answers there, so other addresses need not be open.
 HostPort place_of_answers(const NodeAddress& node) {
   std::string address = node.answer_host;
   if (address.empty() && (node.host.starts_with("127.") || node.host == "::1")) address = node.host;
@@ -38,68 +38,68 @@ HostPort place_of_answers(const NodeAddress& node) {
 
 }  // namespace
 
-AddedElements::~AddedElements() {
+ScopedElements::~ScopedElements() {
   for (GstElement* element : elements_) {
     gst_element_set_state(element, GST_STATE_NULL);
     gst_bin_remove(bin_, element);
   }
 }
 
-GstElement* AddedElements::add(const char* factory, const std::string& name) {
+GstElement* ScopedElements::add(const char* factory, const std::string& name) {
   GstElement* element = gst_element_factory_make(factory, name.c_str());
   if (!element)
     throw Error(std::string("element ") + factory +
-                " is not installed (those of UDP are in gstreamer1.0-plugins-good)");
+                " is not installed (UDP elements are in gstreamer1.0-plugins-good)");
   return add(element);
 }
 
-GstElement* AddedElements::add(GstElement* element) {
+GstElement* ScopedElements::add(GstElement* element) {
   elements_.push_back(element);
   gst_bin_add(bin_, element);
   return element;
 }
 
-// All units of either stream have the view's id in the same place (lib/wire/spec.md).
+// Requests and answers have the view id at the same offset (lib/wire/spec.md).
 std::optional<uint32_t> view_of(GstBuffer* unit) {
   guint8 bytes[4];
   if (gst_buffer_extract(unit, wire::kUnitHeaderBytes, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
   return wire::Reader(bytes).get<uint32_t>();
 }
 
-Admission admission_of(const Admission& settings, const std::vector<std::string>& addresses) {
+RtpSecurity rtp_security_of(const RtpSecurity& settings, const std::vector<std::string>& addresses) {
   if (!settings.key_file.empty() || !settings.peers.empty()) return settings;
   std::string peers;
   for (const std::string& address : addresses) peers += address + ",";
   return {"", peers + "127.0.0.0/8,::1"};
 }
 
-void warn_without_key(GstElement* element, const Admission& admission) {
-  if (!admission.key_file.empty()) return;
-  const std::string from = admission.peers.empty() ? "" : " (" + admission.peers + ")";
+void warn_without_key(GstElement* element, const RtpSecurity& security) {
+  if (!security.key_file.empty()) return;
+  const std::string from = security.peers.empty() ? "" : " (" + security.peers + ")";
   GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
-                      ("Without a key-file anybody on this network can steer and see: packets are not sealed, and the "
-                       "addresses that requests are taken from%s can be forged.",
+                      ("No key-file: anyone on this network can read packets and send requests. Packets are not "
+                       "encrypted, and the allowed addresses%s can be forged.",
                        from.c_str()),
                       (nullptr));
 }
 
-GstElement* add_receiver(AddedElements& to, const HostPort& from, const char* encoding, const Admission& admission,
+GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* encoding, const RtpSecurity& security,
                          const std::string& name) {
   GstElement* udp = to.add("udpsrc", name + "_udp");
-  // What comes to a port that two have taken reaches one of them: the second one is an error. A group's reaches both.
+  // If `reuse` is set, two sockets can bind one port, but each unicast packet reaches only one of the two sockets.
   g_object_set(udp, "reuse", is_group(from.host), nullptr);
   if (!from.host.empty())
     g_object_set(udp, "address", from.host.c_str(), "auto-multicast", TRUE, nullptr);
   else if (has_ipv6())
     g_object_set(udp, "address", "::", nullptr);
-  GstCaps* caps = gst_caps_new_simple(admission.key_file.empty() ? "application/x-rtp" : "application/x-srtp", "media",
+  GstCaps* caps = gst_caps_new_simple(security.key_file.empty() ? "application/x-rtp" : "application/x-srtp", "media",
                                       G_TYPE_STRING, "application", "clock-rate", G_TYPE_INT, 90000, "encoding-name",
                                       G_TYPE_STRING, encoding, nullptr);
   g_object_set(udp, "port", from.port, "buffer-size", kReceiveBuffer, "caps", caps, nullptr);
   gst_caps_unref(caps);
   GstElement* gate = to.add("lfrtpgate", name + "_gate");
-  g_object_set(gate, "key-file", text_or_null(admission.key_file), "peers", text_or_null(admission.peers), nullptr);
-  // A viewer seals a request once for all of its hosts.
+  g_object_set(gate, "key-file", text_or_null(security.key_file), "peers", text_or_null(security.peers), nullptr);
+  // A viewer encrypts a request once for all of its hosts.
   const bool has_copies = is_group(from.host) || std::strcmp(encoding, "X-LIGHTFIELD-REQUEST") == 0;
   g_object_set(gate, "copies", has_copies, nullptr);
   GstElement* depay = to.add("rtplfdepay", name + "_depay");
@@ -113,17 +113,18 @@ CameraHosts::CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, con
   g_object_set(seal, "key-file", text_or_null(key_file), nullptr);
   GstElement* udp = elements_.add("multiudpsink", "request_udp");
   g_object_set(udp, "sync", FALSE, "async", FALSE, nullptr);
-  if (!gst_element_link_many(requests_, seal, udp, nullptr)) throw Error("requests can't be linked with the network");
+  if (!gst_element_link_many(requests_, seal, udp, nullptr)) throw Error("request elements can't be linked");
   for (const NodeAddress& node : nodes) {
     const std::vector<std::string> addresses = addresses_of(node.host);
     g_signal_emit_by_name(udp, "add", addresses.front().c_str(), node.request_port, nullptr);
-    GstElement* answers = add_receiver(elements_, place_of_answers(node), "X-LIGHTFIELD-ANSWER",
-                                       admission_of({key_file, ""}, addresses), "host" + std::to_string(hosts_.size()));
+    GstElement* answers =
+        add_receiver(elements_, place_of_answers(node), "X-LIGHTFIELD-ANSWER",
+                     rtp_security_of({key_file, ""}, addresses), "host" + std::to_string(hosts_.size()));
     hosts_.push_back({node.host + ":" + std::to_string(node.request_port), answers});
   }
 }
 
-void follow_limits(GstBin* bin, GstElement* element) {
+void bind_limits(GstBin* bin, GstElement* element) {
   for (const char* factory : {"rtplfdepay", "lfcameranode"}) {
     GstIterator* all = gst_bin_iterate_all_by_element_factory_name(bin, factory);
     GValue item = G_VALUE_INIT;
@@ -147,10 +148,10 @@ GstMessage* with_port(GstMessage* message) {
   gst_message_parse_error(message, &error, &debug);
   gint port = 0;
   g_object_get(GST_MESSAGE_SRC(message), "port", &port, nullptr);
-  const gchar* reason = debug ? std::strrchr(debug, '\n') : nullptr;  // behind the place in udpsrc's source
-  g_autoptr(GError) told =
+  const gchar* reason = debug ? std::strrchr(debug, '\n') : nullptr;  // The reason follows the source location.
+  g_autoptr(GError) reported =
       g_error_new(error->domain, error->code, "UDP port %d: %s", port, reason ? reason + 1 : error->message);
-  GstMessage* better = gst_message_new_error(GST_MESSAGE_SRC(message), told, debug);
+  GstMessage* better = gst_message_new_error(GST_MESSAGE_SRC(message), reported, debug);
   gst_message_set_seqnum(better, gst_message_get_seqnum(message));
   gst_message_unref(message);
   return better;

@@ -10,20 +10,20 @@
 
 #include "base/text.h"
 
-// Requests and answers as RTP over UDP, for bins: those of the plugin, and the pipeline of lf-serve.
+// Requests and answers as RTP over UDP, for bins of the plugin and for lf-serve.
 namespace lf {
 
-// Elements that were added to a bin, and leave it when this goes. Call while nothing runs.
-class AddedElements {
+// Elements in a bin. The destructor stops and removes the elements. Call while nothing runs.
+class ScopedElements {
  public:
-  explicit AddedElements(GstBin* bin) : bin_(bin) {}
-  ~AddedElements();
-  AddedElements(const AddedElements&) = delete;
-  AddedElements& operator=(const AddedElements&) = delete;
+  explicit ScopedElements(GstBin* bin) : bin_(bin) {}
+  ~ScopedElements();
+  ScopedElements(const ScopedElements&) = delete;
+  ScopedElements& operator=(const ScopedElements&) = delete;
 
-  // Makes an element and adds it; borrowed. Throws Error that names the package that it is in.
+  // Creates an element and adds it to the bin. Returns a borrowed pointer. Throws Error if its factory is missing.
   GstElement* add(const char* factory, const std::string& name);
-  // Adds an element that has just been made, and returns it; borrowed.
+  // Adds a new element and returns it, borrowed.
   GstElement* add(GstElement* element);
 
  private:
@@ -31,57 +31,55 @@ class AddedElements {
   std::vector<GstElement*> elements_;
 };
 
-// The view that a request or an answer is of; nothing for what is too short to be one.
+// Returns the view id of a request or answer, nothing if the buffer is too short.
 std::optional<uint32_t> view_of(GstBuffer* unit);
 
-// Who may send: who has the key, or, without one, who has one of these addresses (lfrtpgate).
-struct Admission {
+// Allowed senders: holders of the key in `key_file`, or, if "", hosts with an address in `peers` (lfrtpgate).
+struct RtpSecurity {
   std::string key_file, peers;
-  bool operator==(const Admission&) const = default;
+  bool operator==(const RtpSecurity&) const = default;
 };
 
-// Who may send, as the settings have it; where they name no peers and no key: a host at these addresses, which packets
-// are expected from, and this machine.
-Admission admission_of(const Admission& settings, const std::vector<std::string>& addresses);
+// Returns the settings. If neither key nor peers are set, `peers` becomes `addresses` plus this machine.
+RtpSecurity rtp_security_of(const RtpSecurity& settings, const std::vector<std::string>& addresses);
 
-// Posts a warning, if there is no key, that those who are let in are not all who can get in.
-void warn_without_key(GstElement* element, const Admission& admission);
+// Posts a warning if there is no key: sender addresses can be forged.
+void warn_without_key(GstElement* element, const RtpSecurity& security);
 
-// Adds what receives RTP: a udpsrc with room for a burst, an lfrtpgate and an rtplfdepay, linked. Returns the last one,
-// whose pad "src" units leave by; borrowed. `from.host`: an address of this machine, a multicast group, or "" for all
-// addresses of this machine, of either family. `encoding`: of the RTP caps, as lib/rtp/spec.md has them. The names of
-// the elements begin with `name`. Throws Error.
-GstElement* add_receiver(AddedElements& to, const HostPort& from, const char* encoding, const Admission& admission,
+// Adds a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked. Returns the rtplfdepay, borrowed.
+// `from.host` is an address of this machine, a multicast group, or "" for all IPv4 and IPv6 addresses. `encoding` is
+// the encoding-name of the RTP caps (lib/rtp/spec.md). `name` is the prefix of the element names. Throws Error.
+GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* encoding, const RtpSecurity& security,
                          const std::string& name);
 
-// The way to cameras on other hosts and back: requests go to all of them in one stream, and the answers of each come in
-// at a port of their own. The elements are the bin's, and leave it when this goes.
+// RTP connection to camera nodes on other hosts. One stream carries the requests to all hosts. Each host sends its
+// answers to a separate port. The destructor removes the elements from the bin.
 class CameraHosts {
  public:
   struct Host {
-    std::string name;     // "HOST:PORT", as users name it
-    GstElement* answers;  // its answers leave by the pad "src"; borrowed
+    std::string name;
+    GstElement* answers;  // delivers answers at the pad "src"; borrowed
   };
 
-  // `key_file`: what the hosts share; "" where packets are plain, and answers come from the addresses of these hosts.
-  // Throws Error where GStreamer's elements for that are not there, or nobody knows a host.
+  // `key_file`: shared secret. If "", packets are plain and answers are accepted from the addresses of these hosts
+  // only. Throws Error if elements are not installed or a host name cannot be resolved.
   CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file);
 
-  GstElement* requests() const { return requests_; }  // takes requests at its pad "sink"; borrowed
+  GstElement* requests() const { return requests_; }  // takes requests at the pad "sink"; borrowed
   const std::vector<Host>& hosts() const { return hosts_; }
 
  private:
-  AddedElements elements_;
+  ScopedElements elements_;
   GstElement* requests_;
   std::vector<Host> hosts_;
 };
 
-// What was added to the bin for RTP, and cameras in it, refuse the requests that `element` would, by the limits that it
-// has now and those that it is given later: who stands in front of it or beside it must take what it is told to take.
-void follow_limits(GstBin* bin, GstElement* element);
+// Binds the property `limits` of all rtplfdepay and lfcameranode in the bin to `element`, so that all accept the same
+// requests.
+void bind_limits(GstBin* bin, GstElement* element);
 
-// The message, or one that says it so that a person can act on it: of a receiver's error, which port can't be had and
-// why. Takes and gives a reference.
+// Returns the message. A udpsrc error becomes an error that names the port and the reason. Takes and returns a
+// reference.
 GstMessage* with_port(GstMessage* message);
 
 }  // namespace lf

@@ -14,9 +14,9 @@
 #define LF_TYPE_VIEW_SPLIT (lf_view_split_get_type())
 G_DECLARE_FINAL_TYPE(LfViewSplit, lf_view_split, LF, VIEW_SPLIT, GstElement)
 
-// Gives each answer or request of a stream to the viewer of its view. Unlike a tee it makes nobody decode what is for
-// others, and goes on whatever becomes of one of them: a unit whose viewer does not take it is dropped. Inside of bins
-// alone, so it is not registered.
+// Routes each answer or request of a stream to the viewer of its view id. Unlike a tee, a viewer decodes only its own
+// units. Units of unknown views, and units that a viewer rejects, are dropped without an error. Used only inside bins,
+// so the type is not registered.
 struct _LfViewSplit {
   GstElement parent;
   GstPad* sink;
@@ -31,7 +31,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static std::string pad_name(guint view_id) { return "src_" + std::to_string(view_id); }
 
-// The pad of the view that a unit is of; null where there is none, or it is no unit.
+// Returns the pad for the view id of a unit. Null if there is no such view or the buffer is not a unit.
 static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
   const std::optional<uint32_t> view = lf::view_of(unit);
   return view ? gst_element_get_static_pad(GST_ELEMENT(self), pad_name(*view).c_str()) : nullptr;
@@ -47,7 +47,7 @@ static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* 
   return GST_FLOW_OK;
 }
 
-// By itself a pad keeps caps for itself. Whoever does not take them does not keep them from the others.
+// By default a pad intercepts caps events. This handler forwards them, even if one viewer rejects the caps.
 static gboolean lf_view_split_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS) return gst_pad_event_default(pad, parent, event);
   gst_pad_forward(
@@ -70,13 +70,13 @@ static LfViewSplit* lf_view_split_new(const std::string& name) {
   return LF_VIEW_SPLIT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", name.c_str(), nullptr));
 }
 
-// A new source pad, owned by the element, for the units of this view; gst_element_release_request_pad() takes it away.
+// Adds a source pad for the units of a view. The element owns the pad; gst_element_release_request_pad() removes it.
 // Thread-safe.
 static GstPad* lf_view_split_add_view(LfViewSplit* self, guint view_id) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "src_%u");
   GstPad* pad = gst_pad_new_from_template(templ, pad_name(view_id).c_str());
   gst_pad_set_active(pad, TRUE);
-  // No event passes between what is copied and what the pad gets itself.
+  // The stream lock prevents events between the copy of the sticky events and gst_element_add_pad().
   GST_PAD_STREAM_LOCK(self->sink);
   gst_pad_sticky_events_foreach(self->sink, copy_sticky_event, pad);
   const gboolean added = gst_element_add_pad(GST_ELEMENT(self), pad);
@@ -95,7 +95,7 @@ static void lf_view_split_class_init(LfViewSplitClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field view split", "Filter",
-                                        "Gives each unit to the viewer of its view", "gst-lightfield");
+                                        "Routes each unit to the viewer of its view", "gst-lightfield");
 }
 
 static void lf_view_split_init(LfViewSplit* self) {
@@ -108,11 +108,11 @@ static void lf_view_split_init(LfViewSplit* self) {
 namespace lf {
 namespace {
 
-constexpr int kLeaky = 2;           // of queue: the oldest go
-constexpr guint kFewTurns = 4;      // of requests
-constexpr guint kManyParts = 4096;  // of answers that come in bursts
+constexpr int kLeaky = 2;
+constexpr guint kFewTurns = 4;
+constexpr guint kManyParts = 4096;
 constexpr guint kManyBytes = 1 << 26;
-constexpr GstClockTime kEarliest = GST_SECOND / 10;  // before its time that a picture is made, at least
+constexpr GstClockTime kEarliest = GST_SECOND / 10;  // minimum time that a picture may wait for its display
 
 void link(GstElement* from, const char* from_pad, GstElement* to, const char* to_pad) {
   if (!gst_element_link_pads(from, from_pad, to, to_pad))
@@ -127,8 +127,8 @@ void link(GstPad* src, GstPad* sink) {
   if (!linked) throw Error("a viewer can't be linked with the cameras");
 }
 
-// A live picture is made as soon as its answers are there and waits for the time at which it is shown: no longer than
-// the pipeline's latency.
+// Sizes a live queue to the latency of the pipeline: a picture is rendered when its answers arrive and waits for its
+// display time.
 GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   GstEvent* event = gst_pad_probe_info_get_event(info);
   if (GST_EVENT_TYPE(event) != GST_EVENT_LATENCY) return GST_PAD_PROBE_OK;
@@ -143,8 +143,8 @@ GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   return GST_PAD_PROBE_OK;
 }
 
-// A tee passes no memory on that its branches offer (GStreamer 1.22), as they would share it. This one has one branch:
-// what is behind that is asked in the tee's place.
+// A tee does not forward allocation pools of its branches (GStreamer 1.22). This tee has only one branch, so the query
+// goes directly to the peer of that branch.
 GstPadProbeReturn ask_branch_for_memory(GstPad*, GstPadProbeInfo* info, gpointer branch) {
   GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
   if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION) return GST_PAD_PROBE_OK;
@@ -157,7 +157,7 @@ GstElement* ViewerChain::add(const char* factory, const char* name) {
   GstElement* element = gst_element_factory_make(factory, (name + ending_).c_str());
   if (!element) throw Error(std::string("element ") + factory + " is not installed");
   gst_object_ref(element);
-  // The bin may just be starting what is inside: this must not begin before it is linked.
+  // The bin may be changing state; the element must not start before it is linked.
   gst_element_set_locked_state(element, !follows_);
   gst_bin_add(bin_, element);
   return element;
@@ -204,11 +204,11 @@ void ViewerChain::follow_set(GstElement* view, GParamSpec*, gpointer queue) {
   gint layout = 0;
   ViewSet set;
   g_object_get(view, "views", &layout, "columns", &set.columns, "rows", &set.rows, nullptr);
-  set.layout = static_cast<SetLayout>(layout);
+  set.layout = static_cast<ViewSetLayout>(layout);
   make_room_in(GST_ELEMENT(queue), static_cast<guint>(set.place(0).count()));
 }
 
-// Nothing is allocated, as nothing that is thrown would get out of here.
+// Does not allocate memory, because an exception must not leave a destructor.
 ViewerChain::~ViewerChain() {
   for (GstElement* answers : answers_) gst_object_unref(answers);
   for (GstElement* element : {pictures_, to_src_, compositor_, to_cameras_, to_compositor_, requests_, view_})
@@ -269,7 +269,7 @@ void ViewerChain::follow_bin() {
 }
 
 void ViewerChain::take_out() {
-  // A bin unlinks what it removes while it still passes on what that says: that nobody takes its buffers any more.
+  // gst_bin_remove() unlinks the elements while the bin still forwards their errors, such as not-linked.
   for (GstElement* element : all()) gst_element_set_bus(element, nullptr);
   for (GstElement* element : all()) gst_bin_remove(bin_, element);
 }
@@ -280,14 +280,14 @@ void ViewerChain::close(const std::function<void()>& leave_cameras) {
   for (GstElement* element : before_cameras()) gst_element_set_state(element, GST_STATE_NULL);
 }
 
-ViewerRequests::ViewerRequests(GstBin* bin, const HostPort& from, const Admission& admission) : elements_(bin) {
-  GstElement* received = add_receiver(elements_, from, "X-LIGHTFIELD-REQUEST", admission, "listen");
+ViewerRequests::ViewerRequests(GstBin* bin, const HostPort& from, const RtpSecurity& security) : elements_(bin) {
+  GstElement* received = add_receiver(elements_, from, "X-LIGHTFIELD-REQUEST", security, "listen");
   split_ = elements_.add(GST_ELEMENT(lf_view_split_new("listen_requests")));
   link(received, "src", split_, "sink");
 }
 
 std::unique_ptr<RequestedPads> ViewerRequests::connect(ViewerChain& viewer) {
-  constexpr guint kAtOnce = 16;  // what comes is not known: four sets of as many views, or one of 64
+  constexpr guint kAtOnce = 16;  // the size of remote sets is unknown: room for four sets of 16 views, or one of 64
   viewer.make_room(kAtOnce);
   auto pads = std::make_unique<RequestedPads>();
   GstPad* out = lf_view_split_add_view(LF_VIEW_SPLIT(split_), viewer.view_id());
@@ -295,16 +295,15 @@ std::unique_ptr<RequestedPads> ViewerRequests::connect(ViewerChain& viewer) {
   GstPad* in = gst_element_request_pad_simple(viewer.view(), "sink");
   if (in) pads->add(viewer.view(), in);
   if (!out || !in || gst_pad_link(out, in) != GST_PAD_LINK_OK)
-    throw Error("requests of other hosts can't be linked with a viewer");
+    throw Error("requests of remote hosts can't be linked with a viewer");
   return pads;
 }
 
 namespace {
 
-// Each viewer has a request pad of the node to itself, and with it a thread.
-class CamerasHere : public ViewerCameras {
+class LocalCameras : public ViewerCameras {
  public:
-  explicit CamerasHere(GstBin* bin) : elements_(bin), node_(elements_.add("lfcameranode", "node")) {}
+  explicit LocalCameras(GstBin* bin) : elements_(bin), node_(elements_.add("lfcameranode", "node")) {}
 
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
     auto pads = std::make_unique<RequestedPads>();
@@ -324,14 +323,13 @@ class CamerasHere : public ViewerCameras {
   }
 
  private:
-  AddedElements elements_;
+  ScopedElements elements_;
   GstElement* node_;
 };
 
-// Requests of all viewers go to all hosts in one stream; the answers of each host are told apart here.
-class CamerasOnHosts : public ViewerCameras {
+class RemoteCameras : public ViewerCameras {
  public:
-  CamerasOnHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file)
+  RemoteCameras(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file)
       : network_(bin, nodes, key_file), elements_(bin), requests_(elements_.add("funnel", "all_requests")) {
     link(requests_, "src", network_.requests(), "sink");
     for (size_t i = 0; i < nodes.size(); i++) {
@@ -355,18 +353,18 @@ class CamerasOnHosts : public ViewerCameras {
 
  private:
   CameraHosts network_;
-  AddedElements elements_;
+  ScopedElements elements_;
   GstElement* requests_;
-  std::vector<LfViewSplit*> splits_;  // one for each host
+  std::vector<LfViewSplit*> splits_;
 };
 
 }  // namespace
 
-std::unique_ptr<ViewerCameras> cameras_here(GstBin* bin) { return std::make_unique<CamerasHere>(bin); }
+std::unique_ptr<ViewerCameras> make_local_cameras(GstBin* bin) { return std::make_unique<LocalCameras>(bin); }
 
-std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes,
-                                                const std::string& key_file) {
-  return std::make_unique<CamerasOnHosts>(bin, nodes, key_file);
+std::unique_ptr<ViewerCameras> make_remote_cameras(GstBin* bin, const std::vector<NodeAddress>& nodes,
+                                                   const std::string& key_file) {
+  return std::make_unique<RemoteCameras>(bin, nodes, key_file);
 }
 
 }  // namespace lf

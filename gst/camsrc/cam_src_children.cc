@@ -22,9 +22,9 @@ namespace {
 
 bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
 
-// Time limit for a child to stop. rtspsrc waits for a server that answers slowly or without end. Cameras stop one after
-// another, so after one timeout the limit is shorter for a while.
-constexpr std::chrono::milliseconds kPatience{2000}, kLessPatience{200};
+// Time limit for stopping a child: rtspsrc may wait for an unresponsive server. Cameras stop one after another, so
+// after a timeout the limit is reduced for a while.
+constexpr std::chrono::milliseconds kStopTimeout{2000}, kShortTimeout{200};
 constexpr std::chrono::seconds kMoment{20};
 
 std::chrono::milliseconds patience(bool was_late) {
@@ -32,18 +32,18 @@ std::chrono::milliseconds patience(bool was_late) {
   static std::chrono::steady_clock::time_point late_until;
   const std::lock_guard lock(mutex);
   const auto now = std::chrono::steady_clock::now();
-  const auto result = now < late_until ? kLessPatience : kPatience;
+  const auto result = now < late_until ? kShortTimeout : kStopTimeout;
   if (was_late) late_until = now + kMoment;
   return result;
 }
 
-// Stops a child. On timeout the child is removed from the bin, and a thread that keeps both alive finishes stopping it.
+// Stops a child. After a timeout the child is removed from the bin, and a background thread finishes the stop.
 GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) {
   struct Stop {
     std::mutex mutex;
     std::condition_variable done;
     std::optional<GstStateChangeReturn> result;
-    bool is_late = false;  // the caller has given up waiting
+    bool is_late = false;
   };
   const auto stop = std::make_shared<Stop>();
   std::thread([stop, state, camera = gst_object_ref(bin), element = GST_ELEMENT(gst_object_ref(child))] {
@@ -71,7 +71,8 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
   return GST_STATE_CHANGE_SUCCESS;
 }
 
-// Sets all children, or only decoders, to `state`. FAILURE where one fails, else NO_PREROLL where one has none.
+// Sets all children, or only decoders, to `state`. Returns FAILURE if a child fails, else NO_PREROLL if any child
+// returns it.
 GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
   std::vector<GstElement*> children;
   ObjectLock lock(bin);
@@ -93,7 +94,6 @@ GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders)
   return result;
 }
 
-// A decoder has come to PAUSED: on to PLAYING, if that is where its camera is.
 void continue_decoder(GstElement* camera, gpointer decoder) {
   GST_STATE_LOCK(camera);
   if (GST_STATE_TARGET(camera) == GST_STATE_PLAYING && GST_STATE(camera) >= GST_STATE_PAUSED &&
@@ -102,7 +102,6 @@ void continue_decoder(GstElement* camera, gpointer decoder) {
   GST_STATE_UNLOCK(camera);
 }
 
-// Stops a child and removes it from the bin. A decoder that does not stop in time is left to stop by itself.
 void remove_child(GstBin* bin, GstElement* child) {
   if (is_decoder(child))
     stop_child(bin, child, GST_STATE_NULL);
@@ -120,11 +119,12 @@ void lock_decoder(GstBin* /*bin*/, GstElement* child) {
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
   const GstState next = GST_STATE_TRANSITION_NEXT(transition);
-  // Who takes starts first. All else decoders do before GstBin does it with the others.
+  // Downstream elements start first. GstBin handles its children in any order, so decoders are started last and stopped
+  // first.
   const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
   if (!decoders_last) set_states(bin, next, true);
   GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
-  // GstBin repeats what locked children said the last time. None but they come to a state by and by.
+  // GstBin reports the last result of locked children. Only locked children change state asynchronously.
   if (result == GST_STATE_CHANGE_ASYNC) result = GST_STATE_CHANGE_SUCCESS;
   if (!decoders_last || result == GST_STATE_CHANGE_FAILURE) return result;
   const GstStateChangeReturn decoders = set_states(bin, next, true);
@@ -157,7 +157,6 @@ std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
   return lf::shared_rig(path);
 }
 
-// Errors name the rig and the camera.
 lf::CameraSource find_source(const lf::Rig& rig, const lf::CamSrcSettings& settings, const lf::Camera& camera,
                              const std::string& place) {
   try {
@@ -176,22 +175,22 @@ std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camer
   return place;
 }
 
-// What calls `self` holds no reference: a stream does not outlive its element's children.
+// The callbacks hold no reference to `self`: a stream does not outlive the children of its element.
 lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
   return {.on_error =
               [self, serial](GQuark domain, gint code, const std::string& text) {
                 lf_cam_src_fail(self, {domain, code, text, ""});
-                lf_cam_src_take_out(self, serial);
+                lf_cam_src_shut_down(self, serial);
               },
           .on_first_frame =
               [self] {
-                if (self->service->find(lf::now_ns())) lf_cam_src_tell_found(self);
+                if (self->service->find(lf::now_ns())) lf_cam_src_post_found(self);
               },
           .on_end = [self] { self->service->end(); },
-          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); },
-          .on_cut_off = [self](GstClockTime lasted,
-                               GstClockTime missing) { lf_cam_src_tell_cut_off(self, lasted, missing); },
-          .on_keepsake = *self->keeper};
+          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_warn_overload(self, late); },
+          .on_truncated = [self](GstClockTime lasted,
+                                 GstClockTime missing) { lf_cam_src_warn_truncated(self, lasted, missing); },
+          .on_recordable = *self->tap};
 }
 
 lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
@@ -200,7 +199,6 @@ lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& c
   return own == all.end() ? lf::Controls{} : own->second;
 }
 
-// The errors say where, as those of find_source() do.
 lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, const lf::Camera& camera,
                             const lf::ChainOptions& options, const std::string& place) {
   try {
@@ -212,8 +210,8 @@ lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, cons
   }
 }
 
-// The built-in scene among real pictures would be a ghost in every view. The first camera without pictures warns for
-// all.
+// The built-in scene between real pictures would be a ghost in every view. The first camera without pictures warns for
+// all cameras.
 void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
   const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
   if (std::ranges::all_of(rig.cameras, is_blind)) return;
@@ -221,7 +219,7 @@ void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, co
   const auto count = std::ranges::count_if(rig.cameras, is_blind);
   const std::string who = place + (count > 1 ? " and " + std::to_string(count - 1) + " more name" : " names");
   GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
-                      ("%s neither an image nor a source: shown is the built-in scene", who.c_str()), (nullptr));
+                      ("%s neither an image nor a source: the built-in scene is shown", who.c_str()), (nullptr));
 }
 
 void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
@@ -230,11 +228,11 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   std::string place = place_of(settings, camera);
   const lf::CameraSource source = find_source(*rig, settings, camera, place);
   if (source.kind == Kind::kScene) warn_of_scene(self, *rig, index, place);
-  if (!source.location.empty()) place += ": " + lf::location_text(source.location);
+  if (!source.location.empty()) place += ": " + lf::redacted_location(source.location);
   const bool file = source.is_file() && source.kind != Kind::kStill;
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
   const bool network = device || source.kind == Kind::kUri;
-  // Of what comes over HTTP it is known when it has come.
+  // For HTTP, live is detected when data arrives.
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
   const lf::Controls controls = controls_of(settings, camera);
@@ -249,8 +247,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                                              .latency = settings.latency},
                                             place);
   const bool may_be_lost = lf_cam_src_may_be_lost(self);
-  const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
-  const bool paced = settings.is_live && !network && !catches_up;
+  const bool skips_late = self->service->report().retries > 0 && file && settings.is_live;
+  const bool paced = settings.is_live && !network && !skips_late;
   (*self->shedder)->restart(paced);
   const gint64 num_frames =
       settings.num_frames < 0 ? settings.num_frames : std::max<gint64>(0, settings.num_frames - self->frames);
@@ -266,7 +264,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                                                           source.kind == Kind::kFile || source.kind == Kind::kUri),
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
                         .may_be_lost = may_be_lost,
-                        .catches_up = catches_up,
+                        .skips_late = skips_late,
                         .round = self->round,
                         .paced = paced,
                         .begin = self->live ? 0 : self->end,
@@ -282,13 +280,12 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
     if (settings.fps_n > 0)
       wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
   }
-  auto* run = new CamSrcRun{settings, rig, controls, chain, stream, wanted};
+  auto* run = new CamSrcSession{settings, rig, controls, chain, stream, wanted};
   GST_OBJECT_LOCK(self);
   self->run = run;
   GST_OBJECT_UNLOCK(self);
 }
 
-// Owned by the caller.
 GstElement* first_child(GstBin* bin) {
   GST_OBJECT_LOCK(bin);
   GstElement* child = bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
@@ -316,8 +313,7 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
   }
 }
 
-// imagefreeze forgets its frame rate before it stops its thread, which may then divide by it: the thread is stopped
-// here.
+// imagefreeze resets its frame rate before it stops its thread, which may then divide by zero. Stop its thread first.
 void stop_tail(const lf::CameraChain& chain) {
   for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
     GstPad* src = gst_element_get_static_pad(*element, "src");
@@ -343,7 +339,7 @@ void lf_cam_src_close(LfCamSrc* self) {
     gst_object_unref(child);
   }
   GST_OBJECT_LOCK(self);
-  CamSrcRun* run = std::exchange(self->run, nullptr);
+  CamSrcSession* run = std::exchange(self->run, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (run) {
     self->end = run->stream->ends_at();
@@ -353,8 +349,7 @@ void lf_cam_src_close(LfCamSrc* self) {
   delete run;
 }
 
-// A camera may be a view of another light field, whose cameras may be views, too: a rig that names itself would open
-// cameras without end.
+// A camera may be a view of another light field. A rig that contains itself would recurse without end.
 static void require_shallow(LfCamSrc* self) {
   constexpr int kMostInside = 1;
   int inside = 0;
@@ -365,8 +360,7 @@ static void require_shallow(LfCamSrc* self) {
     if (LF_IS_CAM_SRC(object)) inside++;
   }
   gst_object_unref(object);
-  if (inside > kMostInside)
-    throw lf::Error("cameras are views of light fields inside one another: does a rig name itself?");
+  if (inside > kMostInside) throw lf::Error("cameras are nested views of light fields: does a rig contain itself?");
 }
 
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {

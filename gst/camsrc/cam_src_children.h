@@ -8,17 +8,16 @@
 #include <gst/gst.h>
 
 #include "camsrc/camera_chain.h"
-#include "camsrc/camera_service.h"
+#include "camsrc/camera_lifecycle.h"
 #include "camsrc/camera_stream.h"
 #include "camsrc/lfcamsrc.h"
 #include "common/properties.h"
 
 namespace lf {
 
-// lfcamsrc's properties.
 struct CamSrcSettings {
   std::string rig;
-  guint camera = 0;  // id
+  guint camera = 0;
   int fps_n = 0, fps_d = 1;
   bool is_live = false;
   bool loop = false;
@@ -32,89 +31,84 @@ struct CamSrcSettings {
   static PropertyTable<CamSrcSettings>& properties();
 };
 
-// The states of lfcamsrc's children, some of which are bins that decode: these come to PAUSED by and by (ASYNC). A
-// GstBin that has come to PAUSED without preroll, as a live one does, tells its parent of the beginning of that and not
-// of its end, and the pipeline waits for ever. Nobody needs to wait for them: a sink prerolls with the frame it gets.
-// So the bin does not know: their state is locked and is changed here, and their messages about it end here.
+// State changes of the children of lfcamsrc. Bins with decoders reach PAUSED asynchronously. A live GstBin without
+// preroll forwards their ASYNC_START but not their ASYNC_DONE, so the pipeline would wait forever. No one needs to wait
+// for these bins, because a sink prerolls with its first frame. Therefore their state is locked and changed here, and
+// their async messages are dropped.
 
-// Locks the state of a child that decodes: the function for GstBinClass::element_added.
+// Locks the state of a child bin. Handler for GstBinClass::element_added.
 void lock_decoder(GstBin* bin, GstElement* child);
 
-// Changes the states of the bin and of its locked children, in place of the parent class's change_state, which
-// `chain_up` is. A locked child that does not stop within two seconds is taken out of the bin, and goes on stopping by
-// itself.
+// Changes the states of the bin and its locked children. `chain_up` is change_state of the parent class. A locked child
+// that does not stop within two seconds is removed from the bin and stops in the background.
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
-// Starts children that have just been put into the bin, which is in PAUSED or PLAYING: to PAUSED; who takes starts
-// first. As change_camera_state().
+// Sets new children of a bin in PAUSED or PLAYING to PAUSED, downstream elements first. See change_camera_state().
 GstStateChangeReturn pause_new_children(GstBin* bin);
-// Takes children that pause_new_children() has started from PAUSED to PLAYING.
+// Sets the children of pause_new_children() from PAUSED to PLAYING.
 GstStateChangeReturn play_new_children(GstBin* bin);
 
-// Takes a locked child's message about its state, in GstBinClass::handle_message: true if the message ends here,
-// unreferenced.
+// Handles a state message of a locked child in GstBinClass::handle_message. Returns true if it consumed the message.
 bool take_decoder_message(GstBin* bin, GstMessage* message);
 
 }  // namespace lf
 
-// The children of lfcamsrc, from one opening of the camera to the next: they go from READY through PAUSED at most once.
-struct CamSrcRun {
+// The children of lfcamsrc between opening and closing. They change from READY to PAUSED at most once.
+struct CamSrcSession {
   lf::CamSrcSettings settings;
-  std::shared_ptr<const lf::Rig> rig;  // kept, so that the next camera finds it read already
-  lf::Controls controls;               // controls that the device is to have
+  std::shared_ptr<const lf::Rig> rig;  // cached for the next camera with this rig
+  lf::Controls controls;
   lf::CameraChain chain;
   std::shared_ptr<lf::CameraStream> stream;
-  std::string wanted;  // the size and rate that a device is asked for, in words
-  bool used = false;   // the children have been in PAUSED: pads that come by and by have come
+  std::string wanted;  // requested size and rate of a device, as text
+  bool used = false;   // the children have been in PAUSED, so their dynamic pads exist
 };
 
 struct _LfCamSrc {
   GstBin parent;
   GstPad* src;
-  lf::CamSrcSettings* settings;  // under the object lock
-  lf::CameraService* service;
-  std::shared_ptr<lf::CameraShedder>* shedder;
-  lf::CameraKeeper* keeper;  // set before it starts
-  // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.
-  CamSrcRun* run;          // null while there are no children
-  std::atomic<bool> live;  // whether the camera is live, as far as is known; read by any thread
-  GstClockTime end;        // running time of the end of the stream before
-  GstClockTime round;      // how long a round of a film that loops has been found to be; 0: not known
-  gint64 frames;           // frames of the streams before
-  guint camera;            // id of the camera last opened
+  lf::CamSrcSettings* settings;  // guarded by the object lock
+  lf::CameraLifecycle* service;
+  std::shared_ptr<lf::LoadShedder>* shedder;
+  lf::RecordingTap* tap;  // set before start
+  // Changed only with the state lock; `run`, `name` and `camera` also with the object lock.
+  CamSrcSession* run;      // null without children
+  std::atomic<bool> live;  // the camera is live, as far as known; read by any thread
+  GstClockTime end;        // running time of the end of the previous stream
+  GstClockTime round;      // duration of one loop of the film, nanoseconds; 0: unknown
+  gint64 frames;           // number of frames of previous streams
+  guint camera;            // id of the camera opened last
   std::string* name;
-  gint expendable;   // atomic; 1: the camera's loss is no error
-  guint serial;      // atomic; another number with each opening: what was planned for an earlier one is void
-  GstClockID timer;  // when the next attempt or look is due; under the object lock
-  guint64 activity;  // frames seen by the watch
-  guint64 active;    // when `activity` last grew, lf::now_ns()
+  gint expendable;   // atomic; 1: the loss of the camera is not an error
+  guint serial;      // atomic; incremented when the camera is opened; invalidates earlier scheduled steps
+  GstClockID timer;  // next scheduled step; guarded by the object lock
+  guint64 activity;  // frames at the last check
+  guint64 active;    // time when `activity` last changed, lf::now_ns()
 };
 
-// Why a camera is of no use.
 struct CamSrcFailure {
   GQuark domain = 0;
   gint code = 0;
   std::string text, debug;
 };
 
-// Children for the current settings, in state NULL; without them `failure` says why. False where no camera is at fault:
-// the rig can't be read, or does not have it.
+// Creates the children for the current settings, in state NULL. On failure sets `failure`. Returns false if the rig
+// cannot be loaded or lacks the camera, true for all other failures.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
-// Ends what flows between the children, as far as it has to end before they change state.
+// Stops the data flow between the children as required before a state change.
 void lf_cam_src_stop_flow(LfCamSrc* self);
-// Stops and removes the children.
 void lf_cam_src_close(LfCamSrc* self);
-// Starts the elements that decoders are linked with by and by: GstBin would start what is not linked yet in any order,
-// and a decoder's first frame would find closed doors.
+// Starts the tail of the chain before the decoders. GstBin starts unlinked elements in any order, so a decoder's first
+// frame could reach an inactive pad.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
 
-// lfcamsrc.cc: what becomes of a camera that fails. Whether an error is a loss.
+// Failure handling, in lfcamsrc.cc. True if an error means the loss of the camera.
 bool lf_cam_src_may_be_lost(LfCamSrc* self);
-// Posts an error, or that the camera is lost. Any thread.
+// Posts an error, or the messages of a loss. Thread-safe.
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure);
-// For a stream's listener: closes the camera that has failed, after a while, and opens it again.
-void lf_cam_src_take_out(LfCamSrc* self, guint serial);
-void lf_cam_src_tell_found(LfCamSrc* self);
-void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late);
-void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing);
+// For stream listeners: closes the failed camera asynchronously and schedules a retry.
+void lf_cam_src_shut_down(LfCamSrc* self, guint serial);
+void lf_cam_src_post_found(LfCamSrc* self);
+void lf_cam_src_warn_overload(LfCamSrc* self, GstClockTimeDiff late);
+void lf_cam_src_warn_truncated(LfCamSrc* self, GstClockTime lasted, GstClockTime missing);

@@ -19,7 +19,7 @@ namespace lf {
 namespace {
 
 constexpr const char* kAddMeta = "add-reference-timestamp-meta";
-constexpr GstClockTime k1970 = 2'208'988'800 * GST_SECOND;  // in NTP's time, which begins with 1900
+constexpr GstClockTime k1970 = 2'208'988'800 * GST_SECOND;  // NTP time of the Unix epoch
 
 GstClockTime time_of_day() { return static_cast<GstClockTime>(g_get_real_time()) * GST_USECOND; }
 
@@ -33,7 +33,7 @@ bool is_video(GstPad* pad) {
   return video;
 }
 
-// Sent when, in NTP's time; nothing where no report has come yet.
+// Returns the NTP send time of a packet. Nothing before the first sender report.
 std::optional<GstClockTime> ntp_time(GstBuffer* packet) {
   static GstStaticCaps ntp = GST_STATIC_CAPS("timestamp/x-ntp");
   GstCaps* reference = gst_static_caps_get(&ntp);
@@ -109,7 +109,7 @@ namespace {
 
 using Kind = CameraSource::Kind;
 
-// Whether the source of the URI has pictures on a pad of its own, in place of bytes or packets.
+// True if the source element of the URI has a pad with pictures, instead of bytes or packets.
 bool gives_pictures(const std::string& uri) {
   GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
   if (!source) return false;
@@ -130,8 +130,8 @@ bool gives_pictures(const std::string& uri) {
 
 constexpr char kEnd[] = "end-of-described-source";
 
-// The text was checked before (rig/source_security.h), by a reader that knows a part of the language. This is the check
-// of what GStreamer's own parser has made of it.
+// rig/source_security.h has checked the text with a partial parser. This function checks the result of GStreamer's
+// parser.
 void require_listed_elements(GstBin* source) {
   for (const GList* item = source->children; item; item = item->next) {
     GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(item->data));
@@ -140,10 +140,10 @@ void require_listed_elements(GstBin* source) {
   }
 }
 
-// The elements that a rig describes (rig/source_security.h), as a bin with one source pad, "src", of the last of them;
-// floating. Throws Error that says what is wrong with the line. Unless the rig is `trusted`, elements that are not on
-// the list of rig/source_security.h are errors. An element that does nothing goes behind the line: it may end with
-// caps, which stand between elements alone, or with an element whose pads appear later.
+// Parses a launch description into a bin with one source pad, "src", of its last element. Returns a floating reference.
+// Throws Error if the description is invalid, or if it is not `trusted` and contains an element that is not listed in
+// rig/source_security.h. An identity is appended, because a description may end with caps or with an element with
+// sometimes pads.
 GstElement* make_described_source(const std::string& line, bool trusted) {
   g_autoptr(GError) error = nullptr;
   const std::string whole = line + " ! identity name=" + kEnd;
@@ -152,7 +152,7 @@ GstElement* make_described_source(const std::string& line, bool trusted) {
   const bool fits = source && !error && GST_OBJECT_FLAG_IS_SET(source, GST_ELEMENT_FLAG_SOURCE);
   if (!fits) {
     if (source) gst_object_unref(gst_object_ref_sink(source));
-    throw Error(error ? error->message : "there is no source in it");
+    throw Error(error ? error->message : "the description has no source element");
   }
   try {
     if (!trusted) require_listed_elements(GST_BIN(source));
@@ -178,38 +178,38 @@ GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
   return element;
 }
 
-// The pad without the reference: it stays as long as its element.
+// Returns a pad without a reference. The pad lives as long as its element.
 GstPad* borrow_pad(GstElement* element, const char* name) {
   GstPad* pad = gst_element_get_static_pad(element, name);
   gst_object_unref(pad);
   return pad;
 }
 
-// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
+// Links `next` to the chain that ends in `tail`. Compatible by construction, so unchecked.
 GstElement* append(GstElement* tail, GstElement* next) {
   if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
   return next;
 }
 
-// Adds a decoder of Motion JPEG. Throws MissingElement.
+// Throws MissingElement.
 GstElement* add_jpeg_decoder(GstBin* bin) {
   GstElement* decoder = add(bin, "jpegdec");
-  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
-  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
+  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default loses PSNR and is not faster
+  g_object_set(decoder, "qos", FALSE, nullptr);                        // do not skip late frames
   return decoder;
 }
 
-// The identities around what makes raw video, where JPEG, and pictures in a graphics card's memory, go past it: named
-// so, because pads that appear later find nothing but the first of them.
+// Names of the identities around the converter. JPEG and GPU pictures bypass the converter. Handlers of new pads find
+// the elements by these names.
 constexpr const char* kBeforeConvert = "before-convert";
 constexpr const char* kAfterConvert = "after-convert";
 
 bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
 
-// Links the first identity with the last: the video stays as it is. Before data flows.
+// Links the first identity directly to the last. Call before data flows.
 void bypass(GstElement* before) {
   GstObject* bin = gst_element_get_parent(before);
-  if (!bin) return;  // being taken apart
+  if (!bin) return;  // being removed
   GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
   GstPad* src = borrow_pad(before, "src");
   GstPad* sink = borrow_pad(after, "sink");
@@ -227,8 +227,8 @@ void bypass(GstElement* before) {
   gst_object_unref(bin);
 }
 
-// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
-// of the wrong size comes as far as to be named.
+// Links a new pad to the sink pad of `next`, if that is free. Unchecked, so that a picture of the wrong size reaches
+// the size check and its error.
 void link_new_pad(GstPad* pad, GstElement* next) {
   GstPad* sink = borrow_pad(next, "sink");
   if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
@@ -242,8 +242,7 @@ bool is_media(GstPad* pad, const char* prefix) {
   return yes;
 }
 
-// Whether the pad gives pictures in a graphics card's memory.
-bool is_on_card(GstPad* pad) {
+bool is_on_gpu(GstPad* pad) {
   GstCaps* caps = gst_pad_query_caps(pad, nullptr);
   const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
                    gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
@@ -251,10 +250,10 @@ bool is_on_card(GstPad* pad) {
   return yes;
 }
 
-// Whether who is behind the chain's last identity takes the pad's pictures as they are.
+// True if downstream of the last identity accepts the pictures of the pad unchanged.
 bool takes_pictures(GstElement* before, GstPad* pad) {
   GstObject* bin = gst_element_get_parent(before);
-  if (!bin) return false;  // being taken apart
+  if (!bin) return false;  // being removed
   GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
   GstCaps* given = gst_pad_query_caps(pad, nullptr);
   GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
@@ -288,23 +287,23 @@ void for_each_source_pad(GstBin* bin, F f) {
   gst_iterator_free(elements);
 }
 
-// Demuxers say it before their first picture.
-GstVideoOrientationMethod turn_of_film(GstBin* bin) {
+// Demuxers send orientation tags before the first picture.
+GstVideoOrientationMethod film_orientation(GstBin* bin) {
   GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
   for_each_source_pad(bin, [&turn](GstPad* pad) {
-    if (turn == GST_VIDEO_ORIENTATION_IDENTITY) turn = turn_of(pad);
+    if (turn == GST_VIDEO_ORIENTATION_IDENTITY) turn = orientation_of(pad);
   });
   return turn;
 }
 
-// Links pictures with `head`: those on a card by way of gldownload, those that are to be turned by way of videoflip.
-void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_card) {
+// Links a decoder to `head`. GPU pictures pass gldownload, rotated pictures pass videoflip.
+void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_gpu) {
   GstObject* bin = gst_element_get_parent(head);
-  if (!bin) return;  // being taken apart
+  if (!bin) return;  // being removed
   try {
-    const GstVideoOrientationMethod turn = turn_of_film(GST_BIN(bin));
+    const GstVideoOrientationMethod turn = film_orientation(GST_BIN(bin));
     std::vector<GstElement*> between;
-    if (on_card) between.push_back(add(GST_BIN(bin), "gldownload"));
+    if (on_gpu) between.push_back(add(GST_BIN(bin), "gldownload"));
     if (turn != GST_VIDEO_ORIENTATION_IDENTITY) {
       between.push_back(add(GST_BIN(bin), "videoconvert"));
       between.push_back(add(GST_BIN(bin), "videoflip"));
@@ -323,22 +322,22 @@ void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_ca
   gst_object_unref(bin);
 }
 
-// These handle signals of pads that appear: they link the first video with `head`, the sink of the chain. This one is a
-// decoder's.
+// Signal handlers for new pads: link the first video stream to `head`, the first element of the tail. This handler is
+// for decoders.
 void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
   GstElement* const head = GST_ELEMENT(head_element);
   if (gst_pad_is_linked(borrow_pad(head, "sink"))) return;
-  const bool is_raw = is_media(pad, "video/x-raw"), on_card = is_raw && is_on_card(pad);
-  const bool passes = may_bypass(head) && (on_card ? takes_pictures(head, pad) : is_media(pad, "image/jpeg"));
+  const bool is_raw = is_media(pad, "video/x-raw"), on_gpu = is_raw && is_on_gpu(pad);
+  const bool passes = may_bypass(head) && (on_gpu ? takes_pictures(head, pad) : is_media(pad, "image/jpeg"));
   if (passes) bypass(head);
   if (passes)
     link_new_pad(pad, head);
   else if (is_raw)
-    link_decoded(decoder, pad, head, on_card);
+    link_decoded(decoder, pad, head, on_gpu);
 }
 
-// This one is a Matroska demuxer's: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what
-// else there is goes through decodebin, which brings queues and threads.
+// For matroskademux: MJPEG is decoded by jpegdec in the demuxer's thread or stays JPEG. Other codecs use decodebin,
+// which adds queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   if (may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, head);
   GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
@@ -346,7 +345,7 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(head));
 
   GstObject* bin = gst_element_get_parent(demuxer);
-  if (!bin) return;  // being taken apart
+  if (!bin) return;  // being removed
   GstElement* decoder = nullptr;
   try {
     if (is_media(pad, "image/jpeg")) {
@@ -370,12 +369,12 @@ void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
   GST_OBJECT_LOCK(element);
   for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
   GST_OBJECT_UNLOCK(element);
-  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
+  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("the source has no video stream"), (nullptr));
 }
 
-// --- What feeds the tail of a chain ----------------------------------------------------------------------------------
+// --- Sources
+// -----------------------------------------------------------------------------------------------------------
 
-// Files are read in few large pieces: a still is one.
 constexpr guint kBlockSize = 1 << 20;
 
 GstElement* add_capsfilter(GstBin* bin, GstCaps* caps) {
@@ -403,10 +402,10 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
   return reader;
 }
 
-// A decoder whose pads appear later; they are linked with `convert` then.
+// Adds a decoder and links it to `convert` when its pads appear.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
-  // ANY: decoders that can also give interlaced pictures or a GPU's memory are passed over otherwise.
+  // Without ANY, decoders that also support interlaced or GPU output are not selected.
   GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
   g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
@@ -415,49 +414,49 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
-// Counts the bytes that a network camera has sent since its latest picture. Demuxers buffer an incomplete picture
-// without limit.
-class UnusedBytes {
+// Counts the bytes that a network camera has sent since its last picture. Demuxers buffer an incomplete picture without
+// limit.
+class UnparsedBytes {
  public:
   static constexpr size_t kMost = size_t{64} << 20;
   void add(size_t bytes) { bytes_ += bytes; }
   void clear() { bytes_ = 0; }
-  bool are_too_many() const { return bytes_ > kMost; }
+  bool exceeds_limit() const { return bytes_ > kMost; }
   // Returns true the first time.
-  bool tell() { return !told_.exchange(true); }
+  bool tell() { return !logged_.exchange(true); }
 
  private:
   std::atomic<size_t> bytes_ = 0;
-  std::atomic<bool> told_ = false;
+  std::atomic<bool> logged_ = false;
 };
-using UnusedBytesPtr = std::shared_ptr<UnusedBytes>;
+using UnparsedBytesPtr = std::shared_ptr<UnparsedBytes>;
 
 GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  UnusedBytes& unused = **static_cast<UnusedBytesPtr*>(data);
+  UnparsedBytes& unused = **static_cast<UnparsedBytesPtr*>(data);
   unused.add(gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
-  if (!unused.are_too_many()) return GST_PAD_PROBE_OK;
+  if (!unused.exceeds_limit()) return GST_PAD_PROBE_OK;
   GstElement* source = gst_pad_get_parent_element(pad);
   if (source && unused.tell())
-    GST_ELEMENT_ERROR(source, STREAM, DEMUX, ("it sends more than %zu MB without a picture", UnusedBytes::kMost >> 20),
-                      (nullptr));
+    GST_ELEMENT_ERROR(source, STREAM, DEMUX,
+                      ("more than %zu MB received without a picture", UnparsedBytes::kMost >> 20), (nullptr));
   if (source) gst_object_unref(source);
   return GST_PAD_PROBE_DROP;
 }
 
 GstPadProbeReturn on_picture(GstPad* /*pad*/, GstPadProbeInfo* /*info*/, gpointer data) {
-  (*static_cast<UnusedBytesPtr*>(data))->clear();
+  (*static_cast<UnparsedBytesPtr*>(data))->clear();
   return GST_PAD_PROBE_OK;
 }
 
-void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnusedBytesPtr& unused) {
-  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, new UnusedBytesPtr(unused),
-                    [](gpointer data) { delete static_cast<UnusedBytesPtr*>(data); });
+void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnparsedBytesPtr& unused) {
+  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, new UnparsedBytesPtr(unused),
+                    [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
 }
 
 struct SourceSetup {
   GstClockTime latency;
   std::shared_ptr<SenderClock> sender;
-  UnusedBytesPtr unused;
+  UnparsedBytesPtr unused;
 };
 
 void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
@@ -469,8 +468,8 @@ void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data)
   if (setup->unused && pad) add_probe(pad, count_bytes, setup->unused);
 }
 
-// uridecodebin never disconnects from its decodebin, which messages on the bus may keep alive for longer (GStreamer
-// 1.22): a pad that is still there when that ends would be removed from an element that is gone.
+// Works around GStreamer 1.22: uridecodebin does not disconnect from its decodebin, which messages on the bus can keep
+// alive. A remaining pad would be removed from a freed element.
 void forget_decodebin(gpointer data, GObject* uridecodebin) {
   auto* decodebin = static_cast<GWeakRef*>(data);
   if (GObject* alive = static_cast<GObject*>(g_weak_ref_get(decodebin))) {
@@ -496,11 +495,10 @@ void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gp
   g_autoptr(GstPad) pad = gst_element_get_static_pad(child, "src");
   const auto drop = [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; };
   gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, drop, nullptr, nullptr);
-  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("its playlist names a file of this machine"),
-                    (nullptr));
+  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("its playlist names a file of this machine"), (nullptr));
 }
 
-// What tells the times of the sender, if it may.
+// Returns the sender clock of RTSP sources, else null.
 std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
                                              GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
@@ -508,10 +506,10 @@ std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
   std::shared_ptr<SenderClock> sender;
   if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency);
-  UnusedBytesPtr unused;
+  UnparsedBytesPtr unused;
   if (!g_str_has_prefix(uri.c_str(), "file:")) {
     g_signal_connect(decoder, "deep-element-added", G_CALLBACK(lf::callback<refuse_file>), nullptr);
-    unused = std::make_shared<UnusedBytes>();
+    unused = std::make_shared<UnparsedBytes>();
     add_probe(borrow_pad(convert, "sink"), on_picture, unused);
   }
   g_signal_connect_data(
@@ -520,7 +518,8 @@ std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri
   return sender;
 }
 
-// What a device is asked for: left to itself it takes the largest pictures it has. JPEG first where it stays JPEG.
+// Returns the caps requested from a device, which otherwise chooses its largest size. JPEG comes first if it stays
+// JPEG.
 GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = gst_caps_from_string(options.decode ? "video/x-raw; image/jpeg; video/x-h264"
                                                       : "image/jpeg; video/x-raw; video/x-h264");
@@ -540,8 +539,8 @@ GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera
   return device;
 }
 
-// What elements are asked for: raw video, on a graphics card, too, and JPEG of the rig's size. Parsers and depayloaders
-// may not know the size of what is coded until it is decoded.
+// Returns the caps requested from a launch description: raw video, also in GPU memory, and JPEG, in the size of the
+// rig. Other coded video has no size, because parsers and depayloaders may not know it.
 GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = device_caps(camera, options);
   GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, options.decode ? 0 : 1));
@@ -566,7 +565,6 @@ void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* conve
   g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
 }
 
-// What GStreamer's own URI of the file is.
 std::string file_uri(const std::string& path) {
   g_autoptr(GError) error = nullptr;
   g_autofree gchar* uri = gst_filename_to_uri(path.c_str(), &error);
@@ -595,7 +593,6 @@ GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, b
   return scene;
 }
 
-// Puts in what feeds `convert`.
 void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
                 int fps_d, GstElement* convert, CameraChain* chain) {
   switch (source.kind) {
@@ -625,7 +622,7 @@ CameraSource find_playable_source(const Rig& rig, const Camera& camera) {
   return source;
 }
 
-GstVideoOrientationMethod turn_of(GstPad* pad) {
+GstVideoOrientationMethod orientation_of(GstPad* pad) {
   GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
   for (guint i = 0; turn == GST_VIDEO_ORIENTATION_IDENTITY; i++) {
     g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_TAG, i);

@@ -17,25 +17,24 @@
 
 namespace lf {
 
-// When a network camera's frames were taken, as it says itself: by its sender reports (RTCP), which give packets the
-// time of day of the camera. Parsers and decoders keep a frame's stamp and not what else is on its packets: so it is
-// known from there how far the time of day is from stamps. Thread-safe.
+// Derives capture times of a network camera from its RTCP sender reports, which relate RTP timestamps to the camera's
+// time of day. Parsers and decoders keep the timestamp of a frame but drop packet metadata. Therefore the class stores
+// the offset between time of day and running time. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
-  // A time of day that can't be true, of a camera whose clock nobody has set, is not believed: packets were sent
-  // before they came, and not longer ago than this beyond what they are made to wait.
+  // Limits for a plausible packet age. An unset camera clock exceeds these limits. A packet may also be older by the
+  // latency.
   static constexpr GstClockTime kMostAge = 2 * GST_SECOND, kMostAhead = GST_SECOND / 10;
 
-  // `latency`: how long packets are made to wait.
+  // `latency`: jitter buffer latency, nanoseconds
   explicit SenderClock(GstClockTime latency) : latency_(latency) {}
 
-  // Has the packets of an rtspsrc watched, from before it starts. Other elements give none.
+  // Watches the packets of an rtspsrc. Call before it starts. Has no effect on other elements.
   void watch(GstElement* source);
-  // A packet with the running time `stamp`, sent at `sent` and seen at `now`, both times of day.
+  // Processes a packet with running time `stamp`, sent at `sent` and received at `now` (time of day).
   void see(GstClockTime stamp, GstClockTime sent, GstClockTime now);
 
-  // The time of day at which the frame with this running time was taken; nothing as long as no report has come that
-  // can be believed.
+  // Returns the time of day of a frame with this running time. Nothing before the first plausible report.
   std::optional<GstClockTime> taken(GstClockTime stamp) const;
   bool is_known() const;
 
@@ -45,58 +44,56 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
 
   const GstClockTime latency_;
   mutable std::mutex mutex_;
-  std::optional<GstClockTimeDiff> offset_;  // time of day less running time
+  std::optional<GstClockTimeDiff> offset_;  // time of day minus running time
 };
 
-// As find_camera_source(), with kDevice told from kUri.
+// Calls find_camera_source() and changes kUri to kDevice where appropriate.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
-// How lfcamsrc's frames are to come.
 struct ChainOptions {
-  int fps_n = 0, fps_d = 1;  // 0/1: as the source has them, kDefaultFps where it has no rate of its own
-  bool live = false;         // each frame comes at its time on the clock
-  bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
-  bool decode = true;        // JPEG video too; stills always
-  bool trusted = false;      // a source that describes elements may have any
-  Controls controls = {};    // set on sources that are devices or elements
-  GstClockTime latency = 200 * GST_MSECOND;  // how long packets of network sources are waited for and put in order
+  int fps_n = 0, fps_d = 1;  // 0/1: rate of the source, or kDefaultFps if it has no rate
+  bool live = false;         // frames are synchronised to the clock
+  bool loop = false;         // image sequences loop; the caller loops other files
+  bool decode = true;        // false: JPEG video stays JPEG (stills are always decoded)
+  bool trusted = false;      // launch descriptions may contain any element
+  Controls controls = {};
+  GstClockTime latency = 200 * GST_MSECOND;  // jitter buffer of network sources
 };
 
 inline constexpr int kDefaultFps = 15;
 
-// The elements between a camera's source and lfcamsrc's pad, in the order of the pads named here. The pads are borrowed
-// from the bin's children and live as long as those.
+// The elements between a camera's source and the pad of lfcamsrc. The pads are borrowed from children of the bin.
 //   source ! decoder ! (decoded) convert ! formats and size [! imagefreeze] (frames) [! videorate] [! clocksync] (out)
-// Where JPEG is not to be decoded, what is between `decoded` and `frames` is bypassed once it is known to be JPEG:
+// If JPEG need not be decoded, the elements between `decoded` and `frames` are bypassed for JPEG input:
 //   source ! (decoded) identity [! convert ! formats and size] ! identity (frames) [! videorate] [! clocksync] (out)
 struct CameraChain {
-  GstPad* decoded = nullptr;  // sink pad: pictures as decoded, of whatever size
-  GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took
+  GstPad* decoded = nullptr;  // sink pad: decoded pictures of any size
+  GstPad* frames = nullptr;   // source pad: one buffer per captured frame
   GstPad* out = nullptr;      // source pad
-  std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();  // pictures left out
-  GstElement* device = nullptr;         // the element that may have controls; null but for kDevice and kBin
-  std::shared_ptr<SenderClock> sender;  // null but for a network camera that may tell its time
-  // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
-  // the elements of the tail are to be started first.
+  std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();
+  GstElement* device = nullptr;         // element with controls; null except for kDevice and kBin
+  std::shared_ptr<SenderClock> sender;  // null except for RTSP cameras
+  // The elements from `decoded` to `out`. Decoders are linked later, so GstBin does not know that the tail must start
+  // first.
   std::vector<GstElement*> tail;
 };
 
-// An element that is part of a chain is not installed; the text is its name.
+// A required element is not installed; what() is its factory name.
 class MissingElement : public Error {
  public:
   using Error::Error;
 };
 
-// Puts the chain of `camera` into `bin`, in state NULL. It has one streaming thread for each camera wherever the kind
-// of source is known in advance (all but kDevice, kBin, kFile, kUri and stills of an unknown type). Throws
-// MissingElement, and Error for a source that no elements can be made of.
+// Adds the chain of `camera` to `bin`, in state NULL. Uses one streaming thread per camera if the source type is known
+// in advance (all except kDevice, kBin, kFile, kUri and stills of unknown type). Throws MissingElement, or Error if the
+// source is unusable.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 
-// The turn that a film asks for (MP4's matrix), by the tags that have passed the pad.
-GstVideoOrientationMethod turn_of(GstPad* pad);
-inline bool is_turned(GstPad* pad) { return turn_of(pad) != GST_VIDEO_ORIENTATION_IDENTITY; }
-// Whether there is sound in what the bin's elements read: the pictures may end before the whole does.
+// Returns the rotation that the video requires (matrix of an MP4), from the tags on the pad.
+GstVideoOrientationMethod orientation_of(GstPad* pad);
+inline bool is_rotated(GstPad* pad) { return orientation_of(pad) != GST_VIDEO_ORIENTATION_IDENTITY; }
+// True if an element in the bin has an audio stream: video may end before the file ends.
 bool has_sound(GstBin* bin);
 
 }  // namespace lf

@@ -14,11 +14,11 @@
 namespace lf {
 namespace {
 
-// Properties by which elements take a control, and the switch that leaves it to the camera.
+// Element properties for a control, and for its automatic mode.
 struct Properties {
   const char* name;
   const char* value;
-  double unit;  // of the property in one of ours
+  double unit;  // property value per user unit
   const char* automatic;
   const char *on, *off;
 };
@@ -74,7 +74,6 @@ void set_number(GstElement* element, GParamSpec* spec, double number) {
   g_value_unset(&to);
 }
 
-// As gst_util_set_object_arg() takes it.
 std::string get_text(GstElement* element, const char* name) {
   GValue value = G_VALUE_INIT;
   g_object_get_property(G_OBJECT(element), name, &value);
@@ -89,7 +88,7 @@ const Properties* find_properties(GstElement* element, const std::string& name) 
   return nullptr;
 }
 
-// Calls `use` for the channel with this label, whatever its case; false without one.
+// Calls `use` for the channel with this label, ignoring case. Returns false if there is none.
 bool with_channel(GstElement* element, const std::string& name,
                   const std::function<void(GstColorBalance*, GstColorBalanceChannel*)>& use) {
   if (!GST_IS_COLOR_BALANCE(element)) return false;
@@ -103,7 +102,7 @@ bool with_channel(GstElement* element, const std::string& name,
   return false;
 }
 
-// An element's control, if it is one, by its properties. False without.
+// Sets a control by an element property. Returns false if the element lacks such a property.
 bool apply_by_property(GstElement* element, const std::string& name, std::optional<double> value) {
   if (const Properties* p = find_properties(element, name)) {
     gst_util_set_object_arg(G_OBJECT(element), p->automatic, value ? p->off : p->on);
@@ -119,7 +118,7 @@ bool apply_by_property(GstElement* element, const std::string& name, std::option
 void apply(GstElement* element, const Controls& controls) {
   if (GParamSpec* extra = find_property(element, "extra-controls"); extra && extra->value_type == GST_TYPE_STRUCTURE) {
     GstStructure* all = v4l2_extra_controls(controls);
-    GstStructure* described = nullptr;  // by the rig's own line of elements
+    GstStructure* described = nullptr;
     g_object_get(element, "extra-controls", &described, nullptr);
     if (described) {
       gst_structure_foreach(
@@ -166,7 +165,7 @@ State read(GstElement* element, const std::string& name) {
   return state;
 }
 
-// The element and, of a bin, all inside.
+// Returns the element, or all elements in a bin. The caller owns the references.
 std::vector<GstElement*> elements_of(GstElement* source) {
   std::vector<GstElement*> all;
   if (!GST_IS_BIN(source)) return {GST_ELEMENT(gst_object_ref(source))};
@@ -230,26 +229,26 @@ GstStructure* read_control_values(GstElement* source, const Controls& wanted) {
 
 namespace {
 
-// A control and the switch that leaves it to the camera, by the names of V4L2 (new and old kernels') and their ids.
-struct Known {
+// A control and its automatic mode: V4L2 names (of new and old kernels) and ids.
+struct KnownControl {
   const char* name;
   uint32_t id;
-  double unit;  // steps in one of ours
+  double unit;  // V4L2 steps per user unit
   std::array<const char*, 2> fields;
   uint32_t switch_id;  // 0: none
   std::array<const char*, 2> switch_fields;
-  int manual, automatic;  // values of the switch
+  int manual, automatic;
 };
 
-constexpr Known kKnown[] = {
+constexpr KnownControl kKnown[] = {
     {"exposure",
      V4L2_CID_EXPOSURE_ABSOLUTE,
-     1e4,  // of 100 us
+     1e4,  // steps of 100 us
      {"exposure_time_absolute", "exposure_absolute"},
      V4L2_CID_EXPOSURE_AUTO,
      {"auto_exposure", "exposure_auto"},
      V4L2_EXPOSURE_MANUAL,
-     V4L2_EXPOSURE_APERTURE_PRIORITY},  // a webcam's automatic: it has no aperture
+     V4L2_EXPOSURE_APERTURE_PRIORITY},  // automatic mode of webcams, which have no aperture
     {"gain", V4L2_CID_GAIN, 1, {"gain", nullptr}, V4L2_CID_AUTOGAIN, {"gain_automatic", "autogain"}, 0, 1},
     {"white_balance",
      V4L2_CID_WHITE_BALANCE_TEMPERATURE,
@@ -277,8 +276,8 @@ int mains_menu(std::optional<double> hertz) {
   return *hertz == 60 ? V4L2_CID_POWER_LINE_FREQUENCY_60HZ : V4L2_CID_POWER_LINE_FREQUENCY_DISABLED;
 }
 
-const Known* find_known(const std::string& name) {
-  for (const Known& known : kKnown)
+const KnownControl* find_known_control(const std::string& name) {
+  for (const KnownControl& known : kKnown)
     if (name == known.name) return &known;
   return nullptr;
 }
@@ -293,12 +292,12 @@ void set(GstStructure* fields, const std::array<const char*, 2>& names, int valu
 GstStructure* v4l2_extra_controls(const Controls& controls) {
   GstStructure* fields = gst_structure_new_empty("lightfield-controls");
   for (const auto& [name, value] : controls)
-    if (const Known* known = find_known(name); known && known->switch_id)
+    if (const KnownControl* known = find_known_control(name); known && known->switch_id)
       set(fields, known->switch_fields, value ? known->manual : known->automatic);
   for (const auto& [name, value] : controls) {
     if (name == kMains) {
       gst_structure_set(fields, kMainsField, G_TYPE_INT, mains_menu(value), nullptr);
-    } else if (const Known* known = find_known(name); known && value) {
+    } else if (const KnownControl* known = find_known_control(name); known && value) {
       set(fields, known->fields, static_cast<int>(std::lround(*value * known->unit)));
     } else if (!known && value) {
       gst_structure_set(fields, name.c_str(), G_TYPE_INT, static_cast<int>(std::lround(*value)), nullptr);
@@ -317,7 +316,7 @@ std::optional<V4l2Control> read_v4l2_control(const std::string& name, const Read
                                                                      : 0.0,
                        false};
   }
-  const Known* known = find_known(name);
+  const KnownControl* known = find_known_control(name);
   if (!known) return std::nullopt;
   const auto value = read(known->id), automatic = read(known->switch_id);
   if (!value && !automatic) return std::nullopt;

@@ -12,31 +12,32 @@
 
 namespace lf {
 
-// Sets controls of a source, an element or a bin of elements, before it opens its device: by `extra-controls` where an
-// element has that (v4l2src), else by properties (libcamerasrc, aravissrc), else by GstColorBalance.
+// Sets the controls of an element or a bin of elements before the device is opened. Uses the property `extra-controls`
+// (v4l2src), else other properties (libcamerasrc, aravissrc), else GstColorBalance.
 void apply_controls(GstElement* source, const Controls& controls);
 
-// What the controls of an open source are: for each one known of it, and each of `wanted`, a field with a number, the
-// text "auto", or FALSE where the source has no such control. Owned by the caller, as is what follows.
+// Returns the controls of an open source: a field for each known control and each control in `wanted`. The value is a
+// number, the text "auto", or FALSE if the source lacks the control. The caller owns the result.
 GstStructure* read_controls(GstElement* source, const Controls& wanted);
-// The numbers in use now, also of those that the camera decides by itself.
+// Returns the current values, including values that the camera chooses automatically. The caller owns the result.
 GstStructure* read_control_values(GstElement* source, const Controls& wanted);
 
-// Value of a V4L2 control by its id; nothing where the device does not have it.
+// Returns the value of a V4L2 control, or nothing if the device lacks it.
 using ReadV4l2 = std::function<std::optional<int32_t>(uint32_t id)>;
 
-// The fields of v4l2src's extra-controls for `controls`; owned by the caller. Kernels name some controls differently:
-// all names are given, and v4l2src passes over those that a device does not have. Switches come before what they allow.
+// Returns `extra-controls` of v4l2src for `controls`; the caller owns the result. Kernel versions use different names
+// for some controls, so all names are included; v4l2src skips unknown names. Mode switches precede the values that they
+// enable.
 GstStructure* v4l2_extra_controls(const Controls& controls);
 
-// A control as people have it: its number, and whether the camera decides by itself. Nothing without it.
+// A V4L2 control in user units, and whether it is automatic.
 struct V4l2Control {
   std::optional<double> value;
   bool automatic = false;
 };
 std::optional<V4l2Control> read_v4l2_control(const std::string& name, const ReadV4l2& read);
 
-// Reads the controls of an open device, `handle` (v4l2src's device-fd).
+// Reads controls of an open device. `handle`: file descriptor (device-fd of v4l2src).
 ReadV4l2 v4l2_reader(int handle);
 
 }  // namespace lf

@@ -3,50 +3,61 @@
 /**
  * SECTION:element-lfcamsrc
  * @title: lfcamsrc
- * @short_description: one camera of a rig as a source of video
+ * @short_description: one camera of a rig as a video source
  *
- * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, a file of JPEG
- * pictures one behind another, any other GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc
- * camera-name=a ! video/x-raw,width=640`), else its `image` (a still), else the built-in scene, seen with the camera's
- * pose and lens. Formats stay as decoded
- * wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera; anything else is an
- * error. With `decode=false` JPEG video comes as it is, and pictures in a graphics card's memory do where these are
- * taken.
+ * lfcamsrc opens the camera `camera` of a rig file. #element-lfcameranode contains one per camera; use lfcamsrc alone
+ * to look at a single camera.
  *
- * Elements are asked for the size in the rig, and for `framerate` if it is given. Sources, converters and decoders of a
- * short list need no more than a rig file that nobody else can write. Any other element, which may write files or run
- * programs, needs `trusted=true`; so does a view of another light field (`lf:///path/of/rig.json`).
+ * The element opens the first available input:
  *
- * Messages and `stats` name sources without the users and passwords in them.
+ * 1. `source` of the camera: a video file, an image sequence (`dir/frame_%04d.jpg`, from 0 or 1), a file of
+ *    concatenated JPEG images, any GStreamer URI, or a launch description
+ *    (`libcamerasrc camera-name=a ! video/x-raw,width=640`);
+ * 2. `image` of the camera, a still;
+ * 3. the built-in scene, rendered with the pose and lens of the camera.
+ *
+ * RGB formats and I420 are delivered as decoded; other formats are converted. A frame must have the size in the rig,
+ * otherwise the element posts an error. If `decode=false`, JPEG video stays JPEG, and GPU frames stay in GPU memory if
+ * downstream accepts GPU memory.
+ *
+ * Devices and launch descriptions must deliver the size in the rig, and `framerate` if set. Launch descriptions may
+ * contain sources, converters and decoders of a fixed list. Any other element may write files or run programs and
+ * requires `trusted=true`. A view of another light field (`lf:///path/of/rig.json`) requires it, too.
+ *
+ * Messages and `stats` show sources without user names and passwords.
  *
  * Devices and elements are set to the camera's `controls`.
  *
- * The stream carries the sticky event `lightfield-camera` (which camera of which rig) and each frame a
- * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
- * are live, running time where not, plus the camera's time offset.
+ * The stream carries the sticky event `lightfield-camera` with the camera index and the rig hash. Each frame has a
+ * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its capture time. The capture time is clock time
+ * for live sources and stream time otherwise, plus the time offset of the camera.
  *
- * A camera behind RTSP says in its sender reports when frames were taken, by its clock, which has to be that of this
- * machine (NTP): these times are believed unless they can't be true. Without them, as in the first seconds, a frame was
- * taken when it came. `stats` say which.
+ * RTSP cameras report capture times in RTCP sender reports. These times are used if they are plausible, so the clock of
+ * the camera must be synchronised with this machine (NTP). Until the first report, the capture time is the arrival
+ * time. The field `capture-time` of `stats` shows the method.
  *
- * Motion JPEG over HTTP (`http://HOST/stream`, multipart/x-mixed-replace) is live; a frame was taken when it came.
+ * Motion JPEG over HTTP (`http://HOST/stream`, multipart/x-mixed-replace) is live, with the arrival time as capture
+ * time.
  *
- * Films are turned as they ask for (the matrix of an MP4). EXIF orientations of pictures are not followed, as COLMAP
- * does not: a warning tells. A damaged still is an error. A damaged picture of an image sequence, or one of Motion JPEG
- * that was cut off, has no frame and is counted (`damaged` in `stats`). A gap in a sequence is an error.
+ * Video files are rotated as their metadata says (matrix of an MP4). EXIF orientations of images are ignored, as in
+ * COLMAP, with a warning. A damaged still is an error. A damaged image of a sequence, or a truncated JPEG picture, is
+ * skipped and counted (`damaged` in `stats`). A missing file in a sequence is an error.
  *
- * With `retry` a camera that fails (or is not there, or ends though it should not) is no error: it is opened again,
- * with a quarter of the time it has been out between attempts, half a second at least and ten at most. Downstream there
- * are no frames meanwhile. A live file then goes on where it would be.
+ * If `retry` is set, a failed, missing or unexpectedly ended camera is not an error. The element reopens the camera.
+ * The delay between attempts is a quarter of the outage so far, between half a second and ten seconds. Downstream
+ * receives no frames meanwhile. A live file continues at its current position.
  *
  * ## Example launch line
  * |[
  * gst-launch-1.0 lfcamsrc rig=rig.json camera=5 ! videoconvert ! autovideosink
- * ]|
+ * ]| Shows camera 5 in a window.
  *
  * ## Element messages
- * With `retry` "lightfield-camera-lost": camera (uint: its id), name, reason (strings), beside one warning; and
- * "lightfield-camera-found": camera, name, with the first frame after that.
+ * Posted if `retry` is set:
+ *
+ * - "lightfield-camera-lost": the camera has failed. Fields: camera (uint: id), name, reason (strings). The element
+ *   also posts one warning.
+ * - "lightfield-camera-found": the first frame after a loss. Fields: camera, name.
  */
 
 #include "camsrc/lfcamsrc.h"
@@ -72,7 +83,7 @@ GST_DEBUG_CATEGORY(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
 using Settings = lf::CamSrcSettings;
-using State = lf::CameraService::State;
+using State = lf::CameraLifecycle::State;
 
 G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
@@ -86,32 +97,32 @@ lf::PropertyTable<Settings>& Settings::properties() {
       property<&S::camera>(kWhileReady, "camera", "Camera", "Id of the camera in the rig file", 0u, G_MAXUINT),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
-          "Frames per second (0/1 = as the source has them; 15/1 for stills, image sequences and the built-in scene, "
-          "which have no rate of their own). Videos of another rate get frames dropped or repeated",
+          "Frame rate in frames per second (0/1: rate of the source, or 15/1 for stills, image sequences and the "
+          "built-in scene). Frames of videos are dropped or repeated to match",
           0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Frames come at their time on the pipeline's clock, as from a device, in place of as fast "
-                            "as they are taken"),
+                            "Frames are produced in real time by the pipeline clock, as from a device, instead of as "
+                            "fast as downstream consumes"),
       property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Videos and image sequences begin again at their end, with running time going on"),
+                         "Videos and image sequences restart at their end, with continuous running time"),
       property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
-                               "Frames after which the stream ends (-1 = when the source does: stills and the built-in "
-                               "scene never do)",
+                               "Number of frames until EOS (-1: until the source ends; stills and the built-in scene "
+                               "never end)",
                                gint64{-1}, G_MAXINT64),
       property<&S::decode>(
           kWhileReady, "decode", "Decode",
-          "Raw video in the computer's memory, whatever the source is; without it JPEG video, and what "
-          "is in a graphics card's memory, comes as it is, for lffragment to read where it needs it"),
+          "Raw video in system memory from all sources; if false, JPEG video and GPU frames pass unchanged, and "
+          "lffragment decodes only the regions that it needs"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Network cameras (RTSP): how long packets are waited for and put in order, in nanoseconds",
-                            guint64{0}, guint64{60 * GST_SECOND}),
+                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds", guint64{0},
+                            guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "A camera that fails is opened again, after half a second at first and after ten seconds at "
-                          "most, in place of an error: the element messages lightfield-camera-lost and "
-                          "lightfield-camera-found and a warning tell"),
+                          "A failed camera is reopened, first after half a second, later after up to ten seconds, "
+                          "instead of an error; reported by the element messages lightfield-camera-lost and "
+                          "lightfield-camera-found and a warning"),
       property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Whether the rig file may run any element: without it, sources that describe elements can "
-                            "have sources, converters and decoders of a short list only"),
+                            "Permission for the rig file to run any element; if false, launch descriptions may contain "
+                            "only allowed sources, converters and decoders"),
   };
   return table;
 }
@@ -121,7 +132,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS
                                         ", I420 }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 
-// Nanoseconds between frames, by the rate in the source pad's caps.
+// Returns the frame period in nanoseconds, from the caps of the source pad.
 static GstClockTime lf_cam_src_period(LfCamSrc* self) {
   GstCaps* caps = gst_pad_get_current_caps(self->src);
   int fps_n = 0, fps_d = 1;
@@ -135,13 +146,13 @@ static GstClockTime lf_cam_src_period(LfCamSrc* self) {
 
 bool lf_cam_src_is_live(LfCamSrc* self) { return self->live; }
 
-void lf_cam_src_set_keeper(LfCamSrc* self, const lf::CameraKeeper& keeper) { *self->keeper = keeper; }
+void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap) { *self->tap = tap; }
 
 // --- Loss and retry --------------------------------------------------------------------------------------------------
 //
-// A camera that fails where that is no error: it is closed, and opened again after a while, on threads of their own, as
-// neither may be done by the threads that streamed. Each of these steps has the element's state to itself; those that
-// were planned before the element was stopped, or opened anew, are void.
+// A camera that may be lost is closed after a failure and reopened later. Both steps run in separate threads, because
+// streaming threads must not change states. Each step holds the state lock. A step is void if the element was stopped
+// or reopened after the step was scheduled.
 
 static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
   GST_OBJECT_LOCK(self);
@@ -162,9 +173,9 @@ static bool lf_cam_src_retries(LfCamSrc* self) {
   return retry && (self->live || !g_atomic_int_get(&self->expendable));
 }
 
-void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
+void lf_cam_src_set_optional(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
 
-// Puts into `stats` what the camera's controls are, which asks its device: not for every frame.
+// Adds the current values of the camera controls. Queries the device, so do not call this per frame.
 static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
   lf::ObjectLock lock(self);
   GstElement* device = self->run ? self->run->chain.device : nullptr;
@@ -184,7 +195,7 @@ static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
 }
 
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
-  const lf::CameraService::Report report = self->service->report();
+  const lf::CameraLifecycle::Report report = self->service->report();
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::SenderClock> sender = self->run ? self->run->chain.sender : nullptr;
   const bool is_arrival = self->run && self->run->stream->stamps_arrivals();
@@ -198,7 +209,7 @@ GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
                            G_TYPE_UINT64, damaged, "capture-time", G_TYPE_STRING, capture_time, nullptr);
 }
 
-const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }
+const lf::CameraLifecycle& lf_cam_src_lifecycle(LfCamSrc* self) { return *self->service; }
 
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self) {
   return self->service->state() == State::kLost && !lf_cam_src_retries(self);
@@ -212,14 +223,14 @@ bool lf_cam_src_may_be_lost(LfCamSrc* self) {
 }
 
 static void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more = "") {
-  const std::string text = lf::location_text(failure.text) + more, debug = lf::location_text(failure.debug);
+  const std::string text = lf::redacted_location(failure.text) + more, debug = lf::redacted_location(failure.debug);
   gst_element_message_full(GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup(text.c_str()),
                            debug.empty() ? nullptr : g_strdup(debug.c_str()), __FILE__, GST_FUNCTION, __LINE__);
 }
 
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
   if (!lf_cam_src_may_be_lost(self)) return lf_cam_src_post(self, GST_MESSAGE_ERROR, failure);
-  const std::string reason = lf::location_text(failure.text);
+  const std::string reason = lf::redacted_location(failure.text);
   if (!self->service->lose(reason, lf::now_ns())) {
     GST_INFO_OBJECT(self, "not back: %s", reason.c_str());
     return;
@@ -231,56 +242,53 @@ void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
                   lf_cam_src_retries(self) ? ": out of service until it is back" : ": out of service from now on");
 }
 
-void lf_cam_src_tell_found(LfCamSrc* self) {
+void lf_cam_src_post_found(LfCamSrc* self) {
   GST_INFO_OBJECT(self, "back again");
   lf_cam_src_post_structure(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
 }
 
-// Of all cameras of the process one for a while.
-void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
+void lf_cam_src_warn_overload(LfCamSrc* self, GstClockTimeDiff late) {
   constexpr uint64_t kQuiet = 10'000'000'000;
-  static std::atomic<uint64_t> told = 0;
-  const uint64_t now = lf::now_ns(), before = told.exchange(now);
+  static std::atomic<uint64_t> last_logged = 0;
+  const uint64_t now = lf::now_ns(), before = last_logged.exchange(now);
   if (before != 0 && now - before < kQuiet) return;
   lf::ObjectLock lock(self);
   const std::string place = self->run ? self->run->stream->place() : "";
   lock.unlock();
   GST_ELEMENT_WARNING(
       self, STREAM, DECODE,
-      ("%s: this machine can't decode all frames, they come %d ms late: some are dropped before they are "
-       "decoded, up to the next key frame that can be on time",
+      ("%s: this machine is too slow to decode all frames, which are %d ms late: frames are dropped until the next key "
+       "frame that can be on time",
        place.c_str(), static_cast<int>(late / GST_MSECOND)),
-      ("further ones, of other cameras, too, are counted in stats"));
+      ("further drops, also of other cameras, are counted in stats"));
 }
 
-void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing) {
+void lf_cam_src_warn_truncated(LfCamSrc* self, GstClockTime lasted, GstClockTime missing) {
   const auto seconds = [](GstClockTime time) {
     return lf::format_text("%.2f", static_cast<double>(time) / GST_SECOND);
   };
   lf::ObjectLock lock(self);
   const std::string place = self->run ? self->run->stream->place() : "";
   lock.unlock();
-  GST_ELEMENT_WARNING(
-      self, STREAM, DECODE,
-      ("%s: is cut off: it ends after %s of %s s. %s, each time it loops", place.c_str(), seconds(lasted).c_str(),
-       seconds(lasted + missing).c_str(),
-       self->live ? "It gives nothing for the rest" : "For the rest its picture that is nearest in time stands"),
-      (nullptr));
+  GST_ELEMENT_WARNING(self, STREAM, DECODE,
+                      ("%s: the file is truncated: it ends after %s of %s s. %s, in each loop", place.c_str(),
+                       seconds(lasted).c_str(), seconds(lasted + missing).c_str(),
+                       self->live ? "The rest has no frames" : "For the rest the nearest frame is shown"),
+                      (nullptr));
 }
 
-// Tells downstream that no frame comes, by the event LF_CAMERA_LOST.
 static void lf_cam_src_push_lost(LfCamSrc* self) {
   gst_pad_push_event(self->src,
                      gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
 }
 
-// Whether nothing has been opened or stopped since `serial`.
+// True if nothing has been opened or stopped since `serial`.
 static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
   return static_cast<guint>(g_atomic_int_get(&self->serial)) == serial && GST_STATE(self) >= GST_STATE_PAUSED &&
          GST_STATE_TARGET(self) >= GST_STATE_PAUSED;
 }
 
-// Calls `step` with the state lock, on a thread of its own, if it is still due then.
+// Calls `step` with the state lock in a separate thread, if the step is still due.
 static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
   struct Call {
     guint serial;
@@ -300,7 +308,6 @@ static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCa
       new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
 }
 
-// The same after `delay`, in place of what is planned.
 static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*step)(LfCamSrc*)) {
   struct Plan {
     GWeakRef element;
@@ -335,18 +342,17 @@ static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*ste
   gst_clock_id_unref(before);
 }
 
-// Plans the next attempt, if there is one to be.
 static void lf_cam_src_schedule_retry(LfCamSrc* self);
 
 static void lf_cam_src_close_lost(LfCamSrc* self) {
   lf_cam_src_close(self);
-  lf_cam_src_push_lost(self);  // again: a frame may have been on its way
+  lf_cam_src_push_lost(self);  // again: a frame may have been in flight
   lf_cam_src_schedule_retry(self);
 }
 
-// Downstream is told without the state lock, as a file's frames may be waiting there for requests; but after a change
-// of state that is under way.
-void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
+// Waits for a state change in progress. Sends the event without the state lock, because frames of a file may be blocked
+// downstream until a request arrives.
+void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
   gst_element_call_async(
       GST_ELEMENT(self),
@@ -357,7 +363,7 @@ void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
         GST_STATE_UNLOCK(element);
         if (!is_due) return;
         lf_cam_src_push_lost(cam_src);
-        // Without another attempt the children stay as they are: frames on their way still arrive.
+        // If there is no retry, the children stay: frames in flight still arrive.
         lf::guarded(element, 0, [=] {
           if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
           return 0;
@@ -366,7 +372,7 @@ void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
       GUINT_TO_POINTER(serial), nullptr);
 }
 
-// Cables can be pulled so that nobody says a word.
+// An unplugged network cable produces no error.
 static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   if (!self->run || self->service->state() == State::kEnded) return;
   constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
@@ -380,28 +386,27 @@ static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   }
   const uint64_t longest = frames > 0 ? std::max<uint64_t>(kLongestGap, 5 * lf_cam_src_period(self)) : kLongestStart;
   if (now - self->active < longest) return lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
-  if (!self->run->stream->first_error()) return;  // that has been told
+  if (!self->run->stream->first_error()) return;
   lf_cam_src_fail(
       self,
       {GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_READ,
        self->run->stream->place() + ": no frame for " + std::to_string((now - self->active) / GST_SECOND) + " s", ""});
-  lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+  lf_cam_src_shut_down(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
 }
 
-// Has a live camera of a node watched for frames that fail to come.
 static void lf_cam_src_watch(LfCamSrc* self) {
-  // Alone, its downstream may stop it for as long as it likes.
+  // Outside a node, downstream may block the camera for any time.
   if (!self->live || !self->run || !g_atomic_int_get(&self->expendable)) return;
   self->active = lf::now_ns();
   lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
 }
 
-// Where the children have refused to start: as lf_cam_src_fail(), and they are removed.
+// Called when children fail to start. Reports the failure and removes the children.
 static void lf_cam_src_fail_to_start(LfCamSrc* self) {
   if (self->run->stream->first_error())
     lf_cam_src_fail(
         self, {GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE, self->run->stream->place() + ": can't be started", ""});
-  g_atomic_int_inc(&self->serial);  // its errors have been told
+  g_atomic_int_inc(&self->serial);  // errors of these children are already reported
   lf_cam_src_close(self);
   if (GST_STATE(self) >= GST_STATE_PAUSED) lf_cam_src_push_lost(self);
   lf_cam_src_schedule_retry(self);
@@ -435,8 +440,7 @@ static void lf_cam_src_schedule_retry(LfCamSrc* self) {
   if (lf_cam_src_retries(self)) lf_cam_src_call_later(self, self->service->wait(lf::now_ns()), lf_cam_src_try_again);
 }
 
-// Cancels the attempts and looks that are planned.
-static void lf_cam_src_cancel_plans(LfCamSrc* self) {
+static void lf_cam_src_cancel_timers(LfCamSrc* self) {
   g_atomic_int_inc(&self->serial);
   GST_OBJECT_LOCK(self);
   GstClockID before = std::exchange(self->timer, nullptr);
@@ -446,15 +450,15 @@ static void lf_cam_src_cancel_plans(LfCamSrc* self) {
   gst_clock_id_unref(before);
 }
 
-// A lost camera is not waited for any more: its stream ends. With the state lock, which is why the event is not sent by
-// this thread, which may be anyone's; and in no later run than this one.
+// Ends the stream of a lost camera. The caller holds the state lock, so another thread sends the event, and only if
+// this run still lasts.
 static void lf_cam_src_end_lost(LfCamSrc* self) {
-  lf_cam_src_cancel_plans(self);
+  lf_cam_src_cancel_timers(self);
   lf_cam_src_call_step(self, static_cast<guint>(g_atomic_int_get(&self->serial)),
                        [](LfCamSrc* camera) { gst_pad_push_event(camera->src, gst_event_new_eos()); });
 }
 
-// A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
+// A live frame may arrive up to one frame period after its timestamp.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY) return TRUE;
@@ -463,14 +467,13 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   gst_query_parse_latency(query, &live, &min, &max);
   if (!live) return TRUE;
   min = std::max(min, lf_cam_src_period(LF_CAM_SRC(parent)));
-  gst_query_set_latency(query, live, min, std::max(min, max));  // GST_CLOCK_TIME_NONE, the largest, is no bound
+  // GST_CLOCK_TIME_NONE, the maximum value, means no upper bound
+  gst_query_set_latency(query, live, min, std::max(min, max));
   return TRUE;
 }
 
-// --- States ----------------------------------------------------------------------------------------------------------
-
-// Children for the current settings. False, without children, after posting why not; where that is no error there are
-// none either.
+// Creates the children for the current settings. Returns false, without children, after posting an error. If the camera
+// may be lost, returns true without children.
 static bool open_camera(LfCamSrc* self) {
   lf_cam_src_close(self);
   self->live = false;
@@ -493,7 +496,7 @@ static bool is_stale(LfCamSrc* self) {
   return stale;
 }
 
-// Before the children change state; false after posting an error.
+// Called before the children change state. Returns false after posting an error.
 static bool prepare(LfCamSrc* self, GstStateChange transition) {
   if (transition == GST_STATE_CHANGE_NULL_TO_READY) {
     self->service->start();
@@ -506,14 +509,14 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
     self->run->used = true;
     lf_cam_src_start_tail(self->run->chain);
   } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY || transition == GST_STATE_CHANGE_READY_TO_NULL) {
-    lf_cam_src_cancel_plans(self);
+    lf_cam_src_cancel_timers(self);
     if (!self->run) return true;
     lf_cam_src_stop_flow(self);
   }
   return true;
 }
 
-// A camera without children, as there is nothing to open, is in whatever state it is asked for.
+// A camera without children accepts any state.
 static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange transition) {
   const auto chain_up = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state;
   const auto current = GST_STATE_TRANSITION_CURRENT(transition), next = GST_STATE_TRANSITION_NEXT(transition);
@@ -528,24 +531,23 @@ static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange trans
   return result;
 }
 
-// In PAUSED: what could not be done before.
 static void lf_cam_src_begin(LfCamSrc* self) {
   if (!self->run) {
     lf_cam_src_push_lost(self);
     lf_cam_src_schedule_retry(self);
   } else if (self->run->stream->has_failed()) {
-    lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+    lf_cam_src_shut_down(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
   } else {
     lf_cam_src_watch(self);
   }
 }
 
-// Whether a source that is no device fails before its first frame. Waits for either, for a limited time: an error that
-// is posted while the state changes must fail that change, and gst-launch-1.0 overlooks one that comes just behind it.
+// Returns true if a source other than a device fails before its first frame. Waits for a limited time: an error during
+// the state change must fail the change, because gst-launch-1.0 misses an error directly after it.
 static bool fails_at_start(LfCamSrc* self) {
-  constexpr uint64_t kPatience = 2'000'000'000;
+  constexpr uint64_t kStartTimeout = 2'000'000'000;
   const lf::CameraStream& stream = *self->run->stream;
-  for (const uint64_t end = lf::now_ns() + kPatience; lf::now_ns() < end && stream.is_opening();) g_usleep(1000);
+  for (const uint64_t end = lf::now_ns() + kStartTimeout; lf::now_ns() < end && stream.is_opening();) g_usleep(1000);
   return stream.has_failed();
 }
 
@@ -554,14 +556,14 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
   if (!prepare(self, transition)) return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = change_children(self, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
-    // A live child gives no frame before PLAYING, so that this comes in time.
+    // A live child produces no frame before PLAYING, so this is early enough.
     if (result == GST_STATE_CHANGE_NO_PREROLL) {
       self->live = true;
       if (self->run) self->run->stream->set_live();
     }
     if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
     const bool may_wait = result == GST_STATE_CHANGE_SUCCESS && self->run && !lf_cam_src_may_be_lost(self);
-    // The children are stopped on the way to NULL, behind the sinks, which may hold their threads.
+    // The children are stopped on the way to NULL, after the sinks, which may block their threads.
     if (may_wait && fails_at_start(self)) result = GST_STATE_CHANGE_FAILURE;
   }
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
@@ -573,7 +575,7 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 
 // --- Messages --------------------------------------------------------------------------------------------------------
 
-static bool has_secret(const gchar* text) { return text && lf::location_text(text) != text; }
+static bool has_secret(const gchar* text) { return text && lf::redacted_location(text) != text; }
 
 static gboolean find_secret(GQuark /*field*/, const GValue* value, gpointer data) {
   bool& found = *static_cast<bool*>(data);
@@ -588,10 +590,10 @@ static gboolean find_secret(GQuark /*field*/, const GValue* value, gpointer data
 
 static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/) {
   if (G_VALUE_HOLDS_STRING(value) && g_value_get_string(value)) {
-    g_value_set_string(value, lf::location_text(g_value_get_string(value)).c_str());
+    g_value_set_string(value, lf::redacted_location(g_value_get_string(value)).c_str());
   } else if (G_VALUE_HOLDS(value, G_TYPE_ERROR) && g_value_get_boxed(value)) {
     const auto* error = static_cast<const GError*>(g_value_get_boxed(value));
-    const std::string text = lf::location_text(error->message);
+    const std::string text = lf::redacted_location(error->message);
     g_value_take_boxed(value, g_error_new_literal(error->domain, error->code, text.c_str()));
   } else if (GST_VALUE_HOLDS_STRUCTURE(value) && gst_value_get_structure(value)) {
     GstStructure* copy = gst_structure_copy(gst_value_get_structure(value));
@@ -601,11 +603,11 @@ static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/
   return TRUE;
 }
 
-// The message with location_text() of all its texts: errors, warnings, progress and structures of the elements that
-// open a camera may name its URI. "http-headers" loses all fields. Takes `message` and returns it, or a copy.
+// Applies redacted_location() to all texts of a message: errors, warnings, progress and structures may contain the URI
+// of the camera. Removes all fields of "http-headers". Takes `message` and returns it or a copy.
 static GstMessage* hide_secrets(GstMessage* message) {
   const GstStructure* structure = gst_message_get_structure(message);
-  // souphttpsrc: the password in Base64, and cookies.
+  // souphttpsrc: contains the Base64 password and cookies
   if (structure && gst_structure_has_name(structure, "http-headers")) {
     message = gst_message_make_writable(message);
     gst_structure_remove_all_fields(gst_message_writable_structure(message));
@@ -619,29 +621,29 @@ static GstMessage* hide_secrets(GstMessage* message) {
   return message;
 }
 
-// Of what other elements say, to be gone on after: most of them end with a period.
+// Most messages of other elements end with a period, which must not precede further text.
 static std::string without_period(std::string text) {
   while (!text.empty() && strchr(". \n", text.back())) text.pop_back();
   return text;
 }
 
-// What an error of a child is about, beside the text it has: the camera and what is known better here.
+// Returns the text of a child's error with the camera and, for failed negotiation, a better reason.
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
   if (wanted.empty() || !debug || !strstr(debug, "not-negotiated"))
     return place + ": " + without_period(error->message);
   const bool v4l2 = place.find("v4l2") != std::string::npos;
   return place + ": it gives no pictures of " + wanted +
-         (v4l2 ? "; v4l2-ctl --list-formats-ext lists what a V4L2 device has" : "");
+         (v4l2 ? "; v4l2-ctl --list-formats-ext lists the formats of a V4L2 device" : "");
 }
 
-// Errors of the children know nothing of cameras: says whose they are. Of a camera that may be lost that is all that is
-// told: their warnings come before an error or mean nothing.
+// Adds the camera to errors of the children. For a camera that may be lost, other warnings of children are only logged:
+// they precede an error or are harmless.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   message = hide_secrets(message);
   if (lf::take_decoder_message(bin, message)) return;
-  // Of films over HTTP. To an array, which may have many, it is no reason to pause.
+  // Buffering of HTTP files must not pause the whole array.
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_BUFFERING) return gst_message_unref(message);
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
@@ -650,7 +652,7 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   lock.unlock();
   const GstMessageType type = GST_MESSAGE_TYPE(message);
   if (loops && (type == GST_MESSAGE_SEGMENT_START || type == GST_MESSAGE_SEGMENT_DONE)) {
-    gst_message_unref(message);  // of rounds nobody hears
+    gst_message_unref(message);
     return;
   }
   const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
@@ -674,7 +676,7 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
     gst_message_parse_error(message, &error, &debug);
     lf_cam_src_fail(self,
                     {error->domain, error->code, describe(stream->place(), wanted, error, debug), debug ? debug : ""});
-    lf_cam_src_take_out(self, serial);
+    lf_cam_src_shut_down(self, serial);
   } else {
     GST_INFO_OBJECT(self, "%" GST_PTR_FORMAT, message);
   }
@@ -691,13 +693,13 @@ static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElemen
     self->live = true;
     stream->stamp_arrivals(child);
   }
-  if (stream) stream->watch_element(child);  // before what the shedder leaves out
+  if (stream) stream->watch_element(child);  // before the shedder drops buffers
   (*self->shedder)->watch(child);
-  GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
+  GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);
 }
 
-// "EOS, please" from the application (gst-launch-1.0 -e). Not all children take it while files loop; the next frame
-// ends the stream in its place. gst_element_send_event() holds the state lock: no camera is being opened.
+// Handles EOS from the application (gst-launch-1.0 -e). Some children ignore EOS while a file loops, so the next frame
+// ends the stream. The caller, gst_element_send_event(), holds the state lock, so no camera is being opened.
 static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   LfCamSrc* self = LF_CAM_SRC(element);
   if (GST_EVENT_TYPE(event) != GST_EVENT_EOS)
@@ -713,8 +715,6 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   return running;
 }
 
-// --- GObject ---------------------------------------------------------------------------------------------------------
-
 static Settings& settings_of(LfCamSrc* self) { return *self->settings; }
 static GstStructure* stats_of(LfCamSrc* self) {
   GstStructure* stats = lf_cam_src_stats(self, "lightfield-camera-stats");
@@ -724,12 +724,12 @@ static GstStructure* stats_of(LfCamSrc* self) {
 
 static void lf_cam_src_finalize(GObject* object) {
   LfCamSrc* self = LF_CAM_SRC(object);
-  lf_cam_src_cancel_plans(self);
+  lf_cam_src_cancel_timers(self);
   delete self->run;
   delete self->settings;
   delete self->service;
   delete self->shedder;
-  delete self->keeper;
+  delete self->tap;
   delete self->name;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
 }
@@ -740,12 +740,11 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-      "dropped: frames left undecoded because this machine can't decode all, damaged: pictures that can't be shown, "
-      "and capture-time: how it is known "
-      "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none); "
-      "controls: what the camera has of them and of those in the rig (a number, auto, or FALSE: not taken), and "
-      "control-values: their numbers now");
+      "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, dropped: frames "
+      "skipped because this machine is too slow, damaged: pictures that can't be decoded, capture-time: origin of "
+      "capture times (source: timestamps of the source; for RTSP sender-reports, or arrival until the first report), "
+      "controls: known controls and controls in the rig (a number, auto, or FALSE: not supported), control-values: "
+      "current values");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;
@@ -756,17 +755,17 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",
-      "One camera of a rig as a source of video: its device, file, still or image sequence, or the built-in scene",
+      "One camera of a rig as a video source: device, file, still, image sequence or the built-in scene",
       "gst-lightfield");
 }
 
 static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
-  self->service = new lf::CameraService;
-  self->shedder = new std::shared_ptr<lf::CameraShedder>(std::make_shared<lf::CameraShedder>());
-  self->keeper = new lf::CameraKeeper;
+  self->service = new lf::CameraLifecycle;
+  self->shedder = new std::shared_ptr<lf::LoadShedder>(std::make_shared<lf::LoadShedder>());
+  self->tap = new lf::RecordingTap;
   self->name = new std::string;
-  // A source also while it has no children, and never the clock of a pipeline.
+  // Always a source, even without children. Never provides the clock.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));

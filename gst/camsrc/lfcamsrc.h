@@ -5,7 +5,7 @@
 
 #include <gst/gst.h>
 
-#include "camsrc/camera_service.h"
+#include "camsrc/camera_lifecycle.h"
 
 G_BEGIN_DECLS
 
@@ -17,20 +17,20 @@ G_END_DECLS
 
 namespace lf {
 
-// Takes what is to be kept of a camera, StreamListener::on_keepsake.
-using CameraKeeper = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
+// Receives the data of a camera to record, see StreamListener::on_recordable.
+using RecordingTap = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
 
 }  // namespace lf
 
-// Who keeps what the camera gives; called by the threads that stream. Before the camera is opened.
-void lf_cam_src_set_keeper(LfCamSrc* self, const lf::CameraKeeper& keeper);
-// From now on the loss of this camera is no error, whatever the property `retry` says, which then counts for live
-// cameras alone. For lfcameranode; any thread.
-void lf_cam_src_set_expendable(LfCamSrc* self);
-const lf::CameraService& lf_cam_src_service(LfCamSrc* self);
-// Its frames come in real time, and their capture times are of the clock; known with the first frame.
+// Sets the recording tap, which streaming threads call. Call before the camera is opened.
+void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap);
+// Makes the loss of this camera a non-error, whatever `retry` says; `retry` then applies to live cameras only. For
+// lfcameranode. Thread-safe.
+void lf_cam_src_set_optional(LfCamSrc* self);
+const lf::CameraLifecycle& lf_cam_src_lifecycle(LfCamSrc* self);
+// True if frames arrive in real time and capture times are clock times. Known with the first frame.
 bool lf_cam_src_is_live(LfCamSrc* self);
-// The `stats` property under this name; owned by the caller.
+// Returns the value of the property `stats` with this structure name. The caller owns the result.
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
-// Whether the camera is lost and no attempt to open it again follows.
+// True if the camera is lost and will not be reopened.
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self);

@@ -16,7 +16,7 @@
 #include "base/file.h"
 #include "base/schedule.h"
 #include "common/common.h"
-#include "common/day_clock.h"
+#include "common/wall_clock.h"
 #include "image/image_file.h"
 #include "jpeg/header.h"
 #include "scene/scene.h"
@@ -35,14 +35,13 @@ class JpegStream {
  public:
   explicit JpegStream(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
 
-  // Returns nothing behind the last picture.
   std::optional<Bytes> read(guint64 index) {
     while (begins_.size() <= index && find_next()) {
     }
     if (index >= begins_.size()) return std::nullopt;
     return bytes_at(begins_[index], ends_[index] - begins_[index]);
   }
-  // The number of pictures; nothing before the end of the file has been read.
+  // Number of pictures; nothing until the end of the file has been read.
   std::optional<guint64> count() const { return is_complete_ ? std::optional<guint64>(begins_.size()) : std::nullopt; }
 
  private:
@@ -62,7 +61,7 @@ class JpegStream {
         bytes.begin());
   }
 
-  // A picture without an end lasts until the next start marker.
+  // A picture without an end marker extends to the next start marker.
   bool find_next() {
     if (is_complete_) return false;
     constexpr size_t kLeast = 1 << 18, kMost = 1 << 26;
@@ -92,7 +91,6 @@ class JpegStream {
   bool is_complete_ = false;
 };
 
-// The pictures of any source, by their index.
 class Pictures {
  public:
   explicit Pictures(const lf::CameraSource& source) : source_(source) {
@@ -104,13 +102,11 @@ class Pictures {
     if (stream_) return stream_->count();
     return is_still() ? 1 : static_cast<guint64>(source_.count);
   }
-  // Returns nothing behind the last picture. Throws Error if a picture can't be read.
   std::optional<Bytes> read(guint64 index) {
     if (stream_) return stream_->read(index);
     if (index >= *count()) return std::nullopt;
     return read_picture_file(file_of(index));
   }
-  // The prefix of messages about the picture.
   std::string name_of(guint64 index) const {
     if (is_still()) return "";
     return stream_ ? "picture " + std::to_string(index) + ": " : file_of(index) + ": ";
@@ -125,7 +121,7 @@ class Pictures {
   std::optional<JpegStream> stream_;
 };
 
-// A picture that can't be shown. The stream goes on without its frame.
+// A picture that cannot be decoded. The stream continues without its frame.
 class BadPicture : public lf::Error {
  public:
   using Error::Error;
@@ -139,11 +135,11 @@ struct _LfPictureSrc {
   GstPushSrc parent;
   Pictures* pictures;
   lf::PictureSourceOptions* options;
-  // These belong to the streaming thread.
-  guint64 next;        // number of the next frame, counted over all rounds
-  guint64 bad_in_row;  // bad pictures directly before the next frame
+  // Used by the streaming thread only:
+  guint64 next;
+  guint64 bad_in_row;
   bool has_warned, has_looked_at_exif;
-  GstVideoInfo info;  // format of the latest frame
+  GstVideoInfo info;
 };
 
 G_DEFINE_TYPE(LfPictureSrc, lf_picture_src, GST_TYPE_PUSH_SRC)
@@ -153,7 +149,6 @@ static GstStaticPadTemplate picture_template = GST_STATIC_PAD_TEMPLATE(
 
 static lf::Schedule schedule_of(LfPictureSrc* self) { return {self->options->fps_n, self->options->fps_d}; }
 
-// The first picture decides the caps.
 static gboolean lf_picture_src_negotiate(GstBaseSrc*) { return TRUE; }
 
 static gboolean lf_picture_src_start(GstBaseSrc* base) {
@@ -166,7 +161,6 @@ static gboolean lf_picture_src_start(GstBaseSrc* base) {
 
 static gboolean lf_picture_src_is_seekable(GstBaseSrc*) { return TRUE; }
 
-// A seek goes to the picture that is shown at the time.
 static gboolean lf_picture_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
   LfPictureSrc* self = LF_PICTURE_SRC(base);
   if (segment->rate <= 0) return FALSE;
@@ -191,14 +185,14 @@ static gboolean lf_picture_src_query(GstBaseSrc* base, GstQuery* query) {
 }
 
 // Warns of an EXIF orientation. Only the first camera of the process warns, because an array may have hundreds.
-static void tell_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
+static void warn_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
   if (self->has_looked_at_exif) return;
   self->has_looked_at_exif = true;
   constexpr uint64_t kQuiet = 10'000'000'000;
-  static std::atomic<uint64_t> told = 0;
+  static std::atomic<uint64_t> last_logged = 0;
   const std::string notice = lf::orientation_notice(lf::exif_orientation(bytes));
   if (notice.empty()) return;
-  const uint64_t now = lf::now_ns(), before = told.exchange(now);
+  const uint64_t now = lf::now_ns(), before = last_logged.exchange(now);
   if (before != 0 && now - before < kQuiet) return;
   GST_ELEMENT_WARNING(self, STREAM, FORMAT, ("%s%s", name.c_str(), notice.c_str()),
                       ("other cameras with such pictures are not named"));
@@ -251,17 +245,18 @@ static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffe
   return GST_FLOW_OK;
 }
 
-// Gives the caps that the picture's header claims. Returns false if they are refused or the picture is not of the
-// camera's size, because a small file may claim much memory. Decoding tells of damage in the header.
+// Sets the caps that the header of the picture states. Returns false if they are refused or the size is not the
+// camera's. The check precedes decoding, because a small file may claim a huge size. Damaged headers are reported by
+// the decoder.
 static bool set_claimed_caps(LfPictureSrc* self, const Bytes& bytes) {
   const auto set = [self](GstVideoFormat format, int width, int height) {
     return set_caps(self, format, width, height) && width == self->options->width && height == self->options->height;
   };
-  if (lf::picture_coding(bytes) == lf::PictureCoding::kJpeg) {
+  if (lf::detect_image_coding(bytes) == lf::ImageCoding::kJpeg) {
     const auto header = lf::jpeg::parse_header(bytes, nullptr);
     return !header || set(GST_VIDEO_FORMAT_I420, header->width, header->height);
   }
-  constexpr size_t kWidthAt = 16, kHeightAt = 20;  // in a PNG
+  constexpr size_t kWidthAt = 16, kHeightAt = 20;
   if (bytes.size() < kHeightAt + 4) return true;
   const guint32 width = GST_READ_UINT32_BE(&bytes[kWidthAt]), height = GST_READ_UINT32_BE(&bytes[kHeightAt]);
   if (width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize) return true;
@@ -272,7 +267,7 @@ static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer*
   if (!set_claimed_caps(self, bytes)) return GST_FLOW_NOT_NEGOTIATED;
   lf::Image image;
   try {
-    image = lf::decode_picture(bytes, lf::PixelFamily::kI420);
+    image = lf::decode_still(bytes, lf::PixelFamily::kI420);
   } catch (const lf::Error& error) {
     throw BadPicture(error.what());
   }
@@ -283,7 +278,7 @@ static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer*
   return GST_FLOW_OK;
 }
 
-// Makes a buffer of the picture with this index. Returns EOS behind the last picture.
+// Creates a buffer with the picture of this index. Returns EOS after the last picture.
 static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer** out) {
   std::optional<Bytes> bytes;
   try {
@@ -292,13 +287,13 @@ static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer**
     throw BadPicture(error.what());
   }
   if (!bytes) return GST_FLOW_EOS;
-  tell_orientation(self, *bytes, self->pictures->name_of(index));
-  const bool coded = !self->options->decode && lf::picture_coding(*bytes) == lf::PictureCoding::kJpeg;
+  warn_orientation(self, *bytes, self->pictures->name_of(index));
+  const bool coded = !self->options->decode && lf::detect_image_coding(*bytes) == lf::ImageCoding::kJpeg;
   return coded ? make_coded(self, *bytes, out) : make_raw(self, *bytes, out);
 }
 
 // Counts a bad picture and warns. Returns false, after posting an error, if all pictures are bad.
-static bool pass_bad_picture(LfPictureSrc* self, guint64 index, const char* reason) {
+static bool skip_bad_picture(LfPictureSrc* self, guint64 index, const char* reason) {
   const std::optional<guint64> count = self->pictures->count();
   if (self->options->damaged) ++*self->options->damaged;
   self->bad_in_row++;
@@ -310,8 +305,8 @@ static bool pass_bad_picture(LfPictureSrc* self, guint64 index, const char* reas
   }
   if (!self->has_warned)
     GST_ELEMENT_WARNING(self, STREAM, DECODE,
-                        ("%s%s: the frame is left out", self->pictures->name_of(index).c_str(), reason),
-                        ("further ones are counted in stats"));
+                        ("%s%s: the frame is skipped", self->pictures->name_of(index).c_str(), reason),
+                        ("further damaged pictures are counted in stats"));
   self->has_warned = true;
   return true;
 }
@@ -324,12 +319,12 @@ static GstFlowReturn make_frame(LfPictureSrc* self, GstBuffer** out) {
     try {
       const GstFlowReturn flow = make_picture(self, index, out);
       count = self->pictures->count();
-      // The JPEG stream has ended, so that its length is known now.
+      // At the end of a JPEG stream its length becomes known.
       if (flow == GST_FLOW_EOS && self->options->loop && count && *count > 0) continue;
       if (flow != GST_FLOW_OK) return flow;
       break;
     } catch (const BadPicture& bad) {
-      if (!pass_bad_picture(self, index, bad.what())) return GST_FLOW_ERROR;
+      if (!skip_bad_picture(self, index, bad.what())) return GST_FLOW_ERROR;
     }
   }
   GST_BUFFER_PTS(*out) = schedule.instant(self->next);
@@ -386,8 +381,8 @@ struct _LfSceneSrc {
   lf::SceneCamera* camera;
   double time_offset;  // seconds
   GstVideoInfo info;
-  guint64 next;  // number of the next frame
-  GstClockTimeDiff day_offset;
+  guint64 next;
+  GstClockTimeDiff wall_offset;
 };
 
 G_DEFINE_TYPE(LfSceneSrc, lf_scene_src, GST_TYPE_PUSH_SRC)
@@ -418,7 +413,7 @@ static gboolean lf_scene_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
   return TRUE;
 }
 
-// It has nothing that could run over: frames that come too late are left out.
+// Latency is unbounded, because late frames are skipped.
 static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
     return GST_BASE_SRC_CLASS(lf_scene_src_parent_class)->query(base, query);
@@ -427,16 +422,15 @@ static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Goes on to the next frame that is not over already. Returns the time of day of running time 0; 0 where there is no
-// clock.
+// Advances to the next frame that is not over. Returns the time of day of running time 0; 0 if there is no clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return 0;
-  const GstClockTimeDiff offset = lf::day_offset(clock);
+  const GstClockTimeDiff offset = lf::wall_offset(clock);
   const GstClockTime now = gst_clock_get_time(clock) + offset;
   gst_object_unref(clock);
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self)) + offset;
-  if (std::exchange(self->day_offset, offset) != offset) self->next = 0;  // the clock of this machine was set
+  if (std::exchange(self->wall_offset, offset) != offset) self->next = 0;  // the system clock was set
   self->next = std::max<guint64>(self->next, schedule.index_at(std::max(now, base_time)) + 1);
   return base_time;
 }

@@ -5,15 +5,15 @@
 
 namespace lf {
 
-// A kind of video whose frames are coded by what changes from one to the next, and that Matroska files take.
+// Inter-coded video that Matroska can store.
 struct CodedVideo {
-  const char* name;    // of its caps
-  const char* parser;  // the element that brings it into the form of such files; null: it has no other
-  const char* muxed;   // caps of that form
+  const char* name;    // media type
+  const char* parser;  // element that converts to the form in Matroska; null: not needed
+  const char* muxed;   // caps in Matroska
 };
 
-// Null for video of other kinds (JPEG and raw video among them), of which not all of a frame is in each buffer, or
-// whose parser is not installed.
+// Returns null for other video, such as JPEG and raw video. Also null if buffers may hold partial frames or the parser
+// is not installed.
 const CodedVideo* find_coded_video(const GstCaps* caps);
 
 }  // namespace lf

@@ -12,8 +12,8 @@
 namespace lf {
 namespace {
 
-// Tells a file that was written or replaced. The time alone would not: clocks of file systems tick every few
-// milliseconds.
+// Identifies a version of a file. The modification time alone is not sufficient, because file system clocks have a
+// granularity of some milliseconds.
 struct FileVersion {
   ino_t inode = 0;
   off_t size = 0;
@@ -24,7 +24,7 @@ struct FileVersion {
 
 FileVersion version_of(const std::string& path) {
   struct stat s {};
-  if (stat(path.c_str(), &s) != 0) return {};  // load_rig() reports a file that is not there
+  if (stat(path.c_str(), &s) != 0) return {};  // load_rig() reports a missing file
   return {s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
 }
 
@@ -61,7 +61,7 @@ std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
     if (!path) throw Error("no rig file given");
     return shared_rig(path);
   } catch (const Error& error) {
-    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("%s; the rig stays as it was", error.what()), (nullptr));
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("%s; the current rig stays in use", error.what()), (nullptr));
     return nullptr;
   }
 }
@@ -111,7 +111,7 @@ void set_system_colorimetry(GstVideoInfo& info) {
   info.chroma_site = GST_VIDEO_CHROMA_SITE_JPEG;
 }
 
-bool has_video_levels(const GstVideoInfo& info) {
+bool has_limited_range(const GstVideoInfo& info) {
   return family_of(info) == PixelFamily::kI420 && info.colorimetry.range == GST_VIDEO_COLOR_RANGE_16_235;
 }
 

@@ -13,17 +13,16 @@
 namespace lf {
 namespace {
 
-// Fields of events and queries.
 constexpr char kContext[] = "context", kPictureCaps[] = "caps", kFeedback[] = "feedback", kWaits[] = "waits";
 
 using SharedFeedback = std::shared_ptr<const ViewFeedback>;
 
-// The type of a boxed SharedFeedback. GLib allocates the boxes, because GStreamer copies them in C code, where nothing
-// may be thrown.
+// Boxed type of SharedFeedback. GLib allocates the boxes, because GStreamer copies them in C code, where exceptions are
+// not allowed.
 GType feedback_type() {
   static const GType type = [] {
     constexpr char kName[] = "LfViewFeedback";
-    // A program may have this code twice: in the plugin, and in the static library.
+    // A process may contain this code twice: plugin and static library.
     if (const GType known = g_type_from_name(kName)) return known;
     return g_boxed_type_register_static(
         kName,
@@ -66,8 +65,8 @@ bool parse_capture_delay(GstEvent* event, GstClockTime* delay) {
 }
 
 bool AutoCaptureDelay::take(GstClockTime needed, GstClockTime now) {
-  constexpr GstClockTime kHeadroom = 2 * GST_MSECOND;  // of what is needed to what is waited for
-  constexpr GstClockTime kSlack = 10 * GST_MSECOND;    // that is not worth another latency
+  constexpr GstClockTime kHeadroom = 2 * GST_MSECOND;  // margin above the needed delay
+  constexpr GstClockTime kSlack = 10 * GST_MSECOND;    // minimum decrease that justifies a new latency
   const std::lock_guard lock(mutex_);
   needed = std::min(needed, kMost);
   if (since_ == 0) since_ = now;
@@ -93,21 +92,21 @@ void AutoCaptureDelay::clear() {
   since_ = delay_ = 0;
 }
 
-std::optional<uint32_t> QosWatch::view_of(GstEvent* event) {
+std::optional<uint32_t> QosTracker::view_of(GstEvent* event) {
   const GstStructure* structure = GST_EVENT_TYPE(event) == GST_EVENT_QOS ? gst_event_get_structure(event) : nullptr;
   guint view_id = 0;
   if (!structure || !gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, &view_id)) return std::nullopt;
   return view_id;
 }
 
-GstEvent* QosWatch::name_view(GstEvent* event, uint32_t view_id) {
+GstEvent* QosTracker::set_view_id(GstEvent* event, uint32_t view_id) {
   event = gst_event_make_writable(event);
   gst_structure_set(gst_event_writable_structure(event), LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr);
   return event;
 }
 
-void QosWatch::see(GstEvent* event, bool live) {
-  constexpr size_t kMostViews = 1024;  // of viewers that come and go; then that of the longest silence is forgotten
+void QosTracker::see(GstEvent* event, bool live) {
+  constexpr size_t kMaxViews = 1024;  // more views: the view that was silent longest is dropped
   const std::optional<uint32_t> view_id = view_of(event);
   if (!view_id) return;
   GstQOSType type{};
@@ -120,15 +119,15 @@ void QosWatch::see(GstEvent* event, bool live) {
     views_.erase(*view_id);
     return;
   }
-  // Where nothing but the work takes time, what comes next is late by as much again when this has been made up for.
+  // Processing time alone causes the delay if not live. The next picture is then late by the same amount again.
   if (diff > 0 && !live && type != GST_QOS_TYPE_THROTTLE) diff *= 2;
   const bool before_zero = diff < 0 && timestamp < static_cast<GstClockTime>(-diff);
-  if (views_.size() >= kMostViews && !views_.contains(*view_id))
+  if (views_.size() >= kMaxViews && !views_.contains(*view_id))
     views_.erase(std::ranges::min_element(views_, {}, [](const auto& entry) { return entry.second.earliest; }));
   views_[*view_id] = {before_zero ? 0 : timestamp + static_cast<GstClockTime>(diff), proportion};
 }
 
-std::optional<QosWatch::Late> QosWatch::late(uint32_t view_id, GstClockTime running_time) const {
+std::optional<QosTracker::Late> QosTracker::late(uint32_t view_id, GstClockTime running_time) const {
   const std::lock_guard lock(mutex_);
   const auto view = views_.find(view_id);
   if (view == views_.end() || !GST_CLOCK_TIME_IS_VALID(running_time) || running_time >= view->second.earliest)
@@ -136,7 +135,7 @@ std::optional<QosWatch::Late> QosWatch::late(uint32_t view_id, GstClockTime runn
   return Late{GST_CLOCK_DIFF(running_time, view->second.earliest), view->second.proportion};
 }
 
-void QosWatch::clear() {
+void QosTracker::clear() {
   const std::lock_guard lock(mutex_);
   views_.clear();
 }
@@ -150,9 +149,9 @@ void answer_in_process_query(GstQuery* query, GstGLContext* context) {
   if (context) gst_structure_set(gst_query_writable_structure(query), kContext, GST_TYPE_GL_CONTEXT, context, nullptr);
 }
 
-NearCompositor near_compositor(GstPad* src) {
+LocalCompositor find_local_compositor(GstPad* src) {
   GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
-  NearCompositor compositor{.is_there = static_cast<bool>(gst_pad_peer_query(src, query)), .context = {}};
+  LocalCompositor compositor{.is_there = static_cast<bool>(gst_pad_peer_query(src, query)), .context = {}};
   GstGLContext* context = nullptr;
   if (gst_structure_get(gst_query_get_structure(query), kContext, GST_TYPE_GL_CONTEXT, &context, nullptr) && context) {
     compositor.group = share_group(context);
@@ -224,7 +223,7 @@ std::shared_ptr<const ViewFeedback> parse_view_feedback(GstEvent* event) {
   return *static_cast<const SharedFeedback*>(g_value_get_boxed(value));
 }
 
-bool is_focus_found(GstPad* src, guint view_id, bool* waits) {
+bool finds_focus(GstPad* src, guint view_id, bool* waits) {
   GstQuery* query = gst_query_new_custom(
       GST_QUERY_CUSTOM, gst_structure_new(LF_FOCUS_QUERY, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr));
   const bool found = gst_pad_peer_query(src, query);

@@ -10,14 +10,14 @@
 namespace lf {
 namespace {
 
-// Takes the reference, of which there may be none.
+// Takes the reference, which may be null.
 GlContextPtr owned(gpointer context) {
   return {static_cast<GstGLContext*>(context), [](GstGLContext* of) {
             if (of) gst_object_unref(of);
           }};
 }
 
-// All contexts that were asked about and are still there: GStreamer tells of two whether they share, and no more.
+// All known live contexts. GStreamer can only compare two contexts.
 class Groups {
  public:
   gl::ShareGroup of(GstGLContext* context) {
@@ -71,8 +71,8 @@ gl::ShareGroup share_group(GstGLContext* context) {
   return groups.of(context);
 }
 
-gl::Context::Foreign share(GstGLContext* context, std::string& why) {
-  why = "no context can be had";
+gl::Context::External share(GstGLContext* context, std::string& why) {
+  why = "no context available";
   const GlContextPtr ours = owned(gst_gl_context_new(context->display));
   GError* error = nullptr;
   if (!ours || !gst_gl_context_create(ours.get(), context, &error)) {
@@ -81,7 +81,7 @@ gl::Context::Foreign share(GstGLContext* context, std::string& why) {
     return {};
   }
   using Job = std::function<void()>;
-  // The number is that of the other one, which may go first.
+  // The group id comes from `context`, which may be destroyed first.
   share_group(context);
   const gl::ShareGroup group = share_group(ours.get());
   why.clear();
@@ -107,7 +107,7 @@ static bool is_plane(GstMemory* memory, const GstVideoInfo& info, guint plane) {
     case 3: formats[0] = GST_GL_RGB, formats[1] = GST_GL_RGB8; break;
     default: formats[0] = GST_GL_RGBA, formats[1] = GST_GL_RGBA8; break;
   }
-  // OpenGL ES has no way back for those of three bytes, so that nobody could map them.
+  // OpenGL ES cannot read back three-byte textures, so they could not be mapped.
   if (bytes == 3 && gst_gl_context_get_gl_api(texture->mem.context) == GST_GL_API_GLES2) return false;
   const GstGLFormat format = gst_gl_memory_get_texture_format(texture);
   return gst_gl_memory_get_texture_target(texture) == GST_GL_TEXTURE_TARGET_2D &&
@@ -116,7 +116,7 @@ static bool is_plane(GstMemory* memory, const GstVideoInfo& info, guint plane) {
          gst_gl_memory_get_texture_height(texture) >= GST_VIDEO_INFO_COMP_HEIGHT(&info, components[0]);
 }
 
-bool has_planes_on_card(GstBuffer* picture, const GstVideoInfo& info) {
+bool has_planes_on_gpu(GstBuffer* picture, const GstVideoInfo& info) {
   const guint planes = GST_VIDEO_INFO_N_PLANES(&info);
   if (gst_buffer_n_memory(picture) != planes) return false;
   for (guint i = 0; i < planes; i++)

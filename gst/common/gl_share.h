@@ -11,34 +11,32 @@
 
 typedef struct _GstGLContext GstGLContext;
 
-// GStreamer's OpenGL contexts, and pictures in their textures, as lib/ knows them. Thread-safe.
+// Adapts GStreamer's OpenGL contexts and textures to lib/. Thread-safe.
 namespace lf {
 
 using GlContextPtr = std::shared_ptr<GstGLContext>;
 
-// A context that may go at any time, as does the window that it belongs to.
+// Weak reference to a context, which may disappear together with its window.
 class WeakGlContext {
  public:
-  WeakGlContext() = default;  // none
+  WeakGlContext() = default;
   explicit WeakGlContext(GstGLContext* context);
-  // Null once it is gone.
   GlContextPtr get() const;
 
  private:
   std::shared_ptr<GWeakRef> ref_;
 };
 
-// The number of the contexts that share with this one. One that is gone is forgotten, and with the last one its number.
+// Returns the share group of a context. A group ends with its last context.
 gl::ShareGroup share_group(GstGLContext* context);
 
-// A new context that shares with that one, and does not keep it; `call` of it is empty, with the reason in `why`, if
-// none can be had. Takes tens of milliseconds.
-gl::Context::Foreign share(GstGLContext* context, std::string& why);
+// Creates a context that shares with `context` and does not keep it alive. On failure `call` of the result is empty and
+// `why` has the reason. Takes tens of milliseconds.
+gl::Context::External share(GstGLContext* context, std::string& why);
 
-// Whether the buffer is a picture of this video in textures that shaders can take plane by plane: with a channel for
-// each byte of a plane's pixels, of at least the plane's size, and with a way to this process's memory.
-bool has_planes_on_card(GstBuffer* picture, const GstVideoInfo& info);
-// The contexts that share the textures of such a picture.
+// True if the buffer is a picture in textures that shaders can read plane by plane. Each texture must have one channel
+// per byte of a pixel, at least the size of the plane, and a way to download.
+bool has_planes_on_gpu(GstBuffer* picture, const GstVideoInfo& info);
 gl::ShareGroup group_of_planes(GstBuffer* picture);
 
 }  // namespace lf

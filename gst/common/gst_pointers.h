@@ -12,29 +12,26 @@ namespace lf {
 struct UnrefBuffer {
   void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
 };
-// Owns one reference of a buffer.
 using BufferPtr = std::unique_ptr<GstBuffer, UnrefBuffer>;
 
 struct UnrefElement {
   void operator()(GstElement* element) const { gst_object_unref(element); }
 };
-// Owns one reference of an element.
 using ElementPtr = std::unique_ptr<GstElement, UnrefElement>;
 
 struct UnrefPad {
   void operator()(GstPad* pad) const { gst_object_unref(pad); }
 };
-// Owns one reference of a pad.
 using PadPtr = std::unique_ptr<GstPad, UnrefPad>;
 
-// Caps that several owners may share; null: none. share_caps() takes over one reference.
+// Shared caps; null: none. share_caps() takes a reference.
 using SharedCaps = std::shared_ptr<GstCaps>;
 inline SharedCaps share_caps(GstCaps* caps) {
   return caps ? SharedCaps(caps, [](GstCaps* owned) { gst_caps_unref(owned); }) : nullptr;
 }
 
-// Request pads of any elements, given back when this goes, in the order in which they came. Holds references, so that
-// it may outlive the elements' bin.
+// Releases request pads in the destructor, in the order of add(). Holds references, so it may outlive the bin of the
+// elements.
 class RequestedPads {
  public:
   RequestedPads() = default;
@@ -48,7 +45,7 @@ class RequestedPads {
   RequestedPads(const RequestedPads&) = delete;
   RequestedPads& operator=(const RequestedPads&) = delete;
 
-  // Takes the reference to the pad.
+  // Takes the reference of the pad.
   GstPad* add(GstElement* element, GstPad* pad) {
     pads_.emplace_back(GST_ELEMENT(gst_object_ref(element)), pad);
     return pad;

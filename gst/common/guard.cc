@@ -6,7 +6,7 @@
 namespace lf {
 namespace {
 
-// An element, or the one that an object belongs to. Owned by the caller; null if there is none.
+// Returns the element, or the element that contains the object. The caller owns the reference. Null if there is none.
 GstElement* element_of(gpointer object) {
   if (!object || !GST_IS_OBJECT(object)) return nullptr;
   GstObject* owner = GST_OBJECT(gst_object_ref(object));
@@ -26,21 +26,20 @@ void post_warning(GstElement* element, const char* what) {
   GST_ELEMENT_WARNING(element, LIBRARY, FAILED, ("%s", what), (nullptr));
 }
 
-// Calls post() with what was thrown, in words. Takes the element.
+// Calls post() with a description of the current exception. Takes the reference of the element.
 void describe_current_exception(GstElement* element, void (*post)(GstElement*, const char*)) {
   try {
     throw;
   } catch (const std::bad_alloc&) {
-    post(element, "There is no memory left.");
+    post(element, "Out of memory.");
   } catch (const std::exception& error) {
     post(element, error.what());
   } catch (...) {
-    post(element, "An exception of an unknown kind.");
+    post(element, "Unknown exception.");
   }
   gst_object_unref(element);
 }
 
-// Whether the element may tell of one more.
 bool is_time_to_warn(GstElement* element) {
   static const GQuark quark = g_quark_from_static_string("lf-warned-at");
   const auto second = static_cast<guint>(g_get_monotonic_time() / G_USEC_PER_SEC) + 1;

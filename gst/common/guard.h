@@ -6,11 +6,10 @@
 
 #include <gst/gst.h>
 
-// No C++ exception gets into GStreamer's C, which has nothing to stop it: whatever C calls and may throw is called by
-// way of lf::callback<>, and becomes an error that is posted, and the answer for "it did not work".
+// Converts C++ exceptions to GStreamer errors, because exceptions must not reach C code. Every callback that may throw
+// is wrapped in lf::callback<>, which posts an error and returns a failure value.
 namespace lf {
 
-// Locks an object, until it goes out of scope if not before, whatever is thrown.
 class ObjectLock {
  public:
   explicit ObjectLock(gpointer object) : object_(GST_OBJECT(object)) { GST_OBJECT_LOCK(object_); }
@@ -26,16 +25,16 @@ class ObjectLock {
   GstObject* object_;
 };
 
-// Posts an error that says what was thrown, from an element, or from the parent of a pad. To be called in a handler.
+// Posts the current exception as an error of an element or of a pad's parent. Call in an exception handler.
 void post_current_exception(gpointer object);
 
-// Posts a warning that says what was thrown, at most one a second from each element: only what was being made is lost.
-// To be called in a handler.
+// Posts the current exception as a warning, at most one per second and element. Call in an exception handler. For
+// failures that lose one buffer only.
 void warn_of_current_exception(gpointer object);
 
-// What f() returns, which handles one buffer of a stream; if it throws the stream goes on without that.
+// Returns f(), which handles one buffer. If f() throws, posts a warning, and the stream continues.
 template <typename F>
-GstFlowReturn guarded_buffer(gpointer object, F f) {
+GstFlowReturn guard_buffer(gpointer object, F f) {
   try {
     return f();
   } catch (...) {
@@ -44,7 +43,7 @@ GstFlowReturn guarded_buffer(gpointer object, F f) {
   }
 }
 
-// What f() returns, or `failed` with an error posted if it throws.
+// Returns f(). If f() throws, posts an error and returns `failed`.
 template <typename T, typename F>
 T guarded(gpointer object, T failed, F f) {
   try {
@@ -55,9 +54,8 @@ T guarded(gpointer object, T failed, F f) {
   }
 }
 
-// What a callback returns that did not work.
 template <typename T>
-constexpr T failed_result = {};  // FALSE, none, null
+constexpr T failed_result = {};
 template <>
 inline constexpr GstFlowReturn failed_result<GstFlowReturn> = GST_FLOW_ERROR;
 template <>
@@ -81,7 +79,7 @@ struct Callback<f> {
   }
 };
 
-// The function `f` of a GObject, as a virtual function, a pad's function or probe, or a signal's handler.
+// Wraps `f` as a virtual function, pad function, probe or signal handler of a GObject.
 template <auto f>
 inline constexpr auto callback = &Callback<f>::call;
 

@@ -12,6 +12,6 @@ GType lf_access_get_type(void) {
 const char* lf::access_nick(Access access) {
   auto* const values = static_cast<GEnumClass*>(g_type_class_ref(LF_TYPE_ACCESS));
   const char* nick = g_enum_get_value(values, static_cast<gint>(access))->value_nick;
-  g_type_class_unref(values);  // the type is static, and so is the text
+  g_type_class_unref(values);  // the type and its strings are static
   return nick;
 }

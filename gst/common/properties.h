@@ -13,9 +13,9 @@
 #include "common/guard.h"
 #include "wire/command_codec.h"
 
-// Properties of an element are the fields of a plain struct, its settings: a row for each in one table says the field,
-// the name, the texts and the range. A field's initial value is the property's default. The settings have no lock of
-// their own: the element's object lock is held while a property is set or read.
+// Maps element properties to the fields of a plain settings struct. A table has one row per property with field, name,
+// texts and range. Initial field values are the property defaults. Settings are guarded by the object lock of the
+// element.
 namespace lf {
 
 // When a property may be set: before the element runs, or at any time.
@@ -44,7 +44,7 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void set_field(Enum& field, const GValue* value) { field = static_cast<Enum>(g_value_get_enum(value)); }
 
-// A text that is empty is one that is not set.
+// An empty string reads as null.
 inline void get_field(const std::string& field, GValue* value) {
   g_value_set_string(value, field.empty() ? nullptr : field.c_str());
 }
@@ -58,8 +58,8 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void get_field(Enum field, GValue* value) { g_value_set_enum(value, static_cast<gint>(field)); }
 
-// `range`: the least and the most of a number, the GType of an enum, nothing of a truth value; "" of a text that is
-// read as "" where it is not set, in place of null.
+// `range`: minimum and maximum of a number, the GType of an enum, nothing for a boolean. For a string, "" makes an
+// unset string read as "" instead of null.
 template <auto field, typename Settings, typename Field, typename... Range>
 Property<Settings> make_property(Field Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, Range... range) {
@@ -89,7 +89,6 @@ Property<Settings> make_property(Field Settings::*, GParamFlags flags, const cha
               if ((settings.*field).empty()) g_value_set_static_string(value, "");
           }};
 }
-// As property(), for a field of a base of the settings `S`.
 template <typename S, auto field, typename... Range>
 Property<S> inherited_property(GParamFlags flags, const char* name, const char* nick, const char* blurb,
                                Range... range) {
@@ -101,7 +100,7 @@ auto property(GParamFlags flags, const char* name, const char* nick, const char*
   return make_property<field>(field, flags, name, nick, blurb, range...);
 }
 
-// A fraction, `numerator` / `denominator`, of at least `least_n` / `least_d`.
+// A fraction `numerator` / `denominator` with the minimum `least_n` / `least_d`.
 template <auto numerator, auto denominator, typename Settings>
 Property<Settings> make_fraction(gint Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, gint least_n, gint least_d) {
@@ -122,14 +121,13 @@ auto fraction_property(GParamFlags flags, const char* name, const char* nick, co
   return make_fraction<numerator, denominator>(numerator, flags, name, nick, blurb, least_n, least_d);
 }
 
-// The rows of one class. Unchanging once they are installed, and then to be used by any thread.
+// The properties of one class. Immutable after install(), and then thread-safe.
 template <typename Settings>
 class PropertyTable {
  public:
   PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
 
-  // Installs the rows as properties first_id, first_id + 1, ... of the class, in the order of the table. Returns the id
-  // after the last one.
+  // Installs the rows as properties first_id, first_id + 1, ... Returns the next free id.
   guint install(GObjectClass* klass, guint first_id) {
     first_id_ = first_id;
     for (const Property<Settings>& row : rows_) g_object_class_install_property(klass, first_id++, row.spec);
@@ -143,8 +141,8 @@ class PropertyTable {
   guint first_id_ = 0;
 };
 
-// What a class has for properties: settings, and `stats` if stats_of makes them of an element (GstStructure, given
-// away). settings_of gives an element's settings.
+// Property functions of a class. settings_of returns the settings of an element. If stats_of is given, the class has
+// the property `stats`, and stats_of returns a GstStructure that the caller owns.
 template <auto settings_of, auto stats_of = nullptr>
 struct Properties;
 template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of>
@@ -162,13 +160,12 @@ struct Properties<settings_of, stats_of> {
     const ObjectLock lock(object);
     Settings::properties().get(settings_of(self), id, value);
   }
-  // A copy of the settings, as they are now.
   static Settings now(Element* self) {
     const ObjectLock lock(self);
     return settings_of(self);
   }
-  // `stats`: what they tell. The class may have functions of its own in place of set() and get(), which call them.
-  // Returns the next id.
+  // `stats`: blurb of the property `stats`. Classes may replace set_property and get_property by functions that call
+  // set() and get(). Returns the next free id.
   static guint install(GObjectClass* klass, const char* stats = nullptr) {
     klass->set_property = callback<set>;
     klass->get_property = callback<get>;
@@ -180,7 +177,7 @@ struct Properties<settings_of, stats_of> {
   }
 };
 
-// Registers an enum for properties, once; each value with a text that explains it, and its name.
+// Registers an enum for properties. Call once. Each value has a description and a nick.
 template <typename Enum>
 struct EnumRow {
   Enum value;
@@ -188,7 +185,7 @@ struct EnumRow {
 };
 template <typename Enum>
 GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
-  static auto& values = *new std::vector<GEnumValue>;  // never freed: the type system keeps pointers into it
+  static auto& values = *new std::vector<GEnumValue>;  // never freed: the type system keeps pointers
   for (const EnumRow<Enum>& row : rows) values.push_back({static_cast<gint>(row.value), row.text, row.name});
   values.push_back({0, nullptr, nullptr});
   return g_enum_register_static(type_name, values.data());
@@ -198,11 +195,10 @@ inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_eq
 
 }  // namespace lf
 
-// Property "access" of who asks cameras and of who answers for them: lf::Access.
+// Type of the property "access" of elements that send or answer requests: lf::Access.
 #define LF_TYPE_ACCESS (lf_access_get_type())
 GType lf_access_get_type(void);
 
 namespace lf {
-// The name of a value of the property.
 const char* access_nick(Access access);
 }  // namespace lf

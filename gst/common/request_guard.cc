@@ -21,25 +21,24 @@ namespace {
 struct LimitRow {
   const char* name;
   double least, most;
-  const char *unit, *what;  // without colons and brackets: docs/elements.md has them from the property's description
+  // without colons and brackets, because docs/reference/elements.md is generated from the property's blurb
+  const char *unit, *what;
 };
 
-// Calls visit(row, field) for each of the limits.
 template <typename Limits, typename Visit>
 void for_each_limit(Limits& limits, const Visit& visit) {
   visit(LimitRow{"max-pixels", 1, double{kMaxImageSize} * kMaxImageSize, "pixels",
-                 "width times height of a view, and four times as many of all views of a set together"},
+                 "width times height of a view; all views of a set together may have four times as many"},
         limits.pixels);
   visit(LimitRow{"max-aperture", 0, Blending::kMaxAperture, "metres",
-                 "synthetic aperture of a view; 0 = as wide as the array, where that is known"},
+                 "synthetic aperture of a view; 0 = diameter of the array, if known"},
         limits.aperture);
-  visit(LimitRow{"max-trials", 0, kMaxTrials, "surfaces", "trial surfaces of one request"}, limits.trials);
+  visit(LimitRow{"max-trials", 0, kMaxHypotheses, "surfaces", "trial surfaces of one request"}, limits.trials);
   visit(LimitRow{"max-requests-per-second", 0, G_MAXUINT, "requests a second",
-                 "requests of one view, where they come in real time; 0 = any number"},
+                 "requests of one view that arrive in real time; 0 = unlimited"},
         limits.requests_per_second);
   visit(LimitRow{"max-views", 1, 65536, "views",
-                 "views that are served at a time; requests of more are refused until another one has not asked for "
-                 "two seconds"},
+                 "concurrent views; further views are refused until another view has been silent for two seconds"},
         limits.views);
 }
 
@@ -47,7 +46,6 @@ GType type_of(uint64_t) { return G_TYPE_UINT64; }
 GType type_of(double) { return G_TYPE_DOUBLE; }
 GType type_of(unsigned) { return G_TYPE_UINT; }
 
-// False if the limit can't have this value.
 template <typename Field>
 bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
   GValue number = G_VALUE_INIT;
@@ -62,8 +60,8 @@ bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
 
 std::string description() {
   std::string text =
-      "What requests may ask for at most, such as limits,max-pixels=4000000; requests for more are refused, and limits "
-      "that are not given have their defaults";
+      "Upper limits for requests, such as limits,max-pixels=4000000; requests beyond the limits are refused, and "
+      "missing limits have their defaults";
   const char* separator = ": ";
   const RequestLimits limits;
   for_each_limit(limits, [&](const LimitRow& row, auto) {
@@ -106,8 +104,7 @@ RequestLimits parse_limits(const GstStructure* structure, std::vector<std::strin
 void RequestGuard::install(GObjectClass* klass) {
   static const std::string kDescription = description();
   g_object_class_install_property(
-      klass, kLimits,
-      g_param_spec_boxed("limits", "Limits", kDescription.c_str(), GST_TYPE_STRUCTURE, kWhilePlaying));
+      klass, kLimits, g_param_spec_boxed("limits", "Limits", kDescription.c_str(), GST_TYPE_STRUCTURE, kWhilePlaying));
 }
 
 bool RequestGuard::set(GstElement* element, guint id, const GValue* value) {
@@ -134,21 +131,21 @@ void RequestGuard::warn_of_problems(GstElement* element) const {
   const std::vector<std::string> problems = problems_;
   lock.unlock();
   for (const std::string& problem : problems)
-    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("limits: %s; it is ignored", problem.c_str()), (nullptr));
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("limits: %s; this value is ignored", problem.c_str()), (nullptr));
 }
 
 bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced,
-                          uint32_t requester) {
+                          uint32_t client) {
   const std::optional<wire::RequestPeek> peek = wire::peek_request(request);
-  if (!peek) return true;  // refused where it is decoded
+  if (!peek) return true;
   const RequestCost cost = wire::peek_request_cost(request);
   std::unique_lock lock(mutex_);
   RequestLimits limits = limits_;
   if (!paced) limits.requests_per_second = 0;
   const uint64_t now = now_ns();
-  const RequestGate::Refusal refusal =
-      gate_.check(uint64_t{requester} << 32 | peek->head.view_id, cost, limits, extent, now);
-  if (refusal == RequestGate::kNone) return true;
+  const RequestLimiter::Refusal refusal =
+      gate_.check(uint64_t{client} << 32 | peek->head.view_id, cost, limits, extent, now);
+  if (refusal == RequestLimiter::kNone) return true;
   if (const std::optional<uint64_t> refused = refuse(refusal, now, std::move(lock)))
     GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
                         ("View %u %s: its request is refused (%" G_GUINT64_FORMAT " were so far).", peek->head.view_id,
@@ -157,16 +154,16 @@ bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request,
   return false;
 }
 
-std::optional<uint64_t> RequestGuard::refuse(RequestGate::Refusal refusal, uint64_t now,
+std::optional<uint64_t> RequestGuard::refuse(RequestLimiter::Refusal refusal, uint64_t now,
                                              [[maybe_unused]] std::unique_lock<std::mutex> lock) {
   refused_[refusal]++;
-  if (!told_.may_leave(now)) return std::nullopt;
+  if (!log_limit_.try_acquire(now)) return std::nullopt;
   return std::accumulate(std::begin(refused_), std::end(refused_), uint64_t{0});
 }
 
-void RequestGuard::forget(uint32_t requester) {
+void RequestGuard::forget(uint32_t client) {
   const std::lock_guard lock(mutex_);
-  gate_.forget_if([requester](uint64_t view) { return view >> 32 == requester; });
+  gate_.forget_if([client](uint64_t view) { return view >> 32 == client; });
 }
 
 bool RequestGuard::admits_answer(GstElement* element, int width, int height) {
@@ -174,7 +171,7 @@ bool RequestGuard::admits_answer(GstElement* element, int width, int height) {
   const RequestLimits limits = limits_;
   const uint64_t pixels = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
   if (pixels <= limits.pixels) return true;
-  if (const std::optional<uint64_t> refused = refuse(RequestGate::kPixels, now_ns(), std::move(lock)))
+  if (const std::optional<uint64_t> refused = refuse(RequestLimiter::kPixels, now_ns(), std::move(lock)))
     GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
                         ("An answer of %dx%d pixels is more than max-pixels (%" G_GUINT64_FORMAT
                          "): it is refused (%" G_GUINT64_FORMAT " were so far).",
@@ -200,7 +197,7 @@ void RequestGuard::add_stats(GstStructure* stats) const {
   const std::lock_guard lock(mutex_);
   constexpr const char* kNames[] = {"refused-pixels", "refused-aperture", "refused-trials",
                                     "refused-rate",   "refused-views",    "refused-lens"};
-  static_assert(std::size(kNames) == RequestGate::kNumRefusals);
+  static_assert(std::size(kNames) == RequestLimiter::kNumRefusals);
   uint64_t all = 0;
   for (size_t i = 0; i < std::size(kNames); i++) {
     gst_structure_set(stats, kNames[i], G_TYPE_UINT64, refused_[i], nullptr);

@@ -14,10 +14,10 @@
 
 namespace lf {
 
-// Decides which messages leave: at most one a second. Not thread-safe.
-class SecondlyMessage {
+// Allows at most one event per second. Not thread-safe.
+class RateLimiter {
  public:
-  bool may_leave(uint64_t now_ns) {
+  bool try_acquire(uint64_t now_ns) {
     constexpr uint64_t kSecond = 1'000'000'000;
     if (last_ != 0 && now_ns < last_ + kSecond) return false;
     last_ = now_ns;
@@ -31,30 +31,29 @@ class SecondlyMessage {
 // The value of the property `limits`: a structure with the fields max-pixels (uint64), max-aperture (double),
 // max-trials, max-requests-per-second and max-views (uint). The caller owns it.
 GstStructure* limits_structure(const RequestLimits& limits);
-// Reads such a structure, or null. Numbers may have any type. Missing and wrong fields keep their defaults. For each
-// wrong or unknown field, adds a text to `problems` that begins with the name of the field.
+// Parses such a structure, or null. Numbers may have any type. Missing and wrong fields keep their defaults. For each
+// wrong or unknown field, adds a text to `problems` that begins with the field name.
 RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems);
 
 // Checks requests against the property `limits` of an element. Counts refused requests, and posts a warning about them
 // at most once a second. Thread-safe.
 class RequestGuard {
  public:
-  static constexpr guint kLimits = 100;  // id of the property; other properties of the class have lower ones
+  static constexpr guint kLimits = 100;  // property id; other properties of the class have lower ids
   static void install(GObjectClass* klass);
   // Sets or reads the limits; false if the id belongs to another property. Posts warnings about wrong values, at once
   // if the element is running, otherwise when it starts.
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
-  // Whether a request is to be served. `requester` tells views of the same number apart that different senders ask for.
-  // `extent`: of the array, metres, 0: not known. `paced`: requests come in real time, so that there may be too many.
-  bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t requester = 0);
-  // No more requests come from this sender: its views make room for others.
-  void forget(uint32_t requester);
-  // Whether an answer of so many pixels may be taken; one larger than any request may ask for is refused.
+  // Returns true if the request may be served. `client` distinguishes equal view ids of different senders. `extent`:
+  // size of the array, metres; 0: unknown. `paced`: requests arrive in real time, so their rate is limited.
+  bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t client = 0);
+  // Frees the views of a sender that has stopped.
+  void forget(uint32_t client);
+  // True if an answer of this size may be accepted. Refuses answers larger than any allowed request.
   bool admits_answer(GstElement* element, int width, int height);
 
-  // The element starts: sets the numbers of refused requests to 0.
   void start(GstElement* element);
   uint64_t refused() const;
   // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views, -lens.
@@ -62,15 +61,15 @@ class RequestGuard {
 
  private:
   void warn_of_problems(GstElement* element) const;
-  // Counts a refusal, and says how many there were so far if it is to be told of. `lock`: of mutex_, given back.
-  std::optional<uint64_t> refuse(RequestGate::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
+  // Counts a refusal. Returns the total if the refusal should be logged. `lock`: lock of mutex_, released on return.
+  std::optional<uint64_t> refuse(RequestLimiter::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
 
   mutable std::mutex mutex_;
   RequestLimits limits_;
-  std::vector<std::string> problems_;  // of what the limits were set to
-  RequestGate gate_;
-  uint64_t refused_[RequestGate::kNumRefusals] = {};
-  SecondlyMessage told_;
+  std::vector<std::string> problems_;
+  RequestLimiter gate_;
+  uint64_t refused_[RequestLimiter::kNumRefusals] = {};
+  RateLimiter log_limit_;
 };
 
 }  // namespace lf

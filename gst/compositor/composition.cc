@@ -10,22 +10,21 @@
 #define GST_CAT_DEFAULT lf_compositor_debug
 
 using lf::CompositorStats;
-using Taken = lf::NodeInput::Taken;
+using Taken = lf::NodeInput::UnitResult;
 
-// A request in, what nodes answer to it, and its picture out.
+// The control flow of lfcompositor: takes a request, adds the nodes' answers, and outputs the picture.
 //
-// GstAggregator calls aggregate() when every pad has a buffer, which is when every node has answered: the last part of
-// a node's answer stays on its pad until the picture is done. Live, that would leave all the work for the end and wait
-// in vain for nodes that are gone: there lf_compositor_next_time() names the past as the next deadline whenever there
-// is something to do.
+// GstAggregator calls aggregate() when every pad has a buffer. The last part of each node's answer therefore stays on
+// its pad until the picture is done. Live pipelines should not leave all the work to the deadline, or wait for dead
+// nodes. lf_compositor_next_time() therefore reports a deadline in the past whenever there is work.
 
 void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> rig) {
   auto& state = *self->state;
-  // What refers to the rig that was used before goes with it.
+  // Everything that refers to the previous rig is replaced.
   state.rig = rig;
   state.focus.set_rig(rig);
   state.assembly.set_rig(rig);
-  state.corners = rig ? lf::corner_cameras(*rig) : lf::CameraSet();
+  state.corners = rig ? lf::hull_cameras(*rig) : lf::CameraSet();
   state.extent = rig ? lf::array_extent(*rig) : 0;
   state.coverage.clear();
   state.warned_rig = false;
@@ -37,14 +36,12 @@ void lf_compositor_forget_request(LfCompositor* self) {
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget();
 }
 
-// The current request gets no picture, and there is room for the next.
 static void drop_request(LfCompositor* self) {
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_answer();
   lf_compositor_forget_request(self);
   gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
 }
 
-// The clock's time now; GST_CLOCK_TIME_NONE without a clock.
 static GstClockTime clock_time(LfCompositor* self) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return GST_CLOCK_TIME_NONE;
@@ -58,7 +55,7 @@ static GstClockTime running_time(LfCompositor* self, GstBuffer* request) {
                                      GST_BUFFER_PTS(request));
 }
 
-// When the picture of the request at the head of its pad has to be out, in clock time.
+// Returns the due time of the next request's picture, in clock time; GST_CLOCK_TIME_NONE if unknown.
 static GstClockTime deadline(LfCompositor* self) {
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return GST_CLOCK_TIME_NONE;
@@ -69,9 +66,8 @@ static GstClockTime deadline(LfCompositor* self) {
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
 }
 
-// Asks for the latency again if the request at the head of the pad has come later than the latency allows: that has
-// grown, and perhaps nobody heeds the message about it. What is too short would have pictures made before their answers
-// can be there.
+// Queries the latency again if the next request arrived later than the latency allows. The latency has then grown, and
+// the application may ignore the latency message. A short latency would compose pictures before the answers can arrive.
 static void refresh_latency(LfCompositor* self) {
   auto& state = *self->state;
   const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
@@ -88,11 +84,11 @@ static void refresh_latency(LfCompositor* self) {
   if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
   state.latency_asked_at = asked;
   GstQuery* query = gst_query_new_latency();
-  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class keeps what comes of it
+  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class stores the result
   gst_query_unref(query);
 }
 
-// What nodes answer, up to the sum: which answer is of the request that has its turn, and what becomes of others.
+// Answers to the current request.
 
 static void refuse_rig(LfCompositor* self, const lf::wire::AnswerHeader& answer) {
   auto& state = *self->state;
@@ -105,11 +101,11 @@ static void refuse_rig(LfCompositor* self, const lf::wire::AnswerHeader& answer)
 
 static void add_answer(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
-  const std::shared_ptr<lf::gl::CardSum> card_sum = lf::card_sum_of(buffer);
+  const std::shared_ptr<lf::gl::GpuSum> gpu_sum = lf::gpu_sum_of(buffer);
   const auto mapped = std::make_shared<const lf::MappedBuffer>(buffer, lf::MappedBuffer::Part::kHead);
   std::string reason;
   std::optional<lf::wire::AnswerView> answer;
-  if (!card_sum)
+  if (!gpu_sum)
     answer = lf::wire::parse_answer(mapped->bytes(), &reason);
   else if (const auto head = lf::wire::parse_answer_header(mapped->bytes(), &reason))
     answer = lf::wire::AnswerView{*head, {}};
@@ -121,19 +117,19 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
   const int64_t begun = g_get_monotonic_time();
   state.bytes += gst_buffer_get_size(buffer);
   const unsigned damaged_before = state.assembly.damaged();
-  switch (card_sum ? state.assembly.add_on_card(*answer, card_sum) : state.assembly.add(*answer, mapped)) {
+  switch (gpu_sum ? state.assembly.add_on_gpu(*answer, gpu_sum) : state.assembly.add(*answer, mapped)) {
     case lf::Assembly::Verdict::kOtherRig: refuse_rig(self, *answer); break;
     case lf::Assembly::Verdict::kNeedsRig:
       state.stats.count(CompositorStats::kBadAnswers);
       if (!state.warned_rig)
         GST_ELEMENT_WARNING(
             self, RESOURCE, SETTINGS,
-            ("Node %u answers with pixels of its cameras: set the property \"rig\" to compose them.", answer->node),
+            ("Node %u sends unwarped pixels: set the property \"rig\" of this compositor.", answer->node),
             ("view %u, request %u", answer->view_id, answer->sequence));
       state.warned_rig = true;
       break;
     case lf::Assembly::Verdict::kBadFragment:
-      GST_WARNING_OBJECT(self, "node %u: fragments that don't fit the view or the other nodes'", answer->node);
+      GST_WARNING_OBJECT(self, "node %u: fragments do not fit the view or the answers of earlier nodes", answer->node);
       state.stats.count(CompositorStats::kBadAnswers);
       break;
     default: break;
@@ -143,25 +139,25 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
     GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
 }
 
-// An answer to a request before the current one: too late for its picture, but a sign of life all the same if it was
-// there before the deadline and nobody waited for this node.
+// Handles an answer to an earlier request. It is too late for its picture, but proves that the node works if it arrived
+// before the deadline and the compositor did not wait for the node.
 static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeader& answer, lf::NodeInput& node) {
   auto& state = *self->state;
-  const lf::PastRequests::Answer late = state.past.judge(answer.sequence, clock_time(self));
-  if (late == lf::PastRequests::Answer::kToSkipped) return;
+  const lf::RequestHistory::Answer late = state.past.judge(answer.sequence, clock_time(self));
+  if (late == lf::RequestHistory::Answer::kToSkipped) return;
   state.stats.count(CompositorStats::kLateAnswers);
-  if (late != lf::PastRequests::Answer::kInTime) return;
+  if (late != lf::RequestHistory::Answer::kInTime) return;
   node.was_in_time();
   lf::CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
-  state.health.seen_late(answer.rig_hash, seeing);
+  state.health.add_late(answer.rig_hash, seeing);
 }
 
-// Live, an answer to what nobody has asked is thrown away: one far ahead, or with another time than its request has, is
-// of a viewer that has begun anew since, or forged. Files have no such times, and wait for every answer.
-static bool is_stray(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
+// Live: rejects answers that match no request. An answer far ahead, or with another capture time than its request, is
+// forged or from before a restart of the viewer. Files have no such times and wait for every answer.
+static bool is_unexpected(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
   if (!self->state->live) return false;
-  return ahead > lf::AheadAnswers::kMostRequests ||
+  return ahead > lf::EarlyAnswers::kMostRequests ||
          (ahead == 0 && answer.target_time != self->state->current->target_time);
 }
 
@@ -175,17 +171,17 @@ static Taken take_fragments(LfCompositor* self, lf::NodeInput& node, GstBuffer* 
     return Taken::kDone;
   }
   if (answer->view_id != state.current->view_id) return Taken::kDone;
-  if (state.assembly.is_beyond_rig(*answer)) {
-    GST_WARNING_OBJECT(self, "node %u: speaks for cameras that the rig does not have", answer->node);
+  if (state.assembly.has_unknown_cameras(*answer)) {
+    GST_WARNING_OBJECT(self, "node %u: its answer claims cameras that are not in the rig", answer->node);
     state.stats.count(CompositorStats::kBadAnswers);
     return Taken::kDone;
   }
-  // Sequence numbers wrap: the sign of the difference tells the order.
+  // Sequence numbers wrap: the sign of the difference gives the order.
   const auto ahead = static_cast<int32_t>(answer->sequence - state.current->sequence);
-  if (is_stray(self, *answer, ahead)) {
-    state.stats.count(CompositorStats::kStrayAnswers);
+  if (is_unexpected(self, *answer, ahead)) {
+    state.stats.count(CompositorStats::kUnexpectedAnswers);
   } else if (ahead > 0) {
-    return Taken::kAhead;
+    return Taken::kEarly;
   } else if (ahead < 0) {
     note_late_answer(self, *answer, node);
   } else if (!node.add_part(answer->part)) {
@@ -197,28 +193,27 @@ static Taken take_fragments(LfCompositor* self, lf::NodeInput& node, GstBuffer* 
   return Taken::kDone;
 }
 
-static Taken take_moments(LfCompositor* self, GstBuffer* buffer) {
+static Taken take_consistency(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
   const lf::MappedBuffer mapped(buffer);
-  const lf::FocusFinder::Taken taken = state.focus.take(mapped.bytes(), *state.current);
+  const lf::DepthLoop::Taken taken = state.focus.take(mapped.bytes(), *state.current);
   if (!taken.problem.empty()) {
-    GST_WARNING_OBJECT(self, "dropped moments: %s", taken.problem.c_str());
+    GST_WARNING_OBJECT(self, "dropped photo-consistency sums: %s", taken.problem.c_str());
     state.stats.count(CompositorStats::kBadAnswers);
   }
-  const bool stray = taken.ahead > lf::AheadAnswers::kMostRequests && state.live;
-  if (stray) state.stats.count(CompositorStats::kStrayAnswers);
-  return taken.ahead > 0 && !stray ? Taken::kAhead : Taken::kDone;
+  const bool stray = taken.ahead > lf::EarlyAnswers::kMostRequests && state.live;
+  if (stray) state.stats.count(CompositorStats::kUnexpectedAnswers);
+  return taken.ahead > 0 && !stray ? Taken::kEarly : Taken::kDone;
 }
 
-// Adds what has come from a node for the current request, up to its last part.
 static void take_answers(LfCompositor* self, lf::NodeInput& node) {
   auto& state = *self->state;
   node.take(state.current->sequence, state.live, [&](GstBuffer* buffer) {
-    return lf::is_moments_buffer(buffer) ? take_moments(self, buffer) : take_fragments(self, node, buffer);
+    return lf::is_consistency_buffer(buffer) ? take_consistency(self, buffer) : take_fragments(self, node, buffer);
   });
 }
 
-// What the view's lfviewrequest is told of its cameras and its focal surface, from what came of its requests.
+// Feedback to lfviewrequest: cameras out of service and the focal surface.
 
 static bool tell(LfCompositor* self, lf::ViewFeedback feedback) {
   return gst_pad_push_event(self->request, lf::view_feedback_event(std::move(feedback)));
@@ -228,12 +223,11 @@ static void post(LfCompositor* self, GstStructure* structure) {
   gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
 }
 
-// Tells upstream and the application which cameras are out of service.
 static void announce_out_of_service(LfCompositor* self) {
   auto& state = *self->state;
   const lf::CameraSet& cameras = state.health.out_of_service();
   const size_t known = state.rig ? state.rig->cameras.size() : 0;
-  const lf::CameraSet out = lf::out_of_mesh(cameras, state.corners, known);
+  const lf::CameraSet out = lf::mesh_exclusions(cameras, state.corners, known);
   state.stats.set_out_of_service(cameras.size());
   const guint view_id = lf_compositor_view_id(self);
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
@@ -243,29 +237,28 @@ static void announce_out_of_service(LfCompositor* self) {
   post(self, structure);
 }
 
-bool lf_compositor_tell_caps(LfCompositor* self) {
+bool lf_compositor_announce_caps(LfCompositor* self) {
   if (lf_compositor_settings(self).partial) return false;
   const lf::SharedCaps accepted = lf_compositor_accepted_caps(self);
   return gst_pad_push_event(self->request, lf::picture_caps_event(lf_compositor_view_id(self), accepted.get()));
 }
 
-// Tells upstream where the next request is to be focused, from what came of the trials of the current one.
 static void find_focus(LfCompositor* self) {
   auto& state = *self->state;
-  lf::ViewRequest seen = *state.current;  // by the cameras that there are
+  lf::ViewRequest seen = *state.current;  // the request without the cameras that had no frame
   if (!state.gone.empty() && state.rig) {
-    lf::CameraRanges out(lf::out_of_mesh(state.gone.cameras(), state.corners, state.rig->cameras.size()));
+    lf::CameraRanges out(lf::mesh_exclusions(state.gone.cameras(), state.corners, state.rig->cameras.size()));
     out.add(lf::CameraRanges(seen.out_of_service));
     seen.out_of_service = out.cameras();
   }
-  std::optional<lf::FoundFocus> found = state.focus.next(
-      seen, state.settings.view_focus(), state.settings.match_gains(state.rig && state.rig->has_colour()));
+  std::optional<lf::DepthEstimate> found = state.focus.next(
+      seen, state.settings.view_depths(), state.settings.match_gains(state.rig && state.rig->has_colour()));
   if (!found) return;
   state.stats.set_focus(state.focus.state(), state.focus.bytes());
   state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));
 }
 
-// The current request has been composed: asks for a camera's turn, if it is time.
+// Call after composing a request: requests the next camera prediction if it is due.
 static void monitor(LfCompositor* self) {
   auto& state = *self->state;
   if (state.settings.monitor_interval == 0 || !state.rig) return;
@@ -275,8 +268,8 @@ static void monitor(LfCompositor* self) {
   tell(self, {.view_id = state.current->view_id, .extra_requests = {probe->seen, probe->predicted}});
 }
 
-// Whether a camera that should have a part in the current request had no picture of its time: that says nothing of how
-// well cameras fit together.
+// True if a contributing camera had no frame of the requested time. The prediction error then says nothing about the
+// cameras.
 static bool any_is_blind(const _LfCompositor::State& state) {
   lf::CameraRanges blind = state.assembly.blind();
   blind.remove(lf::CameraRanges(state.current->out_of_service));
@@ -288,11 +281,10 @@ static void answer_sweep(LfCompositor* self) {
   auto& state = *self->state;
   state.assembly.finish(lf::PixelFamily::kRgb, false);
   state.stats.set_focus(state.focus.state(), state.focus.bytes() + state.bytes);
-  if (!state.assembly.complete()) return;  // what some of the cameras agree on may be anything
+  if (!state.assembly.complete()) return;  // depths that only some cameras agree on are unreliable
   tell(self, {.view_id = state.current->view_id, .focus = state.focus.sweep(*state.current)});
 }
 
-// The current request is a probe, and answered: it was a camera's turn, or a sweep of depths.
 static void take_probe(LfCompositor* self) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
@@ -301,26 +293,24 @@ static void take_probe(LfCompositor* self) {
   if (!state.turns.expects(request)) return;
   state.assembly.finish(lf::PixelFamily::kRgb, true);
   if (!state.assembly.complete() || any_is_blind(state)) return state.turns.lose();
-  const auto came = state.turns.take(request, lf::covered_picture(state.assembly.picture()));
-  if (came == lf::CameraTurns::Came::kHalf) return;
+  const auto came = state.turns.take(request, lf::coverage_image(state.assembly.picture()));
+  if (came == lf::ProbeScheduler::TurnResult::kFirstProbe) return;
   const lf::CameraMonitor& monitor = *state.turns.monitor();
   state.stats.set_monitor(monitor);
-  if (came != lf::CameraTurns::Came::kOtherSuspects) return;
+  if (came != lf::ProbeScheduler::TurnResult::kSuspectsChanged) return;
   GST_INFO_OBJECT(self, "%zu cameras are suspect", monitor.suspects().size());
   GstStructure* structure = gst_structure_new("lightfield-suspects", "view-id", G_TYPE_UINT, request.view_id, nullptr);
   lf::set_suspects(structure, "suspects", monitor.suspects());
   post(self, structure);
 }
 
-// What is said of a picture that is put out, or left out.
+// Reports of pictures that are output or skipped.
 
-// The capture time of the current request's picture, or kNoTime.
 static uint64_t capture_time(LfCompositor* self) {
   const auto& state = *self->state;
   return state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
 }
 
-// A picture that is shown again has its own already.
 static void note_capture_time(GstBuffer* picture, uint64_t captured) {
   static GstStaticCaps static_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   GstCaps* reference = gst_static_caps_get(&static_caps);
@@ -329,12 +319,11 @@ static void note_capture_time(GstBuffer* picture, uint64_t captured) {
   gst_caps_unref(reference);
 }
 
-// The current request is left out, as its picture would come too late: counts it and says so.
-static void record_skipped(LfCompositor* self, const lf::QosWatch::Late& late) {
-  constexpr gint kFullQuality = 1'000'000;  // of what is shown at all
+static void record_skipped(LfCompositor* self, const lf::QosTracker::Late& late) {
+  constexpr gint kFullQuality = 1'000'000;  // pictures are shown in full quality or not at all
   auto& state = *self->state;
   state.stats.request_skipped(state.current->sequence);
-  if (!state.current->place.leads()) return;  // of a set one message tells
+  if (!state.current->place.leads()) return;  // one message per set
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return;
   const GstSegment& segment = GST_AGGREGATOR_PAD(self->request)->segment;
@@ -349,8 +338,8 @@ static void record_skipped(LfCompositor* self, const lf::QosWatch::Late& late) {
   gst_element_post_message(GST_ELEMENT(self), message);
 }
 
-// Somebody who asks for a view outside of the array gets black pictures, and should know why.
-// `coverage`: less than 0 where the array is not known. That of cameras out of service is no matter of the view.
+// Warns if a view outside the array is black. `coverage`: negative without a rig. Does not warn while cameras are out
+// of service, because the view is then not the cause.
 static void note_unseen(LfCompositor* self, double coverage) {
   auto& state = *self->state;
   if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
@@ -360,8 +349,8 @@ static void note_unseen(LfCompositor* self, double coverage) {
     if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()) > 0) {
       GST_ELEMENT_WARNING(
           self, STREAM, FAILED,
-          ("No camera sees anything of view %u, because %zu of %zu cameras are out of service, among them "
-           "all that see the view: is the viewer's property out-of-service right?",
+          ("No camera sees anything of view %u: %zu of %zu cameras are out of service, including all cameras "
+           "near the view. Check the viewer's property out-of-service.",
            state.current->view_id, state.current->out_of_service.size(), state.rig->cameras.size()),
           (nullptr));
       return;
@@ -370,20 +359,20 @@ static void note_unseen(LfCompositor* self, double coverage) {
   const std::string across = lf::format_text("%.2f", state.extent.load());
   if (state.current->place.count() > 1) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("No camera sees anything of some of the %d views of view %u: their eyes are outside of the "
-                         "array, which is %s m across. A smaller eye-distance or view-cone keeps them inside.",
+                        ("No camera sees anything of some of the %d views of view %u: their eyes are outside the "
+                         "array, which is %s m wide. Reduce eye-distance or view-cone.",
                          state.current->place.count(), state.current->view_id, across.c_str()),
                         (nullptr));
     return;
   }
   GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                      ("No camera sees anything of view %u: the eye, or all that it looks at, is outside of the array, "
-                       "which is %s m across. Such pictures are counted as unseen in stats.",
+                      ("No camera sees anything of view %u: the eye, or its whole field of view, is outside the array, "
+                       "which is %s m wide. The property stats counts these pictures as unseen.",
                        state.current->view_id, across.c_str()),
                       (nullptr));
 }
 
-// Of cameras that the compositor knows nothing of nothing can be missing.
+// Without a rig, use the cameras of the answers.
 static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) {
   if (!state.rig) return state.assembly.blind().cameras();
   lf::CameraSet missing;
@@ -395,14 +384,14 @@ static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) 
 static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double coverage) {
   auto& state = *self->state;
   const lf::Assembly& assembly = state.assembly;
-  lf::ViewFacts facts{.request = *state.current,
-                      .capture_time = std::nullopt,
-                      .coverage = coverage,
-                      .fragments = assembly.fragments(),
-                      .missing = assembly.missing(),
-                      .damaged = assembly.damaged(),
-                      .missing_cameras = cameras_without_picture(state),
-                      .missing_nodes = {}};
+  lf::ViewMetaEntry facts{.request = *state.current,
+                          .capture_time = std::nullopt,
+                          .coverage = coverage,
+                          .fragments = assembly.fragments(),
+                          .missing = assembly.missing(),
+                          .damaged = assembly.damaged(),
+                          .missing_cameras = cameras_without_picture(state),
+                          .missing_nodes = {}};
   const uint64_t captured = capture_time(self);
   if (captured != lf::kNoTime) facts.capture_time = captured;
   for (lf::NodeInput* node : nodes)
@@ -410,13 +399,13 @@ static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double co
   state.view_meta.add(std::move(facts));
 }
 
-// Counts the picture, posts its message, and notes what its meta will say. `answered`: monotonic time, microseconds.
+// `answered`: monotonic time, microseconds.
 static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
   const bool post = state.settings.post_messages;
-  // Views of a set differ, so that each of the first one is looked at.
+  // The views of a set differ, so each view of the first set is measured.
   const uint32_t set = request.sequence - static_cast<uint32_t>(request.place.turn());
   if (!state.first_set) state.first_set = set;
   const bool exact = post || (request.place.count() > 1 && set == *state.first_set);
@@ -432,25 +421,22 @@ static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answ
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
 
-// How a request ends: with a picture, or left out because that would come too late.
+// Finishing requests.
 
-// Nodes that say nothing, while others do.
 static void warn_of_silent(LfCompositor* self, const std::vector<lf::NodeInput*>& nodes) {
   for (lf::NodeInput* node : nodes) {
     const char* const hint =
         node->silence().ever_answered()
-            ? "any more: is its host, and the way to it, still there?"
-            : "though other nodes answer: do requests reach it, and has it the same key-file, if any?";
-    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("Nothing comes from a node (%s) %s", node->name().c_str(), hint),
-                        (nullptr));
+            ? "has stopped answering: check its host and the network."
+            : "does not answer, unlike other nodes: check that requests reach the node, and its key-file.";
+    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("A node (%s) %s", node->name().c_str(), hint), (nullptr));
   }
 }
 
-// Live, a view that is asked for and that no node answers, or not every one.
 static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
   if (!lf_compositor_is_live(self)) return;
   const gint64 now = g_get_monotonic_time();
-  lf::SilenceWatch& silence = self->state->silence;
+  lf::SilenceDetector& silence = self->state->silence;
   std::vector<lf::NodeInput*> silent;
   for (lf::NodeInput* node : nodes)
     if (!node->has_ended() && node->silence().composed(now)) silent.push_back(node);
@@ -460,24 +446,24 @@ static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
   }
   if (silence.ever_answered()) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("No node answers view %u any more: are their hosts, and the way to them, still there?",
+                        ("No node answers view %u any more: check the hosts of the nodes and the network.",
                          self->state->current->view_id),
                         (nullptr));
     return;
   }
   GST_ELEMENT_WARNING(
       self, STREAM, FAILED,
-      ("No node answers view %u: do its requests reach them, and their answers this compositor? Those on "
-       "other hosts need the same key-file as this viewer, and none if it has none.",
+      ("No node answers view %u: check that requests reach the nodes and that answers reach this compositor. Nodes "
+       "on other hosts need the same key-file as this viewer, or none if the viewer has none.",
        self->state->current->view_id),
       (nullptr));
 }
 
-// Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
+// Makes room for the next request. Probes do not count for the state of nodes, because pictures already do.
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
   note_silence(self, nodes);
-  // Of a set, which is of one moment, one view counts.
+  // The views of a set show the same time, so only one counts.
   const bool counts = !state.current->probe && state.current->place.leads();
   for (lf::NodeInput* node : nodes) node->close(counts);
   if (lf_compositor_is_live(self) && !state.current->probe) state.past.composed(state.current->sequence, due);
@@ -502,12 +488,11 @@ static GstBuffer* make_output(LfCompositor* self, GstFlowReturn* flow) {
   state.output.show(settings.show, state.rig);
   GstBuffer* picture = state.output.make_picture(state.assembly, *state.current, background, flow, &dropped);
   if (dropped) state.stats.count(lf::CompositorStats::kDroppedPictures);
-  if (picture && state.output.is_on_card()) state.stats.count(lf::CompositorStats::kCardPictures);
+  if (picture && state.output.is_on_gpu()) state.stats.count(lf::CompositorStats::kGpuPictures);
   return picture;
 }
 
-// What came of trials goes on before a partial answer.
-static GstFlowReturn push_moments(LfCompositor* self, GstClockTime pts) {
+static GstFlowReturn push_consistency(LfCompositor* self, GstClockTime pts) {
   auto& state = *self->state;
   for (lf::ByteBuffer& bytes : state.focus.units(*state.current, state.assembly.rig_hash(), state.settings.node)) {
     GstBuffer* unit = lf::wrap_bytes(std::move(bytes));
@@ -521,13 +506,12 @@ static GstFlowReturn push_moments(LfCompositor* self, GstClockTime pts) {
 static void replace_incomplete(LfCompositor* self, GstBuffer** picture) {
   auto& state = *self->state;
   switch (state.output.replace_incomplete(state.assembly, state.settings.incomplete, picture)) {
-    case lf::PictureOutput::Shown::kRepeated: return state.stats.count(lf::CompositorStats::kRepeatedPictures);
-    case lf::PictureOutput::Shown::kDropped: return state.stats.count(lf::CompositorStats::kDroppedPictures);
+    case lf::PictureOutput::OutputAction::kRepeated: return state.stats.count(lf::CompositorStats::kRepeatedPictures);
+    case lf::PictureOutput::OutputAction::kDropped: return state.stats.count(lf::CompositorStats::kDroppedPictures);
     default: return;
   }
 }
 
-// Puts out the picture of the current request as it is now, and makes room for the next.
 static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& nodes) {
   auto& state = *self->state;
   const bool partial = state.settings.partial;
@@ -540,12 +524,12 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
     return GST_FLOW_OK;
   }
   const bool leads = state.current->place.leads();
-  // Rehearsals are for trials alone: an interval would show the first picture before the surface is found.
-  const guint trial_interval = state.current->rehearsal ? 1 : state.settings.trial_interval;
-  if (leads) state.focus.keep_pace(state.assembly.complete(), trial_interval);
-  // Before the picture is made: the next request may wait for it.
+  // Warm-up requests ignore the interval. Otherwise the first picture would appear before the surface is found.
+  const guint depth_interval = state.current->warmup ? 1 : state.settings.depth_interval;
+  if (leads) state.focus.adapt_rate(state.assembly.complete(), depth_interval);
+  // The next request may wait for the focus, so update the focus before making the picture.
   if (!partial && leads && state.current->view.focus.map) find_focus(self);
-  if (!partial && state.current->rehearsal) {
+  if (!partial && state.current->warmup) {
     close_request(self, nodes, due);
     gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
     return GST_FLOW_OK;
@@ -554,7 +538,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   GstBuffer* out = make_output(self, &flow);
   if (!out && flow != GST_FLOW_OK) return flow;
   GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) {  // flushed meanwhile
+  if (!request) {  // flushed in the meantime
     gst_clear_buffer(&out);
     lf_compositor_forget_request(self);
     return GST_FLOW_OK;
@@ -564,7 +548,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   state.output.follow_segment(GST_AGGREGATOR_PAD(self->request)->segment);
   record(self, nodes, answered, pts);
   if (partial)
-    flow = push_moments(self, pts);
+    flow = push_consistency(self, pts);
   else if (leads)
     monitor(self);
   if (out) replace_incomplete(self, &out);
@@ -581,14 +565,14 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
     note_capture_time(out, captured);
     state.view_meta.attach(out);
   }
-  // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
+  // Non-live pictures are never incomplete. The output keeps no reference, so that downstream may write into the
+  // picture.
   return state.output.push(out, pts, lf_compositor_is_live(self) && !partial);
 }
 
-// Whether the current request's picture would come too late, as who shows them says.
-static std::optional<lf::QosWatch::Late> is_too_late(LfCompositor* self) {
+static std::optional<lf::QosTracker::Late> is_too_late(LfCompositor* self) {
   auto& state = *self->state;
-  if (state.current->probe || state.current->rehearsal || state.output.is_drawing(*state.current)) return std::nullopt;
+  if (state.current->probe || state.current->warmup || state.output.is_drawing(*state.current)) return std::nullopt;
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return std::nullopt;
   const GstClockTime time = running_time(self, request);
@@ -596,23 +580,23 @@ static std::optional<lf::QosWatch::Late> is_too_late(LfCompositor* self) {
   return state.qos.late(state.current->view_id, time);
 }
 
-// Leaves the current request out. That says nothing of the nodes: they have left it out, too.
-static void skip_request(LfCompositor* self, const lf::QosWatch::Late& late) {
+// Skips the current request. The nodes skip it, too, so it does not count for their state.
+static void skip_request(LfCompositor* self, const lf::QosTracker::Late& late) {
   auto& state = *self->state;
   record_skipped(self, late);
-  // Who waits for the surface that comes of it goes on.
+  // The next request may be waiting for the focal surface.
   if (!state.settings.partial && state.current->place.leads() && state.current->view.focus.map) find_focus(self);
   state.past.skipped(state.current->sequence);
   drop_request(self);
 }
 
-// Which request has its turn, and when it is answered.
+// Selection of the current request.
 
 static void use_rig_for_health(LfCompositor* self, uint64_t hash) {
   if (self->state->health.use_rig(hash)) announce_out_of_service(self);
 }
 
-static void take_new_rig(LfCompositor* self) {
+static void apply_new_rig(LfCompositor* self) {
   auto& state = *self->state;
   lf::ObjectLock lock(self);
   const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
@@ -624,19 +608,19 @@ static void take_new_rig(LfCompositor* self) {
   if (*rig) use_rig_for_health(self, (*rig)->hash());
 }
 
-// Where the next request's number is one before the last one's, what waits for later ones is thrown away.
+// If the sequence number has decreased, the viewer has restarted: drops the early answers of the previous run.
 static void note_sequence(LfCompositor* self, uint32_t sequence) {
   if (!self->state->past.begin(sequence)) return;
-  GST_INFO_OBJECT(self, "requests go on at %u: their viewer has begun anew", sequence);
-  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget_later();
+  GST_INFO_OBJECT(self, "requests continue at %u: the viewer has restarted", sequence);
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_early();
 }
 
-// Makes the first own request on the request pad the current one; it stays on the pad until it is answered, so that
-// aggregation fires when the last answer arrives and not when the next request does.
+// Makes the next request of this view the current request. It stays on the pad until it is answered, so that
+// aggregation starts with the last answer and not with the next request.
 static bool find_request(LfCompositor* self, guint view_id) {
   auto& state = *self->state;
   if (state.current) return true;
-  take_new_rig(self);
+  apply_new_rig(self);
   GstAggregatorPad* pad = GST_AGGREGATOR_PAD(self->request);
   while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
     std::string reason;
@@ -653,7 +637,8 @@ static bool find_request(LfCompositor* self, guint view_id) {
         state.current = std::move(request);
         state.bytes = 0;
         state.adding = 0;
-        // Nothing can come of trials that it does not have: the next request's are on their way at once.
+        // A request without depth hypotheses returns no photo-consistency sums, so the next hypotheses can be sent
+        // immediately.
         if (!state.settings.partial && !state.current->probe && state.current->place.leads() &&
             !state.current->view.focus.map)
           find_focus(self);
@@ -677,7 +662,7 @@ static GstFlowReturn compose(LfCompositor* self) {
   const guint view_id = self->state->settings.view_id;
   bool found = find_request(self, view_id);
   while (found) {
-    const std::optional<lf::QosWatch::Late> late = is_too_late(self);
+    const std::optional<lf::QosTracker::Late> late = is_too_late(self);
     if (!late) break;
     skip_request(self, *late);
     found = find_request(self, view_id);
@@ -694,16 +679,14 @@ static GstFlowReturn compose(LfCompositor* self) {
   return all_answered || late ? finish_request(self, nodes) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
-// What was thrown costs the request at the head its picture, and nothing else.
 static GstFlowReturn abandon_request(LfCompositor* self) {
   self->state->stats.count(CompositorStats::kFailedPictures);
   drop_request(self);
   return GST_FLOW_OK;
 }
 
-// What comes in is of no use any more. That is this view's matter alone: told upstream, it would end the others behind
-// the same tee. Once nothing can come the base class is to rest: it calls aggregate() again and again while all of its
-// pads have ended.
+// Drops all input after the output has ended. Upstream must not see an error, because errors would end all views of the
+// same tee. Returns EOS when all pads have ended; otherwise the base class would keep calling aggregate().
 static GstFlowReturn drop_all(LfCompositor* self) {
   lf_compositor_forget_request(self);
   const lf::NodeInputs nodes(self->request);
@@ -730,26 +713,25 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   switch (flow) {
     case GST_FLOW_OK: state.warned_unlinked = false; return flow;
     case GST_AGGREGATOR_FLOW_NEED_DATA: return flow;
-    case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // who stops or seeks it says so itself
-    case GST_FLOW_NOT_LINKED:                                      // until it is linked again
+    case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // handled by the flushing element
+    case GST_FLOW_NOT_LINKED:                                      // until the pad is linked again
       if (!std::exchange(state.warned_unlinked, true))
-        GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is linked with nothing: pictures are thrown away."),
-                            (nullptr));
+        GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is not linked: pictures are discarded."), (nullptr));
       return GST_AGGREGATOR_FLOW_NEED_DATA;
     case GST_FLOW_NOT_NEGOTIATED:  // elements post all other errors themselves
       if (!state.output.has_refused()) GST_ELEMENT_FLOW_ERROR(self, flow);
       break;
     default: break;
   }
-  if (!state.output.has_begun()) return flow;  // the base class begins a stream to end it
+  if (!state.output.has_begun()) return flow;  // the base class starts a stream before EOS
   GST_INFO_OBJECT(self, "the output has ended: %s", gst_flow_get_name(flow));
   state.over = true;
   gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(self), gst_event_new_eos());
   return drop_all(self);
 }
 
-// Live (else it does not count), the running time that aggregate() is called at, less the latency, if not all pads have
-// a buffer before. Called with GstAggregator's lock held: what asks it for the latency would wait for ever.
+// Live only. Returns the running time (without the latency) for calling aggregate() even with empty pads. Called with
+// GstAggregator's lock held, so a latency query here would deadlock.
 GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
@@ -759,7 +741,7 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   if (!self->state->current) return 0;
   bool awaited = false;
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) {
-    if (node->has_news()) return 0;
+    if (node->has_unread()) return 0;
     awaited = awaited || node->is_awaited(true, self->state->settings.max_missed);
   }
   return awaited ? time : 0;

@@ -9,11 +9,10 @@
 namespace lf {
 namespace {
 
-constexpr size_t kMostInFlight = 256;  // requests that were never answered don't pile up
+constexpr size_t kMostInFlight = 256;  // limit for requests that are never answered
 
 uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<uint64_t>(to - from) * 1000 : 0; }
 
-// One number a camera.
 void set_figures(GstStructure* stats, const char* name, const CameraMonitor& monitor,
                  const std::function<double(const PredictionError&)>& figure) {
   GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
@@ -66,7 +65,7 @@ void CompositorStats::set_out_of_service(size_t cameras) {
   out_of_service_ = cameras;
 }
 
-void CompositorStats::set_focus(const FocusControl::State& state, uint64_t trial_bytes) {
+void CompositorStats::set_focus(const DepthEstimator::State& state, uint64_t trial_bytes) {
   std::lock_guard lock(mutex_);
   focus_ = state;
   trial_bytes_ += trial_bytes;
@@ -150,7 +149,7 @@ GstStructure* CompositorStats::structure() const {
   set("incomplete", pictures_ - complete_);
   set("unseen", unseen_);
   if (coverage_ >= 0) gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_, nullptr);
-  set("card-pictures", counters_[kCardPictures]);
+  set("gpu-pictures", counters_[kGpuPictures]);
   set("repeated", counters_[kRepeatedPictures]);
   set("dropped", counters_[kDroppedPictures]);
   set("skipped", counters_[kSkippedRequests]);
@@ -158,7 +157,7 @@ GstStructure* CompositorStats::structure() const {
   set("missing-fragments", missing_);
   set("damaged-fragments", damaged_);
   set("late-answers", counters_[kLateAnswers]);
-  set("stray-answers", counters_[kStrayAnswers]);
+  set("unexpected-answers", counters_[kUnexpectedAnswers]);
   set("failed", counters_[kFailedPictures]);
   set("repeated-answers", counters_[kRepeatedAnswers]);
   set("bytes", bytes_);
@@ -170,11 +169,11 @@ GstStructure* CompositorStats::structure() const {
   set("focus-rounds", focus_.rounds);
   set("focus-interval", focus_.interval);
   set("focus-trials", focus_.trials);
-  set("focus-looks", focus_.looks);
+  set("focus-scene-changes", focus_.looks);
   set("trial-bytes", trial_bytes_);
-  gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-gained", G_TYPE_DOUBLE,
+  gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-improvement", G_TYPE_DOUBLE,
                     focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, "focus-deviation", G_TYPE_DOUBLE,
-                    focus_.deviation, "focus-bought", G_TYPE_DOUBLE, focus_.bought, "focus-near", G_TYPE_DOUBLE,
+                    focus_.deviation, "focus-over-plane", G_TYPE_DOUBLE, focus_.bought, "focus-near", G_TYPE_DOUBLE,
                     focus_.near, "focus-far", G_TYPE_DOUBLE, focus_.far, nullptr);
   set("monitor-turns", monitor_ ? monitor_->turns() : 0);
   set("monitor-bytes", monitor_bytes_);

@@ -3,90 +3,104 @@
 /**
  * SECTION:element-lfcompositor
  * @title: lfcompositor
- * @short_description: adds the fragments of a view up to its picture
+ * @short_description: combines the fragments of a view into its picture
  *
- * Takes the view requests of one viewer on `request` and the answers of any number of nodes (`lffragment`) on
- * `sink_%u`, and puts out one picture per request, when every node has answered or, in a live pipeline, when the time
- * that `latency` allows is over. Requests and answers of other views than `view-id` are ignored, so that one `tee` can
- * serve many compositors. Fragments that never came count as lost: with `rig` set the others make up for them.
- *
- * Live, what has come is composed when the request's deadline (`latency` after it) is over, and `incomplete` says what
- * is done with a picture of which something is missing. Cameras missing from more than `max-missed` pictures in a row
- * are announced upstream as out of service (custom event "lightfield-feedback"): lfviewrequest names them in the
- * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. Corners of
- * the array (with `rig`, as long as three cameras work) stay in it: others show what they had a part in, and what the
- * array covers does not shrink. They come back the same way. A node that is gone is not waited for.
- *
- * With `rig`, unless `focus` is plane, every pixel is focused on its own: requests have trials, whose moments (sums
- * that tell how far cameras disagree on a trial surface) come before the answers, and after each picture the better
- * surface and the next trials go upstream (the same event) to the view's lfviewrequest. Files
- * in, files out, that waits for them, so that pictures do not depend on how fast anything is.
- *
- * Of a set of views (`lfviewrequest views`) the pictures make one, which is put out when the last of them is there.
- * That of a pair has GStreamer's multiview-mode in its caps. In `stats` and messages each view counts as a picture.
- *
- * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the
- * others and compared with what it sees itself. For that its lfviewrequest asks for two small views more (the same
- * event), which are answered like any other and not shown.
- *
- * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
- * tree, whose root takes in one answer a rack.
- *
- * Where a sink says that pictures come too late (QoS events), requests of this view that can't be in time any more are
- * left out here and answered without a picture by the nodes, until one can. A QoS message tells of each.
- *
- * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
- * time where requests are live, else stream time.
- *
- * Each picture says which view it shows: it has a #GstCustomMeta "lightfield-view", which elements such as `queue`,
- * `videoconvert` and encoders pass on. Fields:
- *
- * - view-id, sequence (uint): of the request that the picture answers.
- * - capture-time (uint64, nanoseconds): as the meta above has it.
- * - position (array of 3 doubles: x, y, z in metres) and orientation (array of 4 doubles: w, x, y, z): the pose of the
- *   view in the world.
- * - lens (structure): model (string: COLMAP's name), params (array of double, COLMAP's order), width, height (int,
- *   pixels).
- * - focus (structure): mode (string: plane or surface), plane (array of 4 doubles: a, b, c, d with
- *   a x + b y + c z + d = 0), distance (double: of that plane along the optical axis, metres); of a surface nearest and
- *   farthest (double, metres from the array).
- * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
- * - coverage (double: share of the view that cameras can see; with `rig`).
- * - complete (boolean), fragments, missing, damaged (uint): as in the element message.
- * - missing-cameras (array of uint: indices in the rig) and missing-nodes (array of string): cameras that gave nothing
- *   to the picture, and nodes that had not answered.
- * - views (array of structures), of a set alone: for each view column, row (int: where it is in the picture), sequence,
- *   position, orientation, lens, coverage and completeness. The fields above are then of the view next to the middle.
- *
- * A picture that is shown again (`incomplete=repeat`) keeps the meta of the view that it was made for.
- *
- * Where sizes are left open, and the frame rate, the view's lfviewrequest chooses them so that they suit downstream
- * caps, also when these change while playing. Pictures have the format of the cameras, RGB or YCbCr 4:2:0: a
- * `videoconvert` makes other formats.
- *
- * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
- *
- * Navigation events (mouse, keys) and custom "lightfield-view-request" events go upstream to the view's own
- * `lfviewrequest`.
+ * lfcompositor combines the answers of camera nodes (`lffragment`) into the pictures of one view. It takes the view's
+ * requests on `request` and the answers of any number of nodes on `sink_%u`, and outputs one picture per request. Use
+ * it when nodes and viewer are separate elements; `lfviewsrc` contains all of them.
  *
  * ## Example launch line
+ *
+ * Renders the views of views.json from the cameras of rig.json and writes one PNG file per view:
+ *
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
  *
+ * The compositor of one rack in a tree of compositors:
+ *
  * |[
  * ... lfcompositor name=rack partial=true rig=rig.json node=7 ! tcpserversink port=5007
- * ]| The compositor of a rack inside a tree.
+ * ]|
+ *
+ * ## Live pipelines and missing cameras
+ *
+ * A picture is finished when every node has answered. In a live pipeline it is also finished when its deadline
+ * (`latency` after the request) has passed; `incomplete` selects the output if something is missing. If `rig` is set,
+ * the remaining cameras compensate for missing fragments. Requests and answers of other views than `view-id` are
+ * ignored, so that one `tee` can feed several compositors.
+ *
+ * Cameras that miss more than `max-missed` consecutive pictures are out of service. The compositor announces them
+ * upstream (custom event "lightfield-feedback"), and lfviewrequest names them in later requests. All nodes then leave
+ * these cameras out of the mesh, so that their neighbours close the gap. If `rig` is set, corner cameras stay in the
+ * mesh as long as three cameras work, so that the covered area does not shrink. A camera returns to service after it
+ * answers again. The compositor does not wait for dead nodes.
+ *
+ * If a sink reports that pictures arrive too late (QoS events), the compositor skips requests of this view that cannot
+ * be in time, and the nodes answer them without pixels. A QoS message is posted for each skipped request.
+ *
+ * ## Focus
+ *
+ * If `rig` is set and `focus` is not plane, each pixel is focused separately. Requests carry depth hypotheses; nodes
+ * send photo-consistency sums for each hypothesis before their answers. After each picture, the better focal surface
+ * and the next hypotheses go upstream in a "lightfield-feedback" event. If no source is live, lfviewrequest waits for
+ * this event, so that pictures do not depend on processing speed.
+ *
+ * ## Sets, monitoring and trees
+ *
+ * The views of a set (`lfviewrequest views`) form one picture, which is output when the last view is complete. The caps
+ * of a stereo pair contain GStreamer's multiview-mode. `stats` and messages count each view as a picture.
+ *
+ * If `monitor-interval` is set, the compositor checks one camera at a time: it compares the camera with a prediction
+ * from its neighbours. For this, lfviewrequest sends requests for two small extra views, which are not shown.
+ *
+ * If `partial` is true, the output is the sum of the answers, encoded as the answer of one node. This allows trees of
+ * compositors: the root receives one answer per rack.
+ *
+ * ## Output
+ *
+ * Pictures have the format of the cameras, RGB or YCbCr 4:2:0; use `videoconvert` for other formats. If size or frame
+ * rate are not set, lfviewrequest follows the downstream caps, even if these change while playing.
+ *
+ * Pictures have the time stamps and the segment of their requests. Seeks go to the requests if all pads lead to the
+ * source of the requests. Navigation events (mouse, keys) and custom "lightfield-view-request" events go upstream to
+ * the view's `lfviewrequest`.
+ *
+ * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with the requested capture time:
+ * clock time if requests are live, otherwise stream time.
+ *
+ * Each picture has a #GstCustomMeta "lightfield-view" that describes its view. Elements such as `queue`, `videoconvert`
+ * and encoders keep the meta. A repeated picture (`incomplete=repeat`) keeps the meta of its original view. Fields:
+ *
+ * - view-id, sequence (uint): identify the request.
+ * - capture-time (uint64, nanoseconds): as in the reference timestamp.
+ * - position (array of 3 doubles: x, y, z in metres) and orientation (array of 4 doubles: w, x, y, z): the pose of the
+ *   view in the world.
+ * - lens (structure): model (string: COLMAP's name), params (array of double, COLMAP's order), width, height (int,
+ *   pixels).
+ * - focus (structure): mode (string: plane or surface), plane (array of 4 doubles: a, b, c, d with
+ *   a x + b y + c z + d = 0), distance (double: distance of that plane along the optical axis, metres); in mode surface
+ *   also nearest and farthest (double, metres from the array).
+ * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
+ * - coverage (double: share of the view that cameras can see; with `rig`).
+ * - complete (boolean), fragments, missing, damaged (uint): as in the element message.
+ * - missing-cameras (array of uint: indices in the rig): cameras without a contribution to the picture.
+ * - missing-nodes (array of string): nodes that had not answered.
+ * - views (array of structures), only for sets: column, row (int: position in the picture), sequence, position,
+ *   orientation, lens, coverage and completeness of each view. The fields above then describe the view next to the
+ *   middle.
  *
  * ## Element messages
- * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing,
- * damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns, latency-ns (request to picture), add-ns
- * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
- * view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: view-id (uint),
- * suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
+ *
+ * - "lightfield-view", per picture, with `post-messages`: view-id, sequence (uint), pts (uint64), complete (boolean),
+ *   coverage (double: share of the view that cameras can see; with `rig`), fragments, missing, damaged (uint), bytes,
+ *   trial-bytes (size of the photo-consistency units), skew-ns, latency-ns (request to picture), add-ns (decoding and
+ *   adding answers) and composite-ns (uint64).
+ * - "lightfield-out-of-service", when the set of these cameras changes: view-id (uint), cameras (array of uint).
+ * - "lightfield-suspects", when the monitor's result changes: view-id (uint), suspects (array of structures: camera
+ *   (uint), fault (string: colour, direction or picture)).
  */
 
 #include "compositor/lfcompositor.h"
@@ -121,38 +135,38 @@ GType lf_compositor_incomplete_get_type(void) {
   static const GType type = lf::register_enum<LfCompositorIncomplete>(
       "LfCompositorIncomplete",
       {{LF_COMPOSITOR_INCOMPLETE_CONCEAL,
-        "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
-        "nothing is left",
+        "Show the available parts; with `rig`, other cameras compensate for missing weight, and the previous picture "
+        "fills empty pixels",
         "conceal"},
-       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
-       {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"}});
+       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Repeat the previous picture; conceal before the first picture", "repeat"},
+       {LF_COMPOSITOR_INCOMPLETE_DROP, "No picture", "drop"}});
   return type;
 }
 
 GType lf_compositor_focus_get_type(void) {
   static const GType type = lf::register_enum<lf::FocusMode>(
       "LfCompositorFocus", {{lf::FocusMode::kPlane, "The viewer's focal plane", "plane"},
-                            {lf::FocusMode::kSurface, "Every pixel on its own: trials with every request", "surface"},
-                            {lf::FocusMode::kAuto, "The same with as many trials as the scene needs", "auto"}});
+                            {lf::FocusMode::kSurface, "A focal surface, refined with every request", "surface"},
+                            {lf::FocusMode::kAuto, "A focal surface, refined as often as the scene needs", "auto"}});
   return type;
 }
 
 GType lf_compositor_show_get_type(void) {
-  static const GType type = lf::register_enum<lf::ShownWeights>(
+  static const GType type = lf::register_enum<lf::WeightOverlayMode>(
       "LfCompositorShow",
-      {{lf::ShownWeights::kNone, "What the cameras see", "picture"},
-       {lf::ShownWeights::kContributions, "Over it in colours which cameras make each pixel, and the mesh between them",
+      {{lf::WeightOverlayMode::kNone, "The picture without an overlay", "picture"},
+       {lf::WeightOverlayMode::kContributions, "Overlay of the cameras of each pixel, as colours, and of the mesh",
         "contributions"},
-       {lf::ShownWeights::kCoverage, "Over it how much of each pixel's weight is lost", "coverage"}});
+       {lf::WeightOverlayMode::kCoverage, "Overlay of the missing weight of each pixel", "coverage"}});
   return type;
 }
 
 GType lf_compositor_gains_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
-        {LF_COMPOSITOR_GAINS_OFF, "Cameras' images are shown as bright as they come", "off"},
-        {LF_COMPOSITOR_GAINS_ON, "Cameras match their brightness, behind what the rig says of their colours", "on"},
-        {LF_COMPOSITOR_GAINS_AUTO, "They do until the rig says how their colours are to be corrected", "auto"},
+        {LF_COMPOSITOR_GAINS_OFF, "No exposure compensation", "off"},
+        {LF_COMPOSITOR_GAINS_ON, "Exposure compensation, in addition to the colour corrections of the rig", "on"},
+        {LF_COMPOSITOR_GAINS_AUTO, "Exposure compensation, unless the rig has colour corrections", "auto"},
         {0, nullptr, nullptr}};
     return g_enum_register_static("LfCompositorGains", values);
   }();
@@ -161,32 +175,32 @@ GType lf_compositor_gains_get_type(void) {
 
 namespace lf {
 
-FocusControl::Settings CompositorSettings::view_focus() const {
+DepthEstimator::Settings CompositorSettings::view_depths() const {
   const bool on_plane = partial || (focus == FocusMode::kAuto && rig.empty());
   const FocusMode mode = on_plane ? FocusMode::kPlane : focus;
   if (!has_focus_range()) return {.mode = mode};
   return {.mode = mode, .near = focus_near, .far = focus_far};
 }
 
-std::string CompositorSettings::without_effect() const {
+std::string CompositorSettings::ignored_settings() const {
   std::string text;
   const auto say = [&text](bool idle, const std::string& why) {
     if (idle) text += (text.empty() ? "" : " ") + why;
   };
   const std::string range = format_text("focus-near is %g m and focus-far %g m", focus_near, focus_far);
-  say(!has_focus_range(), range + ": the near end must be nearer. Both are left out, and the surface is " +
-                              "looked for as the scene asks.");
+  say(!has_focus_range(), range + ": the near end must be nearer. The compositor ignores " +
+                              "these limits and adapts the range to the scene.");
   say(partial && focus == FocusMode::kSurface,
-      "focus: inside a tree (partial) no surface is looked for; set it at the tree's root.");
+      "focus: inside a tree (partial) there is no focal surface; set focus at the root of the tree.");
   say(!partial && (node != 0 || codec != CodecChoice::kAuto),
-      "node and codec: only a compositor inside a tree (partial) has answers of its own.");
-  say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig no camera is watched.");
-  say(view_focus().mode == FocusMode::kPlane && (focus_near > 0 || focus_far > 0),
-      "focus-near and focus-far: on a plane no depth is looked for.");
-  say(gains == LF_COMPOSITOR_GAINS_ON && view_focus().mode == FocusMode::kPlane,
-      "gains: cameras match their brightness where a surface is looked for, not on a plane.");
-  say(show != ShownWeights::kNone && (partial || rig.empty()),
-      "show: only pictures have colours of weights, and only with a rig.");
+      "node and codec: only used by a compositor inside a tree (partial).");
+  say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig there is no camera monitor.");
+  say(view_depths().mode == FocusMode::kPlane && (focus_near > 0 || focus_far > 0),
+      "focus-near and focus-far: on a plane no depths are estimated.");
+  say(gains == LF_COMPOSITOR_GAINS_ON && view_depths().mode == FocusMode::kPlane,
+      "gains: exposure compensation needs a focal surface and is off on a plane.");
+  say(show != WeightOverlayMode::kNone && (partial || rig.empty()),
+      "show: only pictures have an overlay, not partial answers, and the overlay needs a rig.");
   return text;
 }
 
@@ -195,60 +209,60 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
   constexpr double kMaxFocus = 1e9;  // metres
   static PropertyTable<S> table = {
       property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "The view to compose: requests and answers of others are ignored", 0, G_MAXUINT),
+                            "View to compose; requests and answers of other views are ignored", 0, G_MAXUINT),
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Rig file (rig.json); optional: with it the weight of fragments that never came is known and "
-                        "made up for, `background` shows outside the array's mesh, and cameras that never answered at "
-                        "all are noticed. Set while running, it is read again and serves from the next request on"),
+                        "Rig file (rig.json); optional. Needed to compensate for missing fragments, to show "
+                        "`background` outside the mesh, and to detect cameras that have never answered. A rig set "
+                        "while running is loaded immediately and used from the next request on"),
       property<&S::background>(kWhilePlaying, "background", "Background",
-                               "Colour where nothing contributes, 0xAARRGGBB (alpha is ignored)", 0, G_MAXUINT32),
+                               "Colour where no camera contributes, 0xAARRGGBB (alpha is ignored)", 0, G_MAXUINT32),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
                                   "Post an element message \"lightfield-view\" for every picture"),
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
-                               "What is put out for a request of which something is missing at its deadline",
+                               "Output for a request with missing parts at its deadline",
                                LF_TYPE_COMPOSITOR_INCOMPLETE),
       property<&S::max_missed>(
           kWhileReady, "max-missed", "Max missed",
-          "Live, a camera that is missing from more pictures in a row is announced upstream as out of service, and a "
-          "node that is is not waited for, until they answer in time again (0: never)",
+          "Live: number of consecutive pictures that a camera or a node may miss (0: unlimited). After more, the "
+          "camera is announced upstream as out of service, and the compositor does not wait for the node, until "
+          "answers arrive in time again",
           0, G_MAXUINT),
       property<&S::partial>(kWhileReady, "partial", "Partial",
-                            "Put out the sum of the answers as one answer for the next compositor of a tree, in place "
+                            "Output the sum of the answers as one answer for the next compositor of a tree, instead "
                             "of a picture; needs `rig`"),
-      property<&S::node>(kWhileReady, "node", "Node", "Number carried in partial answers, as that of a node", 0,
-                         G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec", "How pixels travel in partial answers",
+      property<&S::node>(kWhileReady, "node", "Node", "Node number in partial answers", 0, G_MAXUINT),
+      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of pixels in partial answers",
                           LF_TYPE_FRAGMENT_CODEC),
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
-          "What pictures are focused on. Other than on a plane, the focal surface is found from what the cameras have "
-          "in common on trial surfaces, and the view's lfviewrequest is told of it. Without `rig` auto is plane",
+          "Focus of the pictures. A focal surface is estimated from the agreement of the cameras at several depths and "
+          "sent to the view's lfviewrequest. Without `rig`, auto is plane",
           LF_TYPE_COMPOSITOR_FOCUS),
       property<&S::focus_near>(kWhilePlaying, "focus-near", "Focus near",
-                               "Nearest that a focal surface can be, metres from the array (0: at first as near as the "
-                               "array can tell depths apart, then as the scene asks)",
+                               "Nearest distance of the focal surface, in metres from the array (0: adapts to the "
+                               "scene, starting at the nearest depth that the array resolves)",
                                0, kMaxFocus),
       property<&S::focus_far>(
           kWhilePlaying, "focus-far", "Focus far",
-          "Farthest that a focal surface can be, metres from the array (0: at first infinity, then as the scene asks)",
+          "Farthest distance of the focal surface, in metres from the array (0: adapts to the scene, starting at "
+          "infinity)",
           0, kMaxFocus),
       property<&S::monitor_interval>(
           kWhilePlaying, "monitor-interval", "Monitor interval",
-          "Beside one of so many requests a camera, each in turn, is left out and predicted from the others, in a "
-          "small view: `stats` tell how well, and which cameras stand out (0: never). Needs `rig`",
+          "Number of requests per camera check (0: no checks). A check compares the next camera with its prediction "
+          "from the remaining cameras, in a small view; `stats` has the results and the suspects. Needs `rig`",
           0, G_MAXUINT16),
-      property<&S::trial_interval>(kWhilePlaying, "trial-interval", "Trial interval",
-                                   "At most one of so many requests has trials, by which a focal surface is found: "
-                                   "more where time is short and the surface may follow the scene more slowly",
+      property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
+                                   "Minimum number of requests per update of the focal surface. Larger values save "
+                                   "time, but the surface follows the scene more slowly",
                                    1, G_MAXUINT16),
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
-          "Let cameras match their brightness to that of the others; with focus surface or auto. auto: as long as "
-          "`rig` does not say how their colours are to be corrected. The lffragments' stats have each camera's gain",
+          "Exposure compensation between cameras, with focus surface or auto. auto: unless `rig` has colour "
+          "corrections. The property stats of lffragment has each camera's gain",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
-                         "What pictures show: what the cameras see, or over it who makes what of it. Needs `rig`",
-                         LF_TYPE_COMPOSITOR_SHOW),
+                         "Overlay that visualizes the weights of the cameras. Needs `rig`", LF_TYPE_COMPOSITOR_SHOW),
   };
   return table;
 }
@@ -278,7 +292,7 @@ guint lf_compositor_view_id(LfCompositor* self) {
   return self->settings->view_id;
 }
 
-// While it runs the file is read at once, and serves from the next request on. False if it can't be.
+// Loads a rig set while running, for the next request. Returns false if the file cannot be loaded.
 static bool lf_compositor_reload_rig(LfCompositor* self, const gchar* path) {
   std::shared_ptr<const lf::Rig> rig;
   if ((path || lf_compositor_settings(self).partial) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return false;
@@ -288,7 +302,7 @@ static bool lf_compositor_reload_rig(LfCompositor* self, const gchar* path) {
   return true;
 }
 
-// What comes out has the caps that it began with: while the element runs it stays what it is.
+// `partial` determines the output caps, so it cannot change while the element runs.
 static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   if (partial == lf_compositor_settings(self).partial) return true;
   GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
@@ -297,9 +311,8 @@ static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   return false;
 }
 
-// Posts a warning of what is set without effect, but where it is the same as `before`.
-static void warn_without_effect(LfCompositor* self, const std::string& before = "") {
-  const std::string text = lf_compositor_settings(self).without_effect();
+static void warn_ignored_settings(LfCompositor* self, const std::string& before = "") {
+  const std::string text = lf_compositor_settings(self).ignored_settings();
   if (!text.empty() && text != before) GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s", text.c_str()), (nullptr));
 }
 
@@ -310,9 +323,9 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     if (lf::is_named(pspec, "rig") && !lf_compositor_reload_rig(self, g_value_get_string(value))) return;
     if (lf::is_named(pspec, "partial") && !lf_compositor_may_be_partial(self, g_value_get_boolean(value))) return;
   }
-  const std::string before = lf_compositor_settings(self).without_effect();
+  const std::string before = lf_compositor_settings(self).ignored_settings();
   Properties::set(object, id, value, pspec);
-  if (lf::is_running(GST_ELEMENT(self))) warn_without_effect(self, before);
+  if (lf::is_running(GST_ELEMENT(self))) warn_ignored_settings(self, before);
 }
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -322,21 +335,15 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
 static void install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
-      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped; "
-      "card-pictures: made on a graphics card), "
-      "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
-      "(refused, "
-      "and of these refused-pixels, -aperture, -trials, -rate, -views, -lens), "
-      "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-      "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
-      "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
-      "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
-      "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
-      "the monitor: "
-      "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
-      "prediction, and suspects with their fault (colour, direction, picture); "
-      "latency per stage (p50, p95, "
-      "p99 over the latest 1024 pictures, nanoseconds)");
+      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped, "
+      "failed: no memory, gpu-pictures: made on a GPU), requests skipped (too late, according to QoS events) and "
+      "refused (by exceeded limit: refused-pixels, -aperture, -trials, -rate, -views, -lens), fragments (missing, "
+      "damaged), answers (late, repeated, bad, unexpected: without a request), bytes and cameras out of service. "
+      "Coverage (share of the latest view that cameras see; with `rig`) and largest skew. Focal surface: rounds of "
+      "updates, their bytes, disagreement of the cameras (residual, 255ths) and its latest reduction (improvement), "
+      "requests per update (interval), and true if one plane is enough (flat). Monitor: turns, their bytes, PSNR, "
+      "gain and shift (pixels of the small view) of each camera's prediction, and suspects with their fault (colour, "
+      "direction, picture). Latency per stage (p50, p95, p99 over the latest 1024 pictures, nanoseconds)");
   lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;
@@ -346,7 +353,7 @@ static void install_properties(GObjectClass* klass) {
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_SHOW, GstPluginAPIFlags(0));
 }
 
-// Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
+// True if all inputs follow a seek of the requests. Answers from a file or socket do not.
 static bool is_seekable(LfCompositor* self) {
   std::vector<GstPad*> pads;
   lf::ObjectLock lock(self);
@@ -365,8 +372,8 @@ static bool is_seekable(LfCompositor* self) {
   return all;
 }
 
-// While the element runs: answers or video, and of video the formats of the cameras, once these are known. Before, the
-// template: applications may set `partial` after they have linked the pad.
+// While running, the caps are answers or video; video has only the cameras' formats, if known. Before that, the
+// template applies, because applications may set `partial` after linking the pad.
 static bool lf_compositor_answer_caps_query(LfCompositor* self, GstQuery* query) {
   if (!lf::is_running(GST_ELEMENT(self))) return false;
   const lf::SharedCaps caps =
@@ -380,7 +387,6 @@ static bool lf_compositor_answer_caps_query(LfCompositor* self, GstQuery* query)
   return true;
 }
 
-// Where the output is and how long it is the requests tell.
 static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   switch (GST_QUERY_TYPE(query)) {
@@ -407,8 +413,7 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
       return TRUE;
     }
     case GST_QUERY_CAPS: return lf_compositor_answer_caps_query(self, query) || parent_class()->src_query(agg, query);
-    case GST_QUERY_CONTEXT:
-      return self->state->output.own_card().answer(query) || parent_class()->src_query(agg, query);
+    case GST_QUERY_CONTEXT: return self->state->output.own_gpu().answer(query) || parent_class()->src_query(agg, query);
     default: return parent_class()->src_query(agg, query);
   }
 }
@@ -419,7 +424,8 @@ lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self) {
   return lf::share_caps(gst_pad_peer_query_caps(src, video));
 }
 
-// All whose requests come here are sought, one after the other, and go on together. Takes the event.
+// Holds all lfviewrequest elements during a flushing seek. The elements are sought one after the other, but must resume
+// together. Takes the event.
 static gboolean seek(LfCompositor* self, GstEvent* event) {
   GstSeekFlags flags{};
   gst_event_parse_seek(event, nullptr, nullptr, &flags, nullptr, nullptr, nullptr, nullptr);
@@ -431,23 +437,23 @@ static gboolean seek(LfCompositor* self, GstEvent* event) {
   return done;
 }
 
-// What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
+// Navigation events only concern this view's requests. GstAggregator 1.22.0 would drop such events.
 static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const GstStructure* structure = gst_event_get_structure(event);
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
                        gst_structure_has_name(structure, "lightfield-view-request");
-  // The base class flushes what is downstream and asks every pad: each has to lead to the requests.
+  // The base class flushes downstream and seeks all pads, so each pad must lead to the requests.
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
     gst_event_unref(event);
     return FALSE;
   }
   if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) {
     const guint view_id = lf_compositor_view_id(self);
-    if (lf::QosWatch::view_of(event).value_or(view_id) == view_id) {
-      event = lf::QosWatch::name_view(event, view_id);
-      self->state->qos.see(event, lf_compositor_is_live(self));  // before the nodes, whose answers then say nothing
+    if (lf::QosTracker::view_of(event).value_or(view_id) == view_id) {
+      event = lf::QosTracker::set_view_id(event, view_id);
+      self->state->qos.see(event, lf_compositor_is_live(self));  // before the nodes, which then answer without pixels
     }
   }
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK) return seek(self, event);
@@ -458,18 +464,18 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   return gst_pad_push_event(self->request, event);
 }
 
-// Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the
-// output, whether or not the nodes ever end theirs (GstAggregator waits for all).
+// Events arrive in data order, so at EOS of the requests all requests have been answered. This ends the output even if
+// the nodes never send EOS; GstAggregator would wait for all pads.
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const bool of_requests = GST_PAD(pad) == self->request;
   const bool ended = of_requests && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   const guint32 seqnum = gst_event_get_seqnum(event);
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && !of_requests) {
-    gst_event_unref(event);  // said by the requests, behind the last picture
+    gst_event_unref(event);  // the requests' event follows the last picture
     return TRUE;
   }
-  // Requests may come at another rate: output caps name it.
+  // The frame rate in the output caps may have changed.
   if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS && of_requests) gst_pad_mark_reconfigure(GST_AGGREGATOR_SRC_PAD(agg));
   if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) {
     self->state->qos.clear();
@@ -477,16 +483,16 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
   } else if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP) {
     lf::NodeInput::of(pad).flushed();
   }
-  // Whoever writes a file would have an empty one, and be told that all went well.
+  // Without this error, a file writer would produce an empty file and report success.
   const uint64_t refused = self->guard->refused();
   if (ended && refused > 0 && !self->state->output.has_begun() && !lf_compositor_is_live(self))
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
-                      ("There is no picture: of all requests %" G_GUINT64_FORMAT
-                       " were refused. A warning before says which of the limits (max-pixels, ...) they are beyond.",
+                      ("There is no picture, because %" G_GUINT64_FORMAT
+                       " requests were refused. An earlier warning names the exceeded limit (max-pixels, ...).",
                        refused),
                       (nullptr));
   const gboolean ok = parent_class()->sink_event(agg, pad, event);
-  // Before the first picture the source pad has no segment to end yet.
+  // Before the first picture, the source pad has no segment to end.
   if (ended && self->state->output.has_begun()) {
     GstEvent* eos = gst_event_new_eos();
     gst_event_set_seqnum(eos, seqnum);
@@ -504,7 +510,7 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   }
   if (guint view_id; lf::is_focus_query(query, &view_id)) {
     const lf::CompositorSettings settings = lf_compositor_settings(self);
-    if (view_id != settings.view_id || settings.view_focus().mode == lf::FocusMode::kPlane) return FALSE;
+    if (view_id != settings.view_id || settings.view_depths().mode == lf::FocusMode::kPlane) return FALSE;
     lf::set_focus_waits(query, self->state->output.is_pushing());
     return TRUE;
   }
@@ -517,40 +523,40 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   return parent_class()->sink_query(agg, pad, query);
 }
 
-// Most often a view-id that was forgotten.
+// The usual cause is a missing view-id property.
 static void note_other_view(LfCompositor* self, uint32_t other) {
-  if (!self->state->silence.others_asked(g_get_monotonic_time())) return;
+  if (!self->state->silence.request_of_other_view(g_get_monotonic_time())) return;
   GST_ELEMENT_WARNING(
       self, STREAM, FAILED,
-      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
+      ("No client requests view %u of this compositor, but there are requests for view %u: check view-id.",
        lf_compositor_view_id(self), other),
       (nullptr));
 }
 
-// What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request
-// comes, and a full queue stops the other views behind the same tee.
+// Drops requests of other views before they reach the pad's queue. These requests would fill the queue while this view
+// is idle, and then block the tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
   if (self->state->over) return GST_PAD_PROBE_DROP;
   const lf::MappedBuffer mapped(GST_PAD_PROBE_INFO_BUFFER(info));
   const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(mapped.bytes());
-  if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
+  if (!peek) return GST_PAD_PROBE_OK;  // counted when it is taken from the pad
   if (peek->head.view_id != lf_compositor_view_id(self)) {
     note_other_view(self, peek->head.view_id);
     return GST_PAD_PROBE_DROP;
   }
   self->state->silence.asked();
   if (lf::wire::access_of_type(peek->type).value_or(lf::Access::kSelf) != lf::Access::kSelf)
-    return GST_PAD_PROBE_DROP;  // for cameras
+    return GST_PAD_PROBE_DROP;  // a command for cameras
   if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
     return GST_PAD_PROBE_DROP;
-  if (!peek->head.probe && !peek->head.rehearsal)
+  if (!peek->head.probe && !peek->head.warmup)
     self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }
 
-// GstAggregator bounds what waits on a pad by time. Answers out of a file or a TCP stream have none: with a duration
-// they have their share of it, too.
+// GstAggregator limits the queue of a pad by time. Answers from a file or a TCP stream have no time stamps; a duration
+// makes the limit work.
 static GstBuffer* give_duration(GstBuffer* answer) {
   constexpr GstClockTime kShare = 10 * GST_MSECOND;
   answer = gst_buffer_make_writable(answer);
@@ -569,7 +575,7 @@ static GstPadProbeReturn lf_compositor_answer_arrives(GstPad* pad, GstPadProbeIn
   return GST_PAD_PROBE_OK;
 }
 
-// GstAggregator's own would name every pad sink_N and keep no name that was asked for.
+// The default implementation would name every pad sink_N and ignore the requested name.
 static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name,
                                                   const GstCaps*) {
   g_autofree gchar* pad_name = nullptr;
@@ -594,7 +600,7 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
 }
 
 static void lf_compositor_release_pad(GstElement* element, GstPad* pad) {
-  lf::NodeInput::of(GST_AGGREGATOR_PAD(pad)).let_go();
+  lf::NodeInput::of(GST_AGGREGATOR_PAD(pad)).detach();
   GST_ELEMENT_CLASS(parent_class())->release_pad(element, pad);
 }
 
@@ -622,23 +628,23 @@ static void install_pads(LfCompositorClass* klass) {
   gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);
 }
 
-// So that pictures from the beginning on are the same each time.
+// Makes the pictures after a restart or seek reproducible.
 static void forget_history(LfCompositor* self) {
   auto& state = *self->state;
   state.focus.clear();
   state.turns.clear();
 }
 
-static void forget_early_answers(LfCompositor* self) {
+static void drop_early_answers(LfCompositor* self) {
   self->state->past.clear();
-  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget_later();
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_early();
 }
 
-// Null without a rig. Throws Error if it can't be read.
+// Returns null if no rig is set. Throws Error if the file cannot be loaded.
 static std::shared_ptr<const lf::Rig> load_rig(const lf::CompositorSettings& settings) {
   if (!settings.rig.empty()) return lf::shared_rig(settings.rig);
   if (settings.partial)
-    throw lf::Error("A compositor inside a tree must know what is missing: set the property \"rig\".");
+    throw lf::Error("A compositor inside a tree needs a rig to detect missing cameras: set the property \"rig\".");
   return nullptr;
 }
 
@@ -653,9 +659,9 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
     return FALSE;
   }
   GST_OBJECT_LOCK(self);
-  delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
+  delete std::exchange(self->new_rig, nullptr);  // from the previous run
   GST_OBJECT_UNLOCK(self);
-  warn_without_effect(self);
+  warn_ignored_settings(self);
   state.health = lf::CameraHealth(settings.max_missed);
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
   state.gone = {};
@@ -679,7 +685,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
-  forget_early_answers(self);
+  drop_early_answers(self);
   self->state->over = false;
   self->state->output.flush();
   forget_history(self);
@@ -689,7 +695,7 @@ static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
 static gboolean lf_compositor_stop(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
-  forget_early_answers(self);
+  drop_early_answers(self);
   self->state->output.stop();
   return TRUE;
 }
@@ -706,7 +712,7 @@ static void lf_compositor_finalize(GObject* object) {
 static lf::PictureOutput& output_of(GstAggregator* agg) { return LF_COMPOSITOR(agg)->state->output; }
 
 static gboolean lf_compositor_negotiate(GstAggregator* agg) {
-  output_of(agg).negotiate(lf_compositor_tell_caps(LF_COMPOSITOR(agg)));
+  output_of(agg).negotiate(lf_compositor_announce_caps(LF_COMPOSITOR(agg)));
   return TRUE;
 }
 
@@ -723,7 +729,7 @@ static gboolean lf_compositor_decide_allocation(GstAggregator* agg, GstQuery* qu
 }
 
 static void lf_compositor_set_context(GstElement* element, GstContext* context) {
-  output_of(GST_AGGREGATOR(element)).own_card().share(context);
+  output_of(GST_AGGREGATOR(element)).own_gpu().share(context);
   GST_ELEMENT_CLASS(lf_compositor_parent_class)->set_context(element, context);
 }
 
@@ -745,7 +751,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   lf::register_view_meta();
   gst_element_class_set_static_metadata(
       GST_ELEMENT_CLASS(klass), "Light field compositor", "Filter/Editor/Video/Compositor",
-      "Adds the fragments that answer a view request up to its picture", "gst-lightfield developers");
+      "Combines the fragments of a view into its picture", "gst-lightfield developers");
 }
 
 static void lf_compositor_init(LfCompositor* self) {

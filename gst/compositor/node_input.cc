@@ -12,7 +12,7 @@ GQuark node_quark() {
   return quark;
 }
 
-// Of a unit that is ahead: all units of an answer stream have it in the same place.
+// Returns the sequence number; it has the same position in all units of an answer stream.
 uint32_t sequence_of(GstBuffer* unit) {
   constexpr gsize kAt = 16;
   guint8 bytes[4] = {};
@@ -22,11 +22,11 @@ uint32_t sequence_of(GstBuffer* unit) {
 
 }  // namespace
 
-bool AheadAnswers::has_room(size_t bytes) const {
+bool EarlyAnswers::has_room(size_t bytes) const {
   return waiting_.empty() || (waiting_.size() < kMostUnits && bytes_ + bytes <= kMostBytes);
 }
 
-void AheadAnswers::keep(uint32_t sequence, GstBuffer* buffer) {
+void EarlyAnswers::keep(uint32_t sequence, GstBuffer* buffer) {
   try {
     waiting_.push_back({sequence, buffer});
   } catch (...) {
@@ -36,9 +36,9 @@ void AheadAnswers::keep(uint32_t sequence, GstBuffer* buffer) {
   bytes_ += gst_buffer_get_size(buffer);
 }
 
-std::vector<GstBuffer*> AheadAnswers::take(uint32_t sequence) {
+std::vector<GstBuffer*> EarlyAnswers::take(uint32_t sequence) {
   std::vector<GstBuffer*> taken;
-  taken.reserve(waiting_.size());  // nothing is thrown from here on
+  taken.reserve(waiting_.size());  // the code below must not throw
   std::erase_if(waiting_, [&](const Waiting& waiting) {
     const auto ahead = static_cast<int32_t>(waiting.sequence - sequence);
     if (ahead > 0) return false;
@@ -52,7 +52,7 @@ std::vector<GstBuffer*> AheadAnswers::take(uint32_t sequence) {
   return taken;
 }
 
-void AheadAnswers::clear() {
+void EarlyAnswers::clear() {
   for (const Waiting& waiting : waiting_) gst_buffer_unref(waiting.buffer);
   waiting_.clear();
   bytes_ = 0;
@@ -67,97 +67,97 @@ NodeInput& NodeInput::of(GstAggregatorPad* pad) {
   return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
 }
 
-void NodeInput::let_go() {
+void NodeInput::detach() {
   std::lock_guard lock(queue_mutex_);
-  let_go_ = true;
+  detached_ = true;
 }
 
 BufferPtr NodeInput::peek() const {
   std::lock_guard lock(queue_mutex_);
-  return BufferPtr(let_go_ ? nullptr : gst_aggregator_pad_peek_buffer(pad_));
+  return BufferPtr(detached_ ? nullptr : gst_aggregator_pad_peek_buffer(pad_));
 }
 
 BufferPtr NodeInput::pop() {
   std::lock_guard lock(queue_mutex_);
-  return BufferPtr(let_go_ ? nullptr : gst_aggregator_pad_pop_buffer(pad_));
+  return BufferPtr(detached_ ? nullptr : gst_aggregator_pad_pop_buffer(pad_));
 }
 
-// What came before this request had its turn. True if that was all of the answer.
-bool NodeInput::take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit) {
-  if (ahead_.size() == 0) return false;
+// Returns true if the answer is complete.
+bool NodeInput::take_early(uint32_t sequence, const std::function<UnitResult(GstBuffer*)>& take_unit) {
+  if (early_.size() == 0) return false;
   bool whole = false;
-  for (GstBuffer* buffer : ahead_.take(sequence)) {
+  for (GstBuffer* buffer : early_.take(sequence)) {
     const BufferPtr owned(buffer);
-    whole = whole || take_unit(buffer) == Taken::kLast;
+    whole = whole || take_unit(buffer) == UnitResult::kLast;
   }
   return whole;
 }
 
-void NodeInput::take(uint32_t sequence, bool live, const std::function<Taken(GstBuffer*)>& take_unit) {
+void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResult(GstBuffer*)>& take_unit) {
   if (flushed_.exchange(false)) {
     seen_ = nullptr;
-    ahead_.clear();
-    if (head_ != Head::kDone) head_ = Head::kUnseen;
+    early_.clear();
+    if (head_ != HeadState::kDone) head_ = HeadState::kUnread;
   }
-  if (head_ == Head::kDone) return;
+  if (head_ == HeadState::kDone) return;
   if (take_early(sequence, take_unit)) {
-    head_ = Head::kDone;
+    head_ = HeadState::kDone;
     return;
   }
-  // Its own reference keeps the head alive when the pad is flushed or released meanwhile.
+  // The reference keeps the buffer alive if the pad is flushed or released meanwhile.
   while (const BufferPtr head = peek()) {
     GstBuffer* buffer = head.get();
     if (buffer == seen_) return;
-    const Taken taken = take_unit(buffer);
-    if (taken == Taken::kDone) {
+    const UnitResult taken = take_unit(buffer);
+    if (taken == UnitResult::kDone) {
       pop();
       continue;
     }
-    head_ = taken == Taken::kLast ? Head::kDone : Head::kAhead;
-    const bool aside = taken == Taken::kAhead && live && ahead_.has_room(gst_buffer_get_size(buffer));
+    head_ = taken == UnitResult::kLast ? HeadState::kDone : HeadState::kEarly;
+    const bool aside = taken == UnitResult::kEarly && live && early_.has_room(gst_buffer_get_size(buffer));
     seen_ = aside ? nullptr : buffer;
     if (!aside) return;
     if (BufferPtr popped = pop()) {
       const uint32_t of = sequence_of(popped.get());
-      ahead_.keep(of, popped.release());
+      early_.keep(of, popped.release());
     }
   }
 }
 
-NodeInput::Taken NodeInput::part_added(bool last_of_node) {
-  if (!parts_.complete()) return Taken::kDone;
-  if (last_of_node) return Taken::kLast;
+NodeInput::UnitResult NodeInput::part_added(bool last_of_node) {
+  if (!parts_.complete()) return UnitResult::kDone;
+  if (last_of_node) return UnitResult::kLast;
   parts_.clear();  // another answer follows
-  return Taken::kDone;
+  return UnitResult::kDone;
 }
 
 bool NodeInput::is_awaited(bool live, unsigned max_missed) const {
-  if (head_ != Head::kUnseen || has_ended()) return false;
+  if (head_ != HeadState::kUnread || has_ended()) return false;
   return !live || max_missed == 0 || missed_ <= max_missed;
 }
 
-bool NodeInput::has_news() const {
+bool NodeInput::has_unread() const {
   const BufferPtr head = peek();
-  return head && head.get() != seen_ && head_ != Head::kDone;
+  return head && head.get() != seen_ && head_ != HeadState::kDone;
 }
 
 void NodeInput::close(bool counts) {
-  const bool took_part = head_ == Head::kDone;
+  const bool took_part = head_ == HeadState::kDone;
   missed_ = took_part || has_ended() ? 0 : missed_ + counts;
   if (!took_part) return;
   drop_answer();
-  head_ = Head::kUnseen;
+  head_ = HeadState::kUnread;
 }
 
 void NodeInput::drop_answer() {
-  if (head_ != Head::kDone || !seen_ || flushed_) return;
-  head_ = Head::kUnseen;
+  if (head_ != HeadState::kDone || !seen_ || flushed_) return;
+  head_ = HeadState::kUnread;
   seen_ = nullptr;
   pop();
 }
 
 void NodeInput::forget() {
-  head_ = Head::kUnseen;
+  head_ = HeadState::kUnread;
   seen_ = nullptr;
   parts_.clear();
 }

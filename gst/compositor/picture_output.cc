@@ -19,19 +19,19 @@
 namespace lf {
 namespace {
 
-// Nothing is said of other layouts: players would show one view of them.
-void set_multiview(GstCaps* caps, SetLayout layout) {
-  const bool crossed = layout == SetLayout::kCrossEyed;
-  const auto mode = layout == SetLayout::kTopBottom           ? GST_VIDEO_MULTIVIEW_MODE_TOP_BOTTOM
-                    : layout == SetLayout::kStereo || crossed ? GST_VIDEO_MULTIVIEW_MODE_SIDE_BY_SIDE
-                                                              : GST_VIDEO_MULTIVIEW_MODE_NONE;
+// Other layouts get no multiview-mode: players would show only one of their views.
+void set_multiview(GstCaps* caps, ViewSetLayout layout) {
+  const bool crossed = layout == ViewSetLayout::kCrossEyed;
+  const auto mode = layout == ViewSetLayout::kTopBottom           ? GST_VIDEO_MULTIVIEW_MODE_TOP_BOTTOM
+                    : layout == ViewSetLayout::kStereo || crossed ? GST_VIDEO_MULTIVIEW_MODE_SIDE_BY_SIDE
+                                                                  : GST_VIDEO_MULTIVIEW_MODE_NONE;
   if (mode == GST_VIDEO_MULTIVIEW_MODE_NONE) return;
   const guint flags = crossed ? GST_VIDEO_MULTIVIEW_FLAGS_RIGHT_VIEW_FIRST : GST_VIDEO_MULTIVIEW_FLAGS_NONE;
   gst_caps_set_simple(caps, "multiview-mode", G_TYPE_STRING, gst_video_multiview_mode_to_caps_string(mode),
                       "multiview-flags", GST_TYPE_VIDEO_MULTIVIEW_FLAGSET, flags, GST_FLAG_SET_MASK_EXACT, nullptr);
 }
 
-// Video of this family in the computer's memory. The cameras' range first, then video's, for those who ask for that.
+// Returns video caps in system memory: the cameras' full range first, then video range for elements that need it.
 GstCaps* caps_of_family(PixelFamily family) {
   constexpr char kRgb[] = "video/x-raw, format=(string){ " LF_RGB_FORMATS " }";
   constexpr char kYCbCr[] = "video/x-raw, format=(string){ I420, NV12 }, colorimetry=(string){ 1:4:0:0, bt601 }";
@@ -41,14 +41,12 @@ GstCaps* caps_of_family(PixelFamily family) {
   return caps;
 }
 
-// Of the requests; 0/1 where they have none.
 void request_rate(GstPad* request, gint* numerator, gint* denominator) {
   *numerator = 0, *denominator = 1;
   const SharedCaps caps = share_caps(gst_pad_get_current_caps(request));
   if (caps) gst_structure_get_fraction(gst_caps_get_structure(caps.get(), 0), "framerate", numerator, denominator);
 }
 
-// Which values of a field are accepted, in a few words.
 std::string accepted_values(const GstCaps* caps, std::initializer_list<const char*> fields) {
   std::string all;
   for (guint i = 0; i < gst_caps_get_size(caps); i++) {
@@ -64,8 +62,7 @@ std::string accepted_values(const GstCaps* caps, std::initializer_list<const cha
   return all.empty() ? "nothing of that kind" : all;
 }
 
-// Where pictures of these caps are.
-void put_in_card(GstCaps* caps) {
+void put_in_gpu(GstCaps* caps) {
   gst_caps_set_features_simple(caps, gst_caps_features_new(LF_GL_MEMORY, nullptr));
   gst_caps_set_simple(caps, "texture-target", G_TYPE_STRING, "2D", nullptr);
 }
@@ -77,7 +74,7 @@ GstFlowReturn no_memory(GstAggregator* element) {
 
 }  // namespace
 
-bool is_in_card(const GstCaps* caps) {
+bool is_in_gpu(const GstCaps* caps) {
   const guint count = gst_caps_get_size(caps);
   for (guint i = 0; i < count; i++)
     if (!gst_caps_features_contains(gst_caps_get_features(caps, i), LF_GL_MEMORY)) return false;
@@ -85,17 +82,17 @@ bool is_in_card(const GstCaps* caps) {
 }
 
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
-                            SetLayout layout) {
+                            ViewSetLayout layout) {
   GstCaps* wanted = caps_of_family(family);
   gint rate_n = 0, rate_d = 1;
   request_rate(request, &rate_n, &rate_d);
   gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
                       rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
   set_multiview(wanted, layout);
-  // Who takes both gets what the CPU writes where it writes best.
-  GstCaps* in_card = gst_caps_copy(wanted);
-  put_in_card(in_card);
-  gst_caps_append(wanted, in_card);
+  // Downstream elements that accept both kinds get system memory.
+  GstCaps* in_gpu = gst_caps_copy(wanted);
+  put_in_gpu(in_gpu);
+  gst_caps_append(wanted, in_gpu);
   GstCaps* chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
   gst_caps_unref(wanted);
   if (gst_caps_is_empty(chosen)) {
@@ -106,11 +103,11 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   GstVideoInfo info;
   if (gst_video_info_from_caps(&info, chosen)) {
     const GstVideoColorimetry asked_for = info.colorimetry;
-    const bool has_headroom = has_video_levels(info);
+    const bool has_headroom = has_limited_range(info);
     set_system_colorimetry(info);
     if (has_headroom) info.colorimetry = asked_for;
     GstCaps* exact = gst_video_info_to_caps(&info);
-    if (is_in_card(chosen)) put_in_card(exact);
+    if (is_in_gpu(chosen)) put_in_gpu(exact);
     gst_caps_replace(&chosen, exact);
     gst_caps_unref(exact);
   }
@@ -121,9 +118,9 @@ GstCaps* offered_caps(PixelFamily family) {
   GstCaps* caps = caps_of_family(family);
   for (guint i = 0; i < gst_caps_get_size(caps); i++)
     gst_structure_remove_field(gst_caps_get_structure(caps, i), "colorimetry");
-  GstCaps* in_card = gst_caps_copy(caps);
-  gst_caps_set_features_simple(in_card, gst_caps_features_new(LF_GL_MEMORY, nullptr));
-  gst_caps_append(caps, in_card);
+  GstCaps* in_gpu = gst_caps_copy(caps);
+  gst_caps_set_features_simple(in_gpu, gst_caps_features_new(LF_GL_MEMORY, nullptr));
+  gst_caps_append(caps, in_gpu);
   return caps;
 }
 
@@ -133,9 +130,9 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
                                                    : "RGB or I420";
   const SharedCaps formats = share_caps(caps_of_family(family));
   GstCaps* both = gst_caps_copy(formats.get());
-  GstCaps* in_card = gst_caps_copy(formats.get());
-  put_in_card(in_card);
-  gst_caps_append(both, in_card);
+  GstCaps* in_gpu = gst_caps_copy(formats.get());
+  put_in_gpu(in_gpu);
+  gst_caps_append(both, in_gpu);
   const SharedCaps fits =
       share_caps(gst_caps_intersect_full(both, const_cast<GstCaps*>(downstream), GST_CAPS_INTERSECT_FIRST));
   gst_caps_unref(both);
@@ -144,11 +141,10 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
     return std::string(made);
   };
   if (gst_caps_is_empty(fits.get())) {
-    const bool in_card_alone = is_in_card(downstream);
-    return {false,
-            text("The pictures of these cameras are %s video, but downstream accepts %s%s: put %s in between.", name,
-                 accepted_values(downstream, {"format"}).c_str(), in_card_alone ? " in a graphics card's memory" : "",
-                 in_card_alone ? "glupload ! glcolorconvert" : "a videoconvert")};
+    const bool in_gpu_only = is_in_gpu(downstream);
+    return {false, text("The pictures of these cameras are %s video, but downstream accepts %s%s: put %s in between.",
+                        name, accepted_values(downstream, {"format"}).c_str(), in_gpu_only ? " in GPU memory" : "",
+                        in_gpu_only ? "glupload ! glcolorconvert" : "a videoconvert")};
   }
   gint rate_n = 0, rate_d = 1;
   request_rate(request, &rate_n, &rate_d);
@@ -171,11 +167,11 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
   if (!allows("pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1))
     return {false, text("Pictures have square pixels, but downstream accepts %s: put a videoscale in between.",
                         accepted_values(fits.get(), {"pixel-aspect-ratio"}).c_str())};
-  if (is_in_card(downstream))
+  if (is_in_gpu(downstream))
     return {false,
-            text("Downstream accepts %s video of %dx%d pixels in a graphics card's memory alone, and there is no "
-                 "OpenGL for it: put glupload ! glcolorconvert before that element and its caps. Without a "
-                 "display GStreamer needs GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
+            text("Downstream accepts %s video of %dx%d pixels only in GPU memory, and OpenGL is not available: put "
+                 "glupload ! glcolorconvert before that element and its caps. Without a display, GStreamer needs "
+                 "GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
                  name, width, height)};
   g_autofree gchar* accepted = gst_caps_to_string(downstream);
   return {false, text("Downstream accepts no %s video of %dx%d pixels at %d/%d pictures a second, but %s: put a "
@@ -183,8 +179,8 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
                       name, width, height, rate_n, rate_d, accepted)};
 }
 
-CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) : group_(group) {
-  if (!has_planes_on_card(picture, info) || group_of_planes(picture) != group) return;
+GlRenderTarget::GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) : group_(group) {
+  if (!has_planes_on_gpu(picture, info) || group_of_planes(picture) != group) return;
   is_mapped_ = gst_video_frame_map(&frame_, &info, picture, static_cast<GstMapFlags>(GST_MAP_READWRITE | GST_MAP_GL));
   if (!is_mapped_) return;
   if (family_of(info) == PixelFamily::kRgb) picture_.layout = rgb_layout(info);
@@ -193,14 +189,14 @@ CardTextures::CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::Sha
   for (guint i = 0; i < planes; i++) picture_.textures[i] = *static_cast<const guint*>(frame_.data[i]);
 }
 
-CardTextures::~CardTextures() {
+GlRenderTarget::~GlRenderTarget() {
   std::string why;
   finish(why);
   if (is_mapped_) gst_video_frame_unmap(&frame_);
 }
 
-// Behind all that the textures' own context has been given to do with them.
-void* CardTextures::put_fence() const {
+// Inserts a fence behind all commands of the textures' own context.
+void* GlRenderTarget::insert_fence() const {
   void* fence = nullptr;
   const auto put = [](GstGLContext*, gpointer to) {
     *static_cast<void**>(to) = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
@@ -211,26 +207,26 @@ void* CardTextures::put_fence() const {
   return fence;
 }
 
-bool CardTextures::draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why) {
-  gl::CardPicture to = picture_;
+bool GlRenderTarget::draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why) {
+  gl::GpuPicture to = picture_;
   to.x = x;
   to.y = y;
-  // Once for each drawer: what that does comes one after the other.
-  const auto is_beside = [&sum](const auto& begun) { return begun->is_beside(sum.first_on_card()); };
-  if (std::ranges::none_of(begun_, is_beside)) to.fence = put_fence();
-  const Levels levels = has_video_levels(frame_.info) ? kVideoLevels : kFullLevels;
-  std::shared_ptr<gl::CardSum> next = sum.resolve_on_card(background, levels, to, why);
+  // One fence per renderer is enough, because a renderer executes its commands in order.
+  const auto has_same_renderer = [&sum](const auto& begun) { return begun->has_same_renderer(sum.first_gpu_sum()); };
+  if (std::ranges::none_of(undrained_, has_same_renderer)) to.fence = insert_fence();
+  const Levels levels = has_limited_range(frame_.info) ? kVideoLevels : kFullLevels;
+  std::shared_ptr<gl::GpuSum> next = sum.resolve_on_gpu(background, levels, to, why);
   if (!next) return false;
-  begun_.push_back(std::move(next));
+  undrained_.push_back(std::move(next));
   return true;
 }
 
-bool CardTextures::finish(std::string& why) {
+bool GlRenderTarget::finish(std::string& why) {
   bool is_there = true;
-  while (!begun_.empty()) {
-    const std::shared_ptr<gl::CardSum> latest = begun_.back();
+  while (!undrained_.empty()) {
+    const std::shared_ptr<gl::GpuSum> latest = undrained_.back();
     is_there = latest->wait(why) && is_there;
-    std::erase_if(begun_, [&latest](const auto& begun) { return begun->is_beside(*latest); });
+    std::erase_if(undrained_, [&latest](const auto& begun) { return begun->has_same_renderer(*latest); });
   }
   return is_there;
 }
@@ -240,28 +236,28 @@ void PictureOutput::start(bool partial, GstPad* request) {
   request_ = request;
   segment_ = {};
   info_ = {};
-  negotiated_ = agreed_ = follows_ = refused_ = in_card_ = false;
+  negotiated_ = agreed_ = follows_ = refused_ = in_gpu_ = false;
   family_ = offered_ = PixelFamily::kNone;
   width_ = height_ = 0;
   last_rig_ = 0;
 }
 
 void PictureOutput::stop() {
-  GlContextPtr context;  // let go of without the lock
+  GlContextPtr context;  // released outside the lock
   ObjectLock lock(element_);
   context_.swap(context);
   lock.unlock();
-  drop_sheet();
+  drop_pending();
   gst_clear_buffer(&last_picture_);
   pool_.clear();
-  own_card_.stop();
+  own_gpu_.stop();
 }
 
-// What the base class asks of its own accord, when downstream has changed, is answered when the next picture is made:
-// that downstream takes none ends this view, not the stream of requests, which others share.
+// If downstream changes, the base class may negotiate between pictures. A failure is then handled at the next picture,
+// because it must end only this view and not the shared stream of requests.
 void PictureOutput::negotiate(bool follows) {
   follows_ = follows;
-  // Before the first request there is nothing to agree on, which the base class would warn of (1.22).
+  // Without a size there is nothing to negotiate yet; the base class would log a warning (1.22).
   agreed_ = width_ > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(element_);
 }
 
@@ -279,13 +275,13 @@ GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps
 bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
   GstVideoInfo info = {};
   if (!partial_ && !gst_video_info_from_caps(&info, caps)) return false;
-  const bool in_card = is_in_card(caps);
-  if (!negotiated_ || in_card != in_card_ || !gst_video_info_is_equal(&info, &info_)) {
+  const bool in_gpu = is_in_gpu(caps);
+  if (!negotiated_ || in_gpu != in_gpu_ || !gst_video_info_is_equal(&info, &info_)) {
     gst_clear_buffer(&last_picture_);
-    drop_sheet();
+    drop_pending();
   }
   info_ = info;
-  in_card_ = in_card;
+  in_gpu_ = in_gpu;
   negotiated_ = true;
   return true;
 }
@@ -293,12 +289,12 @@ bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
 bool PictureOutput::decide_allocation(GstQuery* query) {
   if (!partial_) {
     GlContextPtr context;
-    const bool decided = pool_.decide(query, &own_card_, &context);
+    const bool decided = pool_.decide(query, &own_gpu_, &context);
     set_context(std::move(context));
     return decided;
   }
   while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
-  return true;  // answers have memory of their own
+  return true;  // answers have their own memory
 }
 
 GlContextPtr PictureOutput::context() const {
@@ -306,7 +302,6 @@ GlContextPtr PictureOutput::context() const {
   return context_;
 }
 
-// Nodes that have asked for the one before ask again.
 void PictureOutput::set_context(GlContextPtr context) {
   ObjectLock lock(element_);
   const bool is_new = context != context_;
@@ -320,10 +315,9 @@ void PictureOutput::set_context(GlContextPtr context) {
   gst_element_foreach_sink_pad(GST_ELEMENT(element_), tell, request_);
 }
 
-// Has the base class agree with downstream on caps and memory for pictures like this. GST_FLOW_CUSTOM_SUCCESS: this
-// picture does not fit, but the pictures of the latest requests will. GST_FLOW_NOT_NEGOTIATED: the reason has been
-// posted.
-GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height, SetLayout layout) {
+// Negotiates caps and memory for pictures of this kind. Returns GST_FLOW_CUSTOM_SUCCESS if this picture does not fit
+// but later requests will, and GST_FLOW_NOT_NEGOTIATED after posting an error.
+GstFlowReturn PictureOutput::negotiate_caps(PixelFamily family, int width, int height, ViewSetLayout layout) {
   family_ = family;
   if (family != PixelFamily::kNone) offered_ = family;
   layout_ = layout;
@@ -334,8 +328,8 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height,
   if (GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_))) return GST_FLOW_FLUSHING;
   if (!partial_) return refuse_picture();
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
-                    ("Answers (partial=true) are no video: link the source pad with the next lfcompositor of the tree, "
-                     "or with elements that accept " LF_ANSWER_MEDIA_TYPE ", or set partial to false."),
+                    ("Answers (partial=true) are not video: link the source pad with the next lfcompositor of the "
+                     "tree, or with elements that accept " LF_ANSWER_MEDIA_TYPE ", or set partial to false."),
                     (nullptr));
   refused_ = true;
   return GST_FLOW_NOT_NEGOTIATED;
@@ -350,21 +344,21 @@ GstFlowReturn PictureOutput::refuse_picture() {
   return GST_FLOW_NOT_NEGOTIATED;
 }
 
-GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, const ViewRequest& request) {
-  const PlaceInSet& place = request.place;
+GstFlowReturn PictureOutput::negotiate_picture(PixelFamily family, const ViewRequest& request) {
+  const ViewSetPosition& place = request.place;
   const int width = place.columns * request.view.width, height = place.rows * request.view.height;
   const bool same = info_.width == width && info_.height == height && layout_ == place.layout &&
                     (family == PixelFamily::kNone || family_of(info_) == family);
-  return same && agreed_ ? GST_FLOW_OK : agree_on(family, width, height, place.layout);
+  return same && agreed_ ? GST_FLOW_OK : negotiate_caps(family, width, height, place.layout);
 }
 
-// Where the colours of a view's picture are: R, G and B in one plane, or Y, Cb and Cr.
+// Pointers to the region of a view in a picture: one RGB plane, or Y, Cb and Cr.
 struct PictureOutput::Planes {
   Planes(const GstVideoFrame& frame, const ViewRequest& request) {
     const int x = request.place.column() * request.view.width, y = request.place.row() * request.view.height;
     const guint count = family_of(frame.info) == PixelFamily::kRgb ? 1 : 3;
     for (guint i = 0; i < count; i++) {
-      const int halves = i > 0 ? 2 : 1;  // of chroma
+      const int halves = i > 0 ? 2 : 1;
       stride[i] = count == 1 ? GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0) : GST_VIDEO_FRAME_COMP_STRIDE(&frame, i);
       data[i] = static_cast<uint8_t*>(count == 1 ? GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)
                                                  : GST_VIDEO_FRAME_COMP_DATA(&frame, i)) +
@@ -375,7 +369,7 @@ struct PictureOutput::Planes {
   ptrdiff_t stride[3] = {};
 };
 
-// What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
+// Fills pixels without weight from the previous picture, unless that was made with another rig.
 void PictureOutput::conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture) {
   if (assembly.fragments() > 0 && assembly.rig_hash() != last_rig_) return;
   GstVideoFrame before;
@@ -392,58 +386,56 @@ void PictureOutput::conceal(const Assembly& assembly, const ViewRequest& request
   gst_video_frame_unmap(&before);
 }
 
-// False if there is no memory.
-bool PictureOutput::begin_sheet(const ViewRequest& request) {
-  drop_sheet();
+bool PictureOutput::begin_pending(const ViewRequest& request) {
+  drop_pending();
   GstBufferPool* pool = gst_aggregator_get_buffer_pool(element_);
-  sheet_ = {.buffer = pool_.take(pool),
-            .first = first_of_set(request),
-            .drawn = std::vector<bool>(static_cast<size_t>(request.place.count()))};
+  pending_ = {.buffer = pool_.take(pool),
+              .first = first_of_set(request),
+              .drawn = std::vector<bool>(static_cast<size_t>(request.place.count()))};
   gst_clear_object(&pool);
-  return sheet_.buffer;
+  return pending_.buffer;
 }
 
-// Where its sum has been left, on a graphics card, which is waited for with the last view of a set. False if it has to
-// be made here: it is not whole, or something else is to be done to it.
-bool PictureOutput::draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background) {
+// Draws the view on the GPU that holds its sum. The last view of a set waits for the GPU. Returns false if the view
+// must be drawn on the CPU: it is incomplete, or has an overlay.
+bool PictureOutput::draw_on_gpu(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   const gl::ShareGroup group = assembly.picture().share_group();
-  if (group == 0 || !assembly.complete() || (shown_ != ShownWeights::kNone && rig_)) return false;
-  std::unique_ptr<CardTextures>& textures = sheet_.textures;
+  if (group == 0 || !assembly.complete() || (shown_ != WeightOverlayMode::kNone && rig_)) return false;
+  std::unique_ptr<GlRenderTarget>& textures = pending_.textures;
   if (!textures || textures->group() != group) {
-    leave_card();
-    textures = std::make_unique<CardTextures>(sheet_.buffer, info_, group);
+    leave_gpu();
+    textures = std::make_unique<GlRenderTarget>(pending_.buffer, info_, group);
   }
   std::string why;
   bool drawn = *textures && textures->draw(assembly.picture(), background, request.place.column() * request.view.width,
                                            request.place.row() * request.view.height, why);
-  const bool is_last = std::ranges::count(sheet_.drawn, false) == 1;
-  if (drawn && is_last && !textures->finish(why)) drawn = sheet_.complete = false;
-  if (!why.empty()) GST_WARNING_OBJECT(element_, "a picture can't be made on the card: %s", why.c_str());
+  const bool is_last = std::ranges::count(pending_.drawn, false) == 1;
+  if (drawn && is_last && !textures->finish(why)) drawn = pending_.complete = false;
+  if (!why.empty()) GST_WARNING_OBJECT(element_, "a picture can't be made on the GPU: %s", why.c_str());
   return drawn;
 }
 
-// Before anything else is done with the picture.
-void PictureOutput::leave_card() {
+// Call before any other access to the picture.
+void PictureOutput::leave_gpu() {
   std::string why;
-  if (sheet_.textures && !sheet_.textures->finish(why)) {
-    GST_WARNING_OBJECT(element_, "what was made of a picture on the card is lost: %s", why.c_str());
-    sheet_.complete = sheet_.on_card = false;
+  if (pending_.textures && !pending_.textures->finish(why)) {
+    GST_WARNING_OBJECT(element_, "the GPU has lost a picture: %s", why.c_str());
+    pending_.complete = pending_.on_gpu = false;
   }
-  sheet_.textures.reset();
+  pending_.textures.reset();
 }
 
-// Here. False if the memory can't be had.
 bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   GstVideoFrame frame;
-  // What is there of other views is to stay, wherever it is.
-  const bool is_begun = std::ranges::find(sheet_.drawn, true) != sheet_.drawn.end();
-  if (!gst_video_frame_map(&frame, &info_, sheet_.buffer, is_begun ? GST_MAP_READWRITE : GST_MAP_WRITE)) return false;
+  // Keep the views that have already been drawn.
+  const bool is_begun = std::ranges::find(pending_.drawn, true) != pending_.drawn.end();
+  if (!gst_video_frame_map(&frame, &info_, pending_.buffer, is_begun ? GST_MAP_READWRITE : GST_MAP_WRITE)) return false;
   const Planes planes(frame, request);
   const RgbLayout layout = family_of(info_) == PixelFamily::kRgb ? rgb_layout(info_) : RgbLayout{};
-  const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
+  const Levels levels = has_limited_range(info_) ? kVideoLevels : kFullLevels;
   assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
   if (!assembly.complete() || assembly.picture().is_gone()) conceal(assembly, request, planes);
-  if (shown_ != ShownWeights::kNone && rig_) {
+  if (shown_ != WeightOverlayMode::kNone && rig_) {
     WeightOverlay::Picture picture{.family = family_of(info_), .layout = layout, .levels = levels};
     std::ranges::copy(planes.data, picture.plane);
     std::ranges::copy(planes.stride, picture.stride);
@@ -453,56 +445,55 @@ bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& reque
   return true;
 }
 
-// The picture of one view, where it has its place. False if the memory can't be had.
 bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
   assembly.finish(family_of(info_), background != Background{});
-  const bool on_card = draw_on_card(assembly, request, background);
-  if (!on_card) leave_card();
-  if (!on_card && !draw_here(assembly, request, background)) return false;
-  sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
-  sheet_.complete = sheet_.complete && assembly.complete();
-  sheet_.on_card = sheet_.on_card && on_card;
+  const bool on_gpu = draw_on_gpu(assembly, request, background);
+  if (!on_gpu) leave_gpu();
+  if (!on_gpu && !draw_here(assembly, request, background)) return false;
+  pending_.drawn[static_cast<size_t>(request.place.index)] = true;
+  pending_.complete = pending_.complete && assembly.complete();
+  pending_.on_gpu = pending_.on_gpu && on_gpu;
   return true;
 }
 
 GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                                        GstFlowReturn* flow, bool* dropped) {
-  const bool had_begun = sheet_.buffer;
-  *flow = agree_on_picture(assembly.family(), request);
+  const bool had_begun = pending_.buffer;
+  *flow = negotiate_picture(assembly.family(), request);
   if (*flow == GST_FLOW_CUSTOM_SUCCESS) {
-    drop_sheet();
+    drop_pending();
     *dropped = true;
     *flow = GST_FLOW_OK;
   }
   if (*flow != GST_FLOW_OK || *dropped) return nullptr;
-  const bool goes_on = is_drawing(request) && sheet_.drawn.size() == static_cast<size_t>(request.place.count());
+  const bool goes_on = is_drawing(request) && pending_.drawn.size() == static_cast<size_t>(request.place.count());
   *dropped = had_begun && !goes_on;
-  // It would show the picture before, and the work would make a machine that is too slow slower still.
-  if (last_picture_ && request.place.count() == 1 && assembly.all_is_missing()) {
-    sheet_.complete = sheet_.on_card = false;
+  // An empty view would show only the previous picture; skipping the work helps an overloaded machine.
+  if (last_picture_ && request.place.count() == 1 && assembly.is_empty()) {
+    pending_.complete = pending_.on_gpu = false;
     return gst_buffer_copy(last_picture_);
   }
-  if ((!goes_on && !begin_sheet(request)) || !draw(assembly, request, background)) {
-    drop_sheet();
+  if ((!goes_on && !begin_pending(request)) || !draw(assembly, request, background)) {
+    drop_pending();
     *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_)) ? GST_FLOW_FLUSHING : no_memory(element_);
     return nullptr;
   }
-  const bool whole = std::ranges::find(sheet_.drawn, false) == sheet_.drawn.end();
+  const bool whole = std::ranges::find(pending_.drawn, false) == pending_.drawn.end();
   if (!whole) return nullptr;
-  sheet_.textures.reset();
-  return std::exchange(sheet_.buffer, nullptr);
+  pending_.textures.reset();
+  return std::exchange(pending_.buffer, nullptr);
 }
 
-GstFlowReturn PictureOutput::agree_on_answers(const View& view) {
+GstFlowReturn PictureOutput::negotiate_answers(const View& view) {
   if (agreed_) return GST_FLOW_OK;
-  const GstFlowReturn flow = agree_on(PixelFamily::kNone, view.width, view.height, SetLayout::kMono);
-  if (flow == GST_FLOW_OK) root_is_near_ = near_compositor(GST_AGGREGATOR_SRC_PAD(element_)).is_there;
+  const GstFlowReturn flow = negotiate_caps(PixelFamily::kNone, view.width, view.height, ViewSetLayout::kMono);
+  if (flow == GST_FLOW_OK) root_is_local_ = find_local_compositor(GST_AGGREGATOR_SRC_PAD(element_)).is_there;
   return flow;
 }
 
 GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                                       GstFlowReturn* flow) {
-  *flow = agree_on_answers(request.view);
+  *flow = negotiate_answers(request.view);
   if (*flow != GST_FLOW_OK) return nullptr;
   assembly.finish_partial();
   const View& view = request.view;
@@ -512,7 +503,7 @@ GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& req
   header.node = node;
   header.cameras = header.blind = assembly.cameras();
   header.blind.remove(assembly.seeing());
-  const Coding coding = choose_coding(codec, root_is_near_, request.quality);
+  const Coding coding = choose_coding(codec, root_is_local_, request.quality);
   try {
     return wrap_answer(partial_answer(header, assembly.picture(), coding, memory_->take()), memory_);
   } catch (const Error& error) {
@@ -522,19 +513,19 @@ GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& req
   }
 }
 
-PictureOutput::Shown PictureOutput::replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete,
-                                                       GstBuffer** picture) {
-  const bool whole = partial_ || sheet_.complete;
+PictureOutput::OutputAction PictureOutput::replace_incomplete(const Assembly& assembly,
+                                                              LfCompositorIncomplete incomplete, GstBuffer** picture) {
+  const bool whole = partial_ || pending_.complete;
   if (!whole && incomplete == LF_COMPOSITOR_INCOMPLETE_REPEAT && last_picture_) {
     gst_buffer_unref(std::exchange(*picture, gst_buffer_copy(last_picture_)));
-    return Shown::kRepeated;
+    return OutputAction::kRepeated;
   }
   if (!whole && incomplete == LF_COMPOSITOR_INCOMPLETE_DROP) {
     gst_clear_buffer(picture);
-    return Shown::kDropped;
+    return OutputAction::kDropped;
   }
   if (assembly.fragments() > 0) last_rig_ = assembly.rig_hash();
-  return Shown::kPicture;
+  return OutputAction::kPicture;
 }
 
 void PictureOutput::follow_segment(const GstSegment& requests) {

@@ -19,10 +19,9 @@
 #include "compositor/picture_pool.h"
 #include "image/image.h"
 #include "node/answer_encoder.h"
-#include "render/gl/card_sum.h"
+#include "render/gl/gpu_sum.h"
 #include "view/view.h"
 
-// What is put out for a request of which something is missing.
 typedef enum {
   LF_COMPOSITOR_INCOMPLETE_CONCEAL,
   LF_COMPOSITOR_INCOMPLETE_REPEAT,
@@ -31,132 +30,129 @@ typedef enum {
 
 namespace lf {
 
-// Fixed caps of a picture of width x height pixels out of `downstream`, what is taken there; of the fragments' own
-// family where `family` is known; null if there are none. Of a set in this layout that GStreamer has a multiview-mode
-// for they have that. YCbCr has the range of cameras, or that of video where
-// downstream wants BT.601 so: nobody then has to convert it (GstVideoConverter 1.22 would leave the range as it is).
-// The frame rate is that of the requests that come to the pad `request`. In a graphics card's memory where downstream
-// takes no other. Owned by the caller.
+// Chooses fixed caps for pictures of width x height pixels from `downstream`, the accepted caps. Returns null if no
+// caps fit (transfer full). `family`: of the fragments, if known. `request`: the pad with the frame rate. A layout with
+// a GStreamer multiview-mode has this mode in the caps. YCbCr has the cameras' range, or video range if downstream
+// requires it for BT.601; GstVideoConverter 1.22 would ignore the range. Uses GPU memory only if downstream accepts
+// nothing else.
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
-                            SetLayout layout);
+                            ViewSetLayout layout);
 
-// Why choose_output_caps() finds no caps, and what to do: a sentence for a person.
+// The reason why choose_output_caps() fails, and the remedy, for the user.
 struct CapsMismatch {
-  bool is_of_size_or_rate = false;  // pictures of another size or rate would be accepted
+  bool is_of_size_or_rate = false;  // true if another size or rate would be accepted
   std::string text;
 };
 CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
-// Video of this family, or of any family where it is kNone, in any memory. Owned by the caller.
+// Returns video caps of this family (kNone: any family) in any memory (transfer full).
 GstCaps* offered_caps(PixelFamily family);
 
-// Whether video of these caps, of all of them, is in a graphics card's memory.
-bool is_in_card(const GstCaps* caps);
+// True if all structures of the caps are in GPU memory.
+bool is_in_gpu(const GstCaps* caps);
 
-// The textures that a picture's buffer consists of, mapped to be drawn to as long as this lives.
-class CardTextures {
+// The textures of a picture buffer, mapped as a render target during the object's lifetime.
+class GlRenderTarget {
  public:
-  // `group`: that they have to be of.
-  CardTextures(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
-  // Waits for what has been begun.
-  ~CardTextures();
-  CardTextures(const CardTextures&) = delete;
-  CardTextures& operator=(const CardTextures&) = delete;
+  // `group`: required share group of the textures.
+  GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
+  ~GlRenderTarget();
+  GlRenderTarget(const GlRenderTarget&) = delete;
+  GlRenderTarget& operator=(const GlRenderTarget&) = delete;
 
-  // False if it does not consist of such, or of others than a sum can be drawn to.
+  // False if sums cannot be drawn to the textures of the buffer.
   explicit operator bool() const { return is_mapped_; }
   gl::ShareGroup group() const { return group_; }
-  // Has the card begin with the picture of a sum that is there, from this pixel on. False with the reason in `why`.
+  // Starts drawing a sum at pixel (x, y). Returns false and sets `why` on failure.
   bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
-  // Waits for all that was begun. False if it will never be there, with the reason in `why`.
+  // Waits for all draw calls. Returns false and sets `why` if a result is lost.
   bool finish(std::string& why);
 
  private:
-  void* put_fence() const;
+  void* insert_fence() const;
 
   const gl::ShareGroup group_;
   GstVideoFrame frame_;
   bool is_mapped_ = false;
-  gl::CardPicture picture_;                          // where they are, and how their bytes are laid out
-  std::vector<std::shared_ptr<gl::CardSum>> begun_;  // and not waited for: nothing is drawn over them until then
+  gl::GpuPicture picture_;
+  std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // unfinished draw calls; keeps their sums alive
 };
 
-// What leaves an lfcompositor: pictures, or partial answers, in caps and memory that downstream agrees on, and the
-// picture before, which may stand in for an incomplete one. Posts errors of its element. Streaming thread, but for
-// is_pushing(), has_begun() and own_card().
+// The output of an lfcompositor: negotiates caps and memory, makes pictures or partial answers, and keeps the previous
+// picture as a replacement for incomplete pictures. Posts errors of its element. Use from the streaming thread, except
+// for is_pushing(), has_begun() and own_gpu().
 class PictureOutput {
  public:
-  explicit PictureOutput(GstAggregator* element) : element_(element), own_card_(GST_ELEMENT(element)) {}
+  explicit PictureOutput(GstAggregator* element) : element_(element), own_gpu_(GST_ELEMENT(element)) {}
   ~PictureOutput() { stop(); }
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
 
-  // `partial`: answers leave, not pictures. `request`: the pad that has the frame rate.
+  // `partial`: output answers instead of pictures. `request`: the pad that determines the frame rate.
   void start(bool partial, GstPad* request);
   void stop();
-  // The segment has to be sent again, whatever it is.
-  void flush() { segment_ = {}, drop_sheet(); }
+  // Forces a new segment event and drops the unfinished picture.
+  void flush() { segment_ = {}, drop_pending(); }
 
-  // What the functions of GstAggregatorClass of these names do.
-  // `follows`: the view's next requests are for pictures that are accepted downstream.
+  // Implementations of the GstAggregatorClass functions. `follows`: the view's next requests will match the downstream
+  // caps.
   void negotiate(bool follows);
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
-  OwnCard& own_card() { return own_card_; }
+  OwnGpu& own_gpu() { return own_gpu_; }
 
-  // What pictures show from now on of their cameras' weights; nothing without a rig.
-  void show(ShownWeights what, std::shared_ptr<const Rig> rig) {
+  // Sets the overlay of the next pictures; none without a rig.
+  void show(WeightOverlayMode what, std::shared_ptr<const Rig> rig) {
     shown_ = what;
     if (rig_ == rig) return;
     rig_ = std::move(rig);
     overlay_ = {};
   }
 
-  // The picture of what was added for a request, with those of the other views of its set. Null if there is none: *flow
-  // says why, and is GST_FLOW_OK where other views are still to come. *dropped becomes true where there will be no
-  // picture: another set has begun before all views of this one came, or the picture was requested before the
-  // accepted size or rate changed.
+  // Returns the picture of a request and all views of its set. Returns null if there is none; *flow is GST_FLOW_OK if
+  // other views are still missing, otherwise the error. Sets *dropped to true if a picture will never be complete: a
+  // new set started too early, or the request precedes a change of the accepted size or rate.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
-  // Whether the latest picture was made where its sums had been left, on a graphics card.
-  bool is_on_card() const { return sheet_.on_card; }
-  // Whether views of the request's set have been drawn, and it is not whole yet.
-  bool is_drawing(const ViewRequest& request) const { return sheet_.buffer && sheet_.first == first_of_set(request); }
-  // What was added for the request as the answer of one node, of the number `node`. Null if there is none; *flow then
-  // says why.
+  // True if the latest picture was made on the GPU that held its sums.
+  bool is_on_gpu() const { return pending_.on_gpu; }
+  // True if the request's set has been started and is not complete.
+  bool is_drawing(const ViewRequest& request) const {
+    return pending_.buffer && pending_.first == first_of_set(request);
+  }
+  // Returns the sum for the request as the answer of node `node`. Returns null on failure and sets *flow.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
-  // What is put out in place of a picture that was made last, as `incomplete` says: that picture, the one before again
-  // (kRepeated) or nothing (kDropped). Takes the picture.
-  enum class Shown { kPicture, kRepeated, kDropped };
-  Shown replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
+  // Keeps, repeats or drops an incomplete picture, according to `incomplete`. Takes the picture.
+  enum class OutputAction { kPicture, kRepeated, kDropped };
+  OutputAction replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
 
-  // Pictures have the stamps of their requests, in the requests' segment.
+  // Uses the segment of the requests for the output.
   void follow_segment(const GstSegment& requests);
-  // Takes the buffer, which is at this time of the segment. `keep`: it may stand in for later ones.
+  // Pushes the buffer (transfer full). `pts`: position in the segment. `keep`: keep a reference as a replacement for
+  // later pictures.
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
-  PixelFamily family() const { return offered_; }  // of the pictures; kNone: not known yet. Any thread
-  bool is_pushing() const { return pushing_; }     // downstream may take its time
-  bool has_refused() const { return refused_; }    // an error has told why downstream accepts no pictures
+  PixelFamily family() const { return offered_; }  // kNone: not known yet. Any thread
+  bool is_pushing() const { return pushing_; }     // downstream may block meanwhile
+  bool has_refused() const { return refused_; }    // an error has been posted about caps
   bool has_begun() const { return negotiated_; }
-  // The context that downstream's memory for pictures belongs to; null: it is not a card's. Any thread.
+  // Returns the context of downstream's GPU memory; null: system memory. Any thread.
   GlContextPtr context() const;
 
  private:
-  GstFlowReturn agree_on(PixelFamily family, int width, int height, SetLayout layout);
+  GstFlowReturn negotiate_caps(PixelFamily family, int width, int height, ViewSetLayout layout);
   GstFlowReturn refuse_picture();
-  GstFlowReturn agree_on_picture(PixelFamily family, const ViewRequest& request);
-  GstFlowReturn agree_on_answers(const View& view);
+  GstFlowReturn negotiate_picture(PixelFamily family, const ViewRequest& request);
+  GstFlowReturn negotiate_answers(const View& view);
   struct Planes;
   void conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture);
   bool draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background);
-  bool draw_on_card(const Assembly& assembly, const ViewRequest& request, const Background& background);
-  void leave_card();
-  bool begin_sheet(const ViewRequest& request);
+  bool draw_on_gpu(const Assembly& assembly, const ViewRequest& request, const Background& background);
+  void leave_gpu();
+  bool begin_pending(const ViewRequest& request);
   void set_context(GlContextPtr context);
   bool draw(Assembly& assembly, const ViewRequest& request, const Background& background);
-  // The number of the request that the set begins with.
   static uint32_t first_of_set(const ViewRequest& request) {
     return request.sequence - static_cast<uint32_t>(request.place.turn());
   }
@@ -164,42 +160,42 @@ class PictureOutput {
   GstAggregator* const element_;
   GstPad* request_ = nullptr;
   bool partial_ = false;
-  GstSegment segment_{};                  // the segment that was sent downstream: that of the requests
-  GstVideoInfo info_{};                   // the negotiated format of pictures
-  std::atomic<bool> negotiated_ = false;  // whether caps were negotiated since the start
-  // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
+  GstSegment segment_{};  // sent downstream
+  GstVideoInfo info_{};
+  std::atomic<bool> negotiated_ = false;
+  // Format of the next picture, and whether downstream accepts it (agreed_). Width 0: not known yet.
   PixelFamily family_ = PixelFamily::kNone;
-  std::atomic<PixelFamily> offered_ = PixelFamily::kNone;  // the latest family_ that was known
+  std::atomic<PixelFamily> offered_ = PixelFamily::kNone;  // latest known family_
   int width_ = 0, height_ = 0;
-  SetLayout layout_ = SetLayout::kMono;
+  ViewSetLayout layout_ = ViewSetLayout::kMono;
   bool agreed_ = false;
   bool refused_ = false;
-  bool follows_ = false;  // the view's next requests are for pictures that are accepted downstream
-  GlContextPtr context_;  // under the element's object lock
-  bool in_card_ = false;  // what was negotiated is in a graphics card's memory, see is_in_card()
-  OwnCard own_card_;
+  bool follows_ = false;  // the view's next requests will match the downstream caps
+  GlContextPtr context_;  // guarded by the element's object lock
+  bool in_gpu_ = false;   // see is_in_gpu()
+  OwnGpu own_gpu_;
   PicturePool pool_;
-  // The picture that views of a set are being drawn into.
-  struct Sheet {
-    GstBuffer* buffer = nullptr;  // null: none
-    uint32_t first = 0;           // see first_of_set()
-    std::vector<bool> drawn;      // view by view
-    bool complete = true;         // all views that were drawn were complete
-    bool on_card = true;          // and made on a graphics card
-    // The buffer's, while views are drawn there; in front of nothing else that is done with the buffer.
-    std::unique_ptr<CardTextures> textures = {};
-  } sheet_;
-  void drop_sheet() {
-    sheet_.textures.reset();
-    gst_clear_buffer(&sheet_.buffer);
+  // The unfinished picture of a set of views.
+  struct PendingPicture {
+    GstBuffer* buffer = nullptr;
+    uint32_t first = 0;
+    std::vector<bool> drawn;
+    bool complete = true;  // all drawn views are complete
+    bool on_gpu = true;    // all drawn views were made on a GPU
+    // The buffer's textures while views are drawn on the GPU; reset before any other access to the buffer.
+    std::unique_ptr<GlRenderTarget> textures = {};
+  } pending_;
+  void drop_pending() {
+    pending_.textures.reset();
+    gst_clear_buffer(&pending_.buffer);
   }
-  ShownWeights shown_ = ShownWeights::kNone;
+  WeightOverlayMode shown_ = WeightOverlayMode::kNone;
   std::shared_ptr<const Rig> rig_;
   WeightOverlay overlay_;
-  std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // what partial answers are made in
-  bool root_is_near_ = false;          // the compositor that partial answers go to is in this process
-  GstBuffer* last_picture_ = nullptr;  // what an incomplete picture may be replaced or mended with
-  uint64_t last_rig_ = 0;              // hash of the rig that last_picture_ was made with; 0: not known
+  std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();
+  bool root_is_local_ = false;         // the receiver of partial answers is in this process
+  GstBuffer* last_picture_ = nullptr;  // replacement for incomplete pictures
+  uint64_t last_rig_ = 0;              // rig hash of last_picture_; 0: unknown
   std::atomic<bool> pushing_ = false;
 };
 

@@ -10,47 +10,47 @@
 
 namespace {
 
-// A pool of videos that shrinks again: what comes back beyond a few that lie idle is freed.
-struct LfShrinkingPool {
+// A video buffer pool that shrinks: frees returned buffers beyond a few idle ones.
+struct LfTrimmingPool {
   GstVideoBufferPool parent;
   gint buffers, in_use;
 };
-struct LfShrinkingPoolClass {
+struct LfTrimmingPoolClass {
   GstVideoBufferPoolClass parent_class;
 };
 
-G_DEFINE_TYPE(LfShrinkingPool, lf_shrinking_pool, GST_TYPE_VIDEO_BUFFER_POOL)
+G_DEFINE_TYPE(LfTrimmingPool, lf_trimming_pool, GST_TYPE_VIDEO_BUFFER_POOL)
 
-LfShrinkingPool* shrinking_pool(GstBufferPool* pool) { return reinterpret_cast<LfShrinkingPool*>(pool); }
+LfTrimmingPool* trimming_pool(GstBufferPool* pool) { return reinterpret_cast<LfTrimmingPool*>(pool); }
 
-GstBufferPoolClass* base_class() { return GST_BUFFER_POOL_CLASS(lf_shrinking_pool_parent_class); }
+GstBufferPoolClass* base_class() { return GST_BUFFER_POOL_CLASS(lf_trimming_pool_parent_class); }
 
 GstFlowReturn alloc(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcquireParams* params) {
   const GstFlowReturn flow = base_class()->alloc_buffer(pool, buffer, params);
-  if (flow == GST_FLOW_OK) g_atomic_int_inc(&shrinking_pool(pool)->buffers);
+  if (flow == GST_FLOW_OK) g_atomic_int_inc(&trimming_pool(pool)->buffers);
   return flow;
 }
 
 void free_buffer(GstBufferPool* pool, GstBuffer* buffer) {
-  g_atomic_int_add(&shrinking_pool(pool)->buffers, -1);
+  g_atomic_int_add(&trimming_pool(pool)->buffers, -1);
   base_class()->free_buffer(pool, buffer);
 }
 
 GstFlowReturn acquire(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcquireParams* params) {
   const GstFlowReturn flow = base_class()->acquire_buffer(pool, buffer, params);
-  if (flow == GST_FLOW_OK) g_atomic_int_inc(&shrinking_pool(pool)->in_use);
+  if (flow == GST_FLOW_OK) g_atomic_int_inc(&trimming_pool(pool)->in_use);
   return flow;
 }
 
 void release(GstBufferPool* pool, GstBuffer* buffer) {
-  LfShrinkingPool* self = shrinking_pool(pool);
+  LfTrimmingPool* self = trimming_pool(pool);
   const gint in_use = g_atomic_int_add(&self->in_use, -1) - 1;
   if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMostIdle))
-    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);  // the base class frees it then
+    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);  // makes the base class free the buffer
   base_class()->release_buffer(pool, buffer);
 }
 
-void lf_shrinking_pool_class_init(LfShrinkingPoolClass* klass) {
+void lf_trimming_pool_class_init(LfTrimmingPoolClass* klass) {
   GstBufferPoolClass* pool_class = GST_BUFFER_POOL_CLASS(klass);
   pool_class->alloc_buffer = alloc;
   pool_class->free_buffer = free_buffer;
@@ -58,15 +58,16 @@ void lf_shrinking_pool_class_init(LfShrinkingPoolClass* klass) {
   pool_class->release_buffer = release;
 }
 
-void lf_shrinking_pool_init(LfShrinkingPool*) {}
+void lf_trimming_pool_init(LfTrimmingPool*) {}
 
 struct Memory {
   GstAllocator* allocator = nullptr;
   GstAllocationParams params;
-  bool has_video_meta = false;  // downstream knows where planes are from it
+  bool has_video_meta = false;  // downstream reads plane offsets from the meta
 };
 
-// What downstream asks for. Who can't allocate by size alone is of no use with another pool than its own.
+// Returns the memory parameters that downstream requests. Ignores custom allocators, because they only work with their
+// own pool.
 Memory memory_of(GstQuery* query) {
   Memory memory;
   gst_allocation_params_init(&memory.params);
@@ -78,7 +79,7 @@ Memory memory_of(GstQuery* query) {
   return memory;
 }
 
-// A pool may change what it is asked for, and is then to be asked for that.
+// A pool may adjust the requested configuration; the adjusted configuration must be set again.
 bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guint most, const Memory& memory) {
   GstStructure* config = gst_buffer_pool_get_config(pool);
   gst_buffer_pool_config_set_params(config, caps, size, least, most);
@@ -97,35 +98,35 @@ bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guin
 
 namespace lf {
 
-OwnCard::~OwnCard() {
+OwnGpu::~OwnGpu() {
   gst_clear_object(&context_);
   gst_clear_object(&shared_);
   gst_clear_object(&display_);
 }
 
-void OwnCard::stop() {
+void OwnGpu::stop() {
   std::unique_lock lock(mutex_);
   GstGLContext* const context = std::exchange(context_, nullptr);
   lock.unlock();
   if (context) gst_object_unref(context);
 }
 
-void OwnCard::share(GstContext* context) {
+void OwnGpu::share(GstContext* context) {
   const std::lock_guard lock(mutex_);
   gst_gl_handle_set_context(element_, context, &display_, &shared_);
 }
 
-bool OwnCard::answer(GstQuery* query) {
+bool OwnGpu::answer(GstQuery* query) {
   const std::lock_guard lock(mutex_);
   return gst_gl_handle_context_query(element_, query, display_, context_, shared_);
 }
 
-// Neighbours are asked without the lock: they may be asking this element.
-bool OwnCard::find_context() {
+// Queries neighbours without the lock, because they may be querying this element.
+bool OwnGpu::find_context() {
   if (context_) return true;
   GstGLContext* context = nullptr;
   if (!gst_gl_query_local_gl_context(element_, GST_PAD_SRC, &context)) {
-    // Whoever is asked answers by share(); where nobody does a display is made here.
+    // Neighbours answer by calling share(). If none does, create a display.
     if (!gst_gl_ensure_element_data(element_, &display_, &shared_)) return false;
     GST_OBJECT_LOCK(display_);
     GError* error = nullptr;
@@ -143,7 +144,7 @@ bool OwnCard::find_context() {
   return context_ != nullptr;
 }
 
-GstBufferPool* OwnCard::pool(GstCaps* caps, guint size) {
+GstBufferPool* OwnGpu::pool(GstCaps* caps, guint size) {
   if (!find_context()) return nullptr;
   GstBufferPool* const pool = gst_gl_buffer_pool_new(context_);
   GstStructure* const config = gst_buffer_pool_get_config(pool);
@@ -154,7 +155,7 @@ GstBufferPool* OwnCard::pool(GstCaps* caps, guint size) {
   return nullptr;
 }
 
-bool PicturePool::decide(GstQuery* query, OwnCard* card, GlContextPtr* context) {
+bool PicturePool::decide(GstQuery* query, OwnGpu* gpu, GlContextPtr* context) {
   clear();
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -162,8 +163,8 @@ bool PicturePool::decide(GstQuery* query, OwnCard* card, GlContextPtr* context) 
   if (!caps || !gst_video_info_from_caps(&info, caps)) return false;
   const guint size = static_cast<guint>(info.size);
   Memory memory = memory_of(query);
-  const bool may_be_own = !is_in_card(caps);
-  if (may_be_own) own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_shrinking_pool_get_type(), nullptr)));
+  const bool may_be_own = !is_in_gpu(caps);
+  if (may_be_own) own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_trimming_pool_get_type(), nullptr)));
   const bool has_own = may_be_own && configure(own_, caps, size, 0, 0, memory);
   GstBufferPool* chosen = nullptr;
   guint chosen_size = size, least = 0, most = 0;
@@ -171,7 +172,8 @@ bool PicturePool::decide(GstQuery* query, OwnCard* card, GlContextPtr* context) 
     guint their_size = 0;
     gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
     if (!chosen) continue;
-    // A pool without an end would keep for ever what a burst needed: there ours helps out, but not in a card's memory.
+    // Bounds unlimited pools, which would otherwise keep the memory of a burst forever. Our own pool takes over beyond
+    // the limit; it does not provide GPU memory.
     most = !may_be_own ? 0 : most == 0 ? least + kMostIdle : most;
     chosen_size = MAX(their_size, size);
     if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
@@ -180,8 +182,8 @@ bool PicturePool::decide(GstQuery* query, OwnCard* card, GlContextPtr* context) 
   if (!chosen) {
     if (has_own)
       chosen = GST_BUFFER_POOL(gst_object_ref(own_));
-    else if (!may_be_own && card)
-      chosen = card->pool(caps, size);
+    else if (!may_be_own && gpu)
+      chosen = gpu->pool(caps, size);
     if (!chosen) return false;
     chosen_size = size;
     least = most = 0;

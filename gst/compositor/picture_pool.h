@@ -12,55 +12,54 @@ typedef struct _GstGLDisplay GstGLDisplay;
 
 namespace lf {
 
-// Memory for pictures in a graphics card where downstream takes them there and offers none, as gldownload does: of an
-// OpenGL context that neighbours share, or of the element's own, as sources of OpenGL have one.
-class OwnCard {
+// GPU memory for pictures if downstream requires GPU memory but offers no pool (for example gldownload). Uses an OpenGL
+// context shared by neighbours, or creates its own, as OpenGL sources do.
+class OwnGpu {
  public:
-  explicit OwnCard(GstElement* element) : element_(element) {}
-  ~OwnCard();
-  OwnCard(const OwnCard&) = delete;
-  OwnCard& operator=(const OwnCard&) = delete;
+  explicit OwnGpu(GstElement* element) : element_(element) {}
+  ~OwnGpu();
+  OwnGpu(const OwnGpu&) = delete;
+  OwnGpu& operator=(const OwnGpu&) = delete;
 
-  // A pool for pictures of these caps, `size` bytes each, owned by the caller; null if there is no OpenGL. Streaming
-  // thread.
+  // Returns a pool for pictures of these caps, `size` bytes each (transfer full). Returns null if there is no OpenGL.
+  // Streaming thread.
   GstBufferPool* pool(GstCaps* caps, guint size);
-  // Lets go of the context. Streaming thread, or when there is none.
+  // Releases the context. Call from the streaming thread or while it is stopped.
   void stop();
 
-  // What GstElementClass::set_context does: an application or a neighbour says which display and context to share. Any
-  // thread.
+  // Implements GstElementClass::set_context: an application or a neighbour sets the display and the context to share.
+  // Any thread.
   void share(GstContext* context);
-  // Answers neighbours that ask for a context to share. False: it is not for this element to say. Any thread.
+  // Answers context queries of neighbours. Returns false if the query is not handled. Any thread.
   bool answer(GstQuery* query);
 
  private:
   bool find_context();
 
   GstElement* const element_;
-  std::mutex mutex_;  // of what is below
+  std::mutex mutex_;  // guards the members below
   GstGLDisplay* display_ = nullptr;
   GstGLContext *shared_ = nullptr, *context_ = nullptr;
 };
 
-// Memory of pictures that downstream has let go of: a 1080p picture on pages fresh from the system costs as much as
-// making it. Not thread-safe; pictures may outlive it.
+// Recycles the memory of pictures: for a 1080p picture, fresh pages from the system cost as much as composing. Pictures
+// may outlive the pool. Not thread-safe.
 class PicturePool {
  public:
-  static constexpr guint kMostIdle = 4;  // pictures that are kept for the next; those of a burst are not
+  static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures
 
   PicturePool() = default;
   ~PicturePool() { clear(); }
   PicturePool(const PicturePool&) = delete;
   PicturePool& operator=(const PicturePool&) = delete;
 
-  // Decides on the pool that pictures of raw video come from, in GstAggregatorClass::decide_allocation: it becomes the
-  // first one of the query, downstream's own if it offers one that serves, else one of ours, in a graphics card (see
-  // is_in_card()) one of `card`. False if there is no memory. `context`: becomes the one that the pool's memory belongs
-  // to, null if that is not a card's.
-  bool decide(GstQuery* query, OwnCard* card = nullptr, GlContextPtr* context = nullptr);
-  // A buffer of `chosen`, the pool that decide() decided on, owned by the caller; null if there is no memory. Where
-  // that pool has run out the buffer is one of ours, as pictures are kept to be shown again and nobody may wait for
-  // them.
+  // Implements GstAggregatorClass::decide_allocation: selects the pool for pictures of raw video and makes it the first
+  // pool of the query. Prefers a suitable pool of downstream; otherwise uses an own pool, or a pool of `gpu` for GPU
+  // memory (see is_in_gpu()). Returns false if there is no memory. *context: the context of the pool's memory; null for
+  // system memory.
+  bool decide(GstQuery* query, OwnGpu* gpu = nullptr, GlContextPtr* context = nullptr);
+  // Returns a buffer of `chosen`, the pool selected by decide() (transfer full). Returns null if there is no memory.
+  // Never blocks, because pictures are kept for repetition: uses an own pool if `chosen` is exhausted.
   GstBuffer* take(GstBufferPool* chosen);
   void clear();
 

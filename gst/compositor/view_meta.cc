@@ -78,7 +78,7 @@ GstStructure* focus_of(const ViewRequest& request) {
   return focus;
 }
 
-void set_view(GstStructure* structure, const ViewFacts& facts) {
+void set_view(GstStructure* structure, const ViewMetaEntry& facts) {
   const ViewRequest& request = facts.request;
   const Vec3& at = request.view.pose.position;
   const Quat& turn = request.view.pose.orientation;
@@ -94,13 +94,13 @@ void set_view(GstStructure* structure, const ViewFacts& facts) {
   set_names(structure, "missing-nodes", facts.missing_nodes);
 }
 
-void set_views(GstStructure* structure, std::vector<const ViewFacts*> views) {
-  std::ranges::sort(views, {}, [](const ViewFacts* facts) { return facts->request.place.index; });
+void set_views(GstStructure* structure, std::vector<const ViewMetaEntry*> views) {
+  std::ranges::sort(views, {}, [](const ViewMetaEntry* facts) { return facts->request.place.index; });
   GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
   g_value_init(&array, GST_TYPE_ARRAY);
   g_value_init(&value, GST_TYPE_STRUCTURE);
-  for (const ViewFacts* facts : views) {
-    const PlaceInSet& place = facts->request.place;
+  for (const ViewMetaEntry* facts : views) {
+    const ViewSetPosition& place = facts->request.place;
     GstStructure* one =
         gst_structure_new(LF_VIEW_META, "column", G_TYPE_INT, place.column(), "row", G_TYPE_INT, place.row(), nullptr);
     set_view(one, *facts);
@@ -111,7 +111,7 @@ void set_views(GstStructure* structure, std::vector<const ViewFacts*> views) {
   gst_structure_take_value(structure, "views", &array);
 }
 
-uint32_t set_of(const ViewFacts& facts) {
+uint32_t set_of(const ViewMetaEntry& facts) {
   return facts.request.sequence - static_cast<uint32_t>(facts.request.place.turn());
 }
 
@@ -124,19 +124,19 @@ void register_view_meta() {
     gst_meta_register_custom(LF_VIEW_META, const_cast<const gchar**>(no_tags), copy_view_meta, nullptr, nullptr);
 }
 
-void ViewMeta::add(ViewFacts facts) {
+void ViewMeta::add(ViewMetaEntry facts) {
   if (!views_.empty() && set_of(views_.front()) != set_of(facts)) views_.clear();
   views_.push_back(std::move(facts));
 }
 
 void ViewMeta::attach(GstBuffer* picture) {
   if (views_.empty()) return;
-  const std::vector<ViewFacts> views = std::exchange(views_, {});
+  const std::vector<ViewMetaEntry> views = std::exchange(views_, {});
   if (gst_buffer_get_custom_meta(picture, LF_VIEW_META)) return;
   GstCustomMeta* meta = gst_buffer_add_custom_meta(picture, LF_VIEW_META);
   if (!meta) return;
   GstStructure* structure = gst_custom_meta_get_structure(meta);
-  const ViewFacts& leader = views.front();
+  const ViewMetaEntry& leader = views.front();
   gst_structure_set(structure, "view-id", G_TYPE_UINT, leader.request.view_id, nullptr);
   if (leader.capture_time) gst_structure_set(structure, "capture-time", G_TYPE_UINT64, *leader.capture_time, nullptr);
   set_view(structure, leader);
@@ -145,8 +145,8 @@ void ViewMeta::attach(GstBuffer* picture) {
   gst_structure_set(structure, "aperture", G_TYPE_DOUBLE, blending.aperture, "nearest-cameras", G_TYPE_INT,
                     blending.nearest, nullptr);
   if (views.size() == 1) return;
-  std::vector<const ViewFacts*> all;
-  for (const ViewFacts& facts : views) all.push_back(&facts);
+  std::vector<const ViewMetaEntry*> all;
+  for (const ViewMetaEntry& facts : views) all.push_back(&facts);
   set_views(structure, std::move(all));
 }
 

@@ -2,21 +2,21 @@
 /**
  * SECTION:element-lflenticular
  * @title: lflenticular
- * @short_description: puts a quilt of views behind the lenses of a display
+ * @short_description: converts a quilt of views to the image of a lenticular display
  *
- * Displays of light fields have a sheet of slanted cylinder lenses before their pixels: each lens shows another stripe
- * of what is behind it to each side. This makes the picture that belongs behind the lenses of a quilt, which lfviewsrc
- * and lfcompositor make with views=quilt or views=row: every red, green and blue stripe of every pixel is of the view
- * that is seen there.
+ * lflenticular converts a quilt, as produced by lfviewsrc or lfcompositor with views=quilt or views=row, to the image
+ * of a lenticular light field display. Such a display has a sheet of slanted cylindrical lenses in front of its pixels.
+ * Each lens shows a different subpixel column in each viewing direction. The element samples each red, green and blue
+ * subpixel from the view that is visible in its direction.
  *
- * The picture must reach the display pixel for pixel: its size, which what follows asks for, is the display's own.
- * Where pictures stand deep side out `reversed` turns stripes round; `centre` is right where the middle view is seen
- * from straight before the display. A lens that covers N pixels along a row has 3 N stripes to share out.
+ * The image must reach the display without scaling, so the output caps must have the native resolution of the display.
+ * Set `reversed` if depth appears inverted. Adjust `centre` until the middle view is visible from straight ahead. A
+ * lens that covers N pixels of a row has 3 N subpixels.
  *
- * ## A display of 2560x1600 pixels whose lenses are 9.3 pixels wide and lean 12 degrees to the left
+ * ## A display of 2560x1600 pixels with lenses 9.3 pixels wide, leaning 12 degrees to the left
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json views=quilt columns=8 rows=6 view-cone=7 width=420 height=262 framerate=5/1 ! \
- *   videoconvert ! lflenticular columns=8 rows=6 lens-width=9.3 slant=-12 ! video/x-raw,width=2560,height=1600 ! \
+ *   videoconvert ! lflenticular columns=8 rows=6 lens-pitch=9.3 slant=-12 ! video/x-raw,width=2560,height=1600 ! \
  *   videoconvert ! autovideosink
  * ]|
  */
@@ -33,33 +33,32 @@
 
 namespace {
 
-struct Settings : lf::LensDisplay {
+struct Settings : lf::LenticularDisplay {
   gint columns = lf::ViewSet().columns, rows = lf::ViewSet().rows;
-  Settings() { lens_width = 8; }
+  Settings() { lens_pitch = 8; }
 
   static lf::PropertyTable<Settings>& properties() {
     using S = Settings;
     constexpr double kMostPixels = 16384, kMostSlant = 80, kMostCentre = 1e6;
     static lf::PropertyTable<S> table = {
-        lf::property<&S::columns>(lf::kWhilePlaying, "columns", "Columns", "Views side by side in the quilt that comes",
-                                  1, lf::PlaceInSet::kMostViews),
+        lf::property<&S::columns>(lf::kWhilePlaying, "columns", "Columns", "Number of columns in the input quilt", 1,
+                                  lf::ViewSetPosition::kMaxViews),
         lf::property<&S::rows>(lf::kWhilePlaying, "rows", "Rows",
-                               "Rows of views in the quilt that comes, view 0 at the bottom left", 1,
-                               lf::PlaceInSet::kMostViews),
-        lf::inherited_property<S, &S::lens_width>(
-            lf::kWhilePlaying, "lens-width", "Lens width",
-            "Pixels of the display that a lens covers along a row: with lenses of p to an inch across, D pixels to an "
-            "inch and the slant a, D / (p cos a)",
+                               "Number of rows in the input quilt; view 0 is at the bottom left", 1,
+                               lf::ViewSetPosition::kMaxViews),
+        lf::inherited_property<S, &S::lens_pitch>(
+            lf::kWhilePlaying, "lens-pitch", "Lens pitch",
+            "Horizontal lens width in display pixels: D / (p cos a) for p lenses per inch, D pixels per inch and slant "
+            "a",
             0.5, kMostPixels),
         lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
-                                             "Degrees that the lenses lean to the right from upright", -kMostSlant,
-                                             kMostSlant),
+                                             "Angle of the lenses from vertical, in degrees; positive: to the right",
+                                             -kMostSlant, kMostSlant),
         lf::inherited_property<S, &S::centre>(
             lf::kWhilePlaying, "centre", "Centre",
-            "How far to the right of the display's middle the middle of a lens is, in lens widths", -kMostCentre,
-            kMostCentre),
+            "Offset of a lens centre to the right of the display centre, in lens widths", -kMostCentre, kMostCentre),
         lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
-                                                "The views follow each other the other way round behind each lens")};
+                                                "Reverse the order of the views behind each lens")};
     return table;
   }
 };
@@ -70,7 +69,7 @@ G_DECLARE_FINAL_TYPE(LfLenticular, lf_lenticular, LF, LENTICULAR, GstVideoFilter
 
 struct _LfLenticular {
   GstVideoFilter parent;
-  Settings settings;  // object lock
+  Settings settings;  // guarded by the object lock
   std::shared_ptr<lf::WorkerPool> workers;
 };
 
@@ -85,7 +84,6 @@ static GstStaticPadTemplate src_template =
 static Settings& settings_of(LfLenticular* self) { return self->settings; }
 using Properties = lf::Properties<settings_of>;
 
-// Pictures of any size become such of any other.
 static GstCaps* lf_lenticular_transform_caps(GstBaseTransform*, GstPadDirection, GstCaps* caps, GstCaps* filter) {
   GstCaps* any = gst_caps_copy(caps);
   for (guint i = 0; i < gst_caps_get_size(any); i++) {
@@ -100,7 +98,7 @@ static GstCaps* lf_lenticular_transform_caps(GstBaseTransform*, GstPadDirection,
   return filtered;
 }
 
-// Who does not ask for a size gets one view's.
+// The default output size is the size of one view.
 static GstCaps* lf_lenticular_fixate_caps(GstBaseTransform* base, GstPadDirection direction, GstCaps* caps,
                                           GstCaps* other) {
   other = gst_caps_make_writable(gst_caps_truncate(other));
@@ -122,8 +120,8 @@ static GstFlowReturn lf_lenticular_transform_frame(GstVideoFilter* filter, GstVi
   const gint width = GST_VIDEO_FRAME_WIDTH(in), height = GST_VIDEO_FRAME_HEIGHT(in);
   if (width % settings.columns != 0 || height % settings.rows != 0) {
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
-                      ("A quilt of %dx%d pixels can't have %d columns and %d rows: set columns and rows as they are in "
-                       "what makes it.",
+                      ("A quilt of %dx%d pixels can't have %d columns and %d rows: set columns and rows as in the "
+                       "source of the quilt.",
                        width, height, settings.columns, settings.rows),
                       (nullptr));
     return GST_FLOW_ERROR;
@@ -136,11 +134,11 @@ static GstFlowReturn lf_lenticular_transform_frame(GstVideoFilter* filter, GstVi
                          .stride = {GST_VIDEO_FRAME_PLANE_STRIDE(in, 0)}},
                         settings.columns,
                         settings.rows};
-  lf::interleave(settings, quilt, GST_VIDEO_FRAME_WIDTH(out), GST_VIDEO_FRAME_HEIGHT(out),
-                 GST_VIDEO_FRAME_PLANE_STRIDE(out, 0), static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(out, 0)),
-                 [self](size_t count, const std::function<void(size_t)>& task) {
-                   self->workers->run(g_get_num_processors(), count, task);
-                 });
+  lf::interleave_views(settings, quilt, GST_VIDEO_FRAME_WIDTH(out), GST_VIDEO_FRAME_HEIGHT(out),
+                       GST_VIDEO_FRAME_PLANE_STRIDE(out, 0), static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(out, 0)),
+                       [self](size_t count, const std::function<void(size_t)>& task) {
+                         self->workers->run(g_get_num_processors(), count, task);
+                       });
   return GST_FLOW_OK;
 }
 
@@ -156,7 +154,7 @@ static void lf_lenticular_class_init(LfLenticularClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field lens display", "Filter/Effect/Video",
-                                        "Makes the picture behind the lenses of a display of a quilt of views",
+                                        "Converts a quilt of views to the image of a lenticular display",
                                         "gst-lightfield developers");
   GstBaseTransformClass* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
   transform_class->transform_caps = lf::callback<lf_lenticular_transform_caps>;

@@ -19,11 +19,11 @@ GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
 namespace lf {
 namespace {
 
-GstFlowReturn flow_of(CameraFrames::Pushed pushed) {
+GstFlowReturn flow_of(CameraFrames::PushResult pushed) {
   switch (pushed) {
-    case CameraFrames::Pushed::kTaken: return GST_FLOW_OK;
-    case CameraFrames::Pushed::kStopped: return GST_FLOW_FLUSHING;
-    case CameraFrames::Pushed::kEnded: break;
+    case CameraFrames::PushResult::kTaken: return GST_FLOW_OK;
+    case CameraFrames::PushResult::kStopped: return GST_FLOW_FLUSHING;
+    case CameraFrames::PushResult::kEnded: break;
   }
   return GST_FLOW_EOS;
 }
@@ -38,10 +38,10 @@ std::shared_ptr<const Camera> CameraInput::camera() const {
 bool CameraInput::assign() {
   if (id_ >= 0) return true;
   const std::shared_ptr<const Rig> rig = node_.inputs().array()->rig;
-  if (!rig) return false;  // the state change has failed with an error already
+  if (!rig) return false;  // the state change has already failed with an error
   const guint number = static_cast<guint>(g_ascii_strtoull(GST_PAD_NAME(pad_) + strlen("sink_"), nullptr, 10));
   const guint id =
-      pad_->settings.camera >= 0 ? static_cast<guint>(pad_->settings.camera) : from_stream_.value_or(number);
+      pad_->settings.camera >= 0 ? static_cast<guint>(pad_->settings.camera) : stream_camera_id_.value_or(number);
   if (!rig->index_of_id(id)) {
     const std::string path = lf_fragment_settings(element_).rig;
     GST_ELEMENT_ERROR(element_, RESOURCE, SETTINGS,
@@ -60,17 +60,17 @@ bool CameraInput::assign() {
 
 void CameraInput::name(CameraIndex camera) {
   const std::shared_ptr<const Rig> rig = node_.inputs().array()->rig;
-  if (rig && camera < rig->cameras.size()) from_stream_ = rig->cameras[camera].id;
+  if (rig && camera < rig->cameras.size()) stream_camera_id_ = rig->cameras[camera].id;
 }
 
 bool CameraInput::check_size(int width, int height) {
   const auto camera = this->camera();
   const std::pair size(width, height);
   if (!camera || size == std::pair(camera->width, camera->height)) {
-    fitted_ = size;
+    valid_size_ = size;
     return true;
   }
-  if (size == fitted_) return true;  // there is another rig since, which has been told of: the frames are left out
+  if (size == valid_size_) return true;  // the rig has changed since, with a warning; the node ignores these frames
   const std::string path = lf_fragment_settings(element_).rig;
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
                     ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad_),
@@ -94,15 +94,15 @@ void CameraInput::start_stream(std::optional<GstClockTime> latency) {
   frames_->start_stream(live_);
 }
 
-// Only at the first frame of a format: which camera it is comes after the caps.
+// Call with the first frame of a new format: the camera is not known before, because its event follows the caps.
 void CameraInput::take_format(const Format& format) {
   converter_.reset();
   format_.reset();
   if (assign() && (format.jpeg || check_size(format.info.width, format.info.height))) format_ = format;
 }
 
-// Clock time where it is live, else stream time, which a seek does not begin anew: the stamp that lfcamsrc left, else
-// PTS and the rig's time offset.
+// Returns clock time for live cameras, otherwise stream time, which continues over seeks. Uses the timestamp of
+// lfcamsrc if present, otherwise PTS plus the rig's time offset.
 uint64_t CameraInput::capture_time(GstBuffer* buffer, const GstSegment* segment) const {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   GstCaps* reference = gst_static_caps_get(&reference_caps);
@@ -127,15 +127,14 @@ void CameraInput::note_arrival(uint64_t captured) {
   if (!clock) return;
   const GstClockTime now = gst_clock_get_time(clock);
   arrivals_.arrived(captured, now);
-  // What the source states to take is no lateness.
+  // The declared latency of the source does not count as lateness.
   const GstClockTimeDiff late = GST_CLOCK_DIFF(captured, now);
   frames_->note_arrival(std::max(late, static_cast<GstClockTimeDiff>(latency_)));
 }
 
-// A camera whose pool has no buffer left stands still. Frames of a pool that what is kept here would exhaust are
-// copied.
-GstBuffer* CameraInput::spare_pool(GstBuffer* buffer) const {
-  constexpr size_t kForCamera = 3;  // one that is filled, one on its way, one to spare
+// Copies the frame if keeping it could exhaust the camera's buffer pool, which would stall the camera.
+GstBuffer* CameraInput::copy_if_pool_is_low(GstBuffer* buffer) const {
+  constexpr size_t kForCamera = 3;  // one being filled, one in transit, one spare
   if (!buffer->pool) return buffer;
   GstStructure* config = gst_buffer_pool_get_config(buffer->pool);
   guint most = 0;
@@ -148,14 +147,14 @@ GstBuffer* CameraInput::spare_pool(GstBuffer* buffer) const {
   return copy;
 }
 
-// In the node's family, or in its own as long as that is not chosen.
+// Stores the frame in the node's family, or in its own family if none is chosen yet.
 GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
   GstMemory* const memory = gst_buffer_n_memory(buffer) > 0 ? gst_buffer_peek_memory(buffer, 0) : nullptr;
   if (memory && gst_is_gl_memory(memory)) {
     const bool may_stay = FrameConverter::takes_samples_of(format_->info, family_of(format_->info)) &&
-                          has_planes_on_card(buffer, format_->info);
+                          has_planes_on_gpu(buffer, format_->info);
     if (may_stay) lf_fragment_note_context(element_, reinterpret_cast<GstGLMemory*>(memory)->mem.context);
-    auto picture = std::make_shared<CardPicture>(buffer, format_->info);
+    auto picture = std::make_shared<GpuPicture>(buffer, format_->info);
     return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
   }
   const PixelFamily chosen = node_.inputs().family();
@@ -169,7 +168,6 @@ GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
   return GST_FLOW_OK;
 }
 
-// A damaged frame is dropped and counted.
 GstFlowReturn CameraInput::take_jpeg(GstBuffer* buffer, uint64_t time) {
   const auto bytes = std::make_shared<const MappedBuffer>(buffer);
   gst_buffer_unref(buffer);
@@ -180,10 +178,10 @@ GstFlowReturn CameraInput::take_jpeg(GstBuffer* buffer, uint64_t time) {
     const auto camera = this->camera();
     if (camera && size == std::pair(camera->width, camera->height)) jpeg_size_ = size;
     if (size != jpeg_size_ && jpeg_size_) {
-      reason = "it is of another size than those before";
+      reason = "its size differs from earlier frames";
       frame.reset();
     } else if (!jpeg_size_ && !check_size(size.first, size.second)) {
-      return GST_FLOW_ERROR;  // the camera's own size is wrong from the first frame on
+      return GST_FLOW_ERROR;  // the size is wrong from the first frame on
     }
   }
   if (frame) return flow_of(frames_->push({.picture = std::make_shared<JpegPicture>(std::move(frame)), .time = time}));
@@ -192,7 +190,7 @@ GstFlowReturn CameraInput::take_jpeg(GstBuffer* buffer, uint64_t time) {
     GST_ELEMENT_WARNING(element_, STREAM, DECODE,
                         ("Pad %s: dropped a damaged frame of camera %u: %s.", GST_PAD_NAME(pad_),
                          static_cast<guint>(id_), reason.c_str()),
-                        ("further ones are counted in stats"));
+                        ("later damaged frames are only counted in stats"));
   return flow_of(frames_->push_damaged(time));
 }
 
@@ -202,7 +200,7 @@ GstFlowReturn CameraInput::take(GstBuffer* buffer, const GstSegment* segment) {
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
-  buffer = spare_pool(buffer);
+  buffer = copy_if_pool_is_low(buffer);
   const uint64_t time = capture_time(buffer, segment);
   note_arrival(time);
   return format_->jpeg ? take_jpeg(buffer, time) : take_raw(buffer, time);
@@ -216,9 +214,9 @@ void CameraInput::reset() {
   next_.reset();
   format_.reset();
   jpeg_size_.reset();
-  from_stream_.reset();
+  stream_camera_id_.reset();
   warned_damaged_ = false;
-  fitted_.reset();
+  valid_size_.reset();
   id_ = -1;
 }
 
@@ -229,7 +227,7 @@ G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
 lf::PropertyTable<LfFragmentPadSettings>& LfFragmentPadSettings::properties() {
   static lf::PropertyTable<LfFragmentPadSettings> table = {lf::property<&LfFragmentPadSettings::camera>(
       lf::kWhileReady, "camera", "Camera",
-      "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)", -1, G_MAXINT)};
+      "Id of the pad's camera in the rig (-1: from the stream of lfcamsrc, otherwise the pad's number)", -1, G_MAXINT)};
   return table;
 }
 
@@ -282,11 +280,11 @@ static gboolean lf_fragment_camera_event(GstPad* pad, GstObject* parent, GstEven
     case GST_EVENT_FLUSH_STOP: input.frames()->set_flushing(false); break;
     default: break;
   }
-  gst_event_unref(event);  // a camera's events end here: answers follow the requests
+  gst_event_unref(event);  // camera events end here; the answers follow the events of the requests
   return ok;
 }
 
-// How many frames are kept here as long as requests do not look further back: a pool needs as many more.
+// Proposes a pool with one buffer more than the node keeps by default.
 static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -307,7 +305,7 @@ static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuer
 }
 
 static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  return lf::guarded_buffer(parent, [=] {
+  return lf::guard_buffer(parent, [=] {
     lf_fragment_trim_memory(LF_FRAGMENT(parent));
     const GstSegment* segment = nullptr;
     g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
@@ -320,7 +318,7 @@ GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, cons
   LfFragmentPad* pad = static_cast<LfFragmentPad*>(
       g_object_new(LF_TYPE_FRAGMENT_PAD, "name", name, "direction", templ->direction, "template", templ, nullptr));
   pad->input = new lf::CameraInput(self, pad, self->state->node);
-  GST_PAD_SET_ACCEPT_INTERSECT(GST_PAD(pad));  // a card's caps may leave out the kind of texture, where it is 2D
+  GST_PAD_SET_ACCEPT_INTERSECT(GST_PAD(pad));  // GPU caps may omit the texture target if it is 2D
   gst_pad_set_chain_function(GST_PAD(pad), lf::callback<lf_fragment_camera_chain>);
   gst_pad_set_event_function(GST_PAD(pad), lf::callback<lf_fragment_camera_event>);
   gst_pad_set_query_function(GST_PAD(pad), lf::callback<lf_fragment_camera_query>);
@@ -337,8 +335,7 @@ std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self) {
 
 static lf::CameraInput& input_of(const lf::PadPtr& pad) { return *LF_FRAGMENT_PAD(pad.get())->input; }
 
-void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
-                          std::optional<lf::CameraFrames::Mode> before) {
+void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode, std::optional<lf::CameraFrames::Mode> before) {
   const bool running = mode == lf::CameraFrames::Mode::kRunning;
   lf::CameraInputs& inputs = self->state->node.inputs();
   lf::ObjectLock lock(self);
@@ -361,8 +358,8 @@ uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
   return needed;
 }
 
-// Where to seek a camera for frames of `time`: a little before it, because a decoder may stamp the first frame behind a
-// seek with where it was sought, and before the last frame, because that stands for all times after it.
+// Returns the seek position for frames of `time`. It is a little earlier, because a decoder may stamp the first frame
+// with the seek position. It is also before the last frame, because that frame is valid for all later times.
 static gint64 seek_position(const lf::PadPtr& pad, uint64_t time) {
   const auto camera = input_of(pad).camera();
   const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
@@ -387,7 +384,7 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
     gst_event_set_seqnum(seek, seqnum);
     if (!gst_pad_push_event(pad.get(), seek))
       GST_ELEMENT_WARNING(self, RESOURCE, SEEK,
-                          ("Pad %s: its camera can't be sought; it shows what it has.", GST_PAD_NAME(pad.get())),
+                          ("Pad %s: the camera cannot seek and keeps its position.", GST_PAD_NAME(pad.get())),
                           (nullptr));
   }
 }

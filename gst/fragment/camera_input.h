@@ -18,46 +18,46 @@
 
 namespace lf {
 
-// What comes to one camera pad of lffragment: which camera it is of, and its frames on their way into the node. Posts
-// errors of its element. The pad's streaming thread, but for what says any.
+// The input of one camera pad of lffragment: determines the camera and passes its frames to the node. Posts errors of
+// its element. Use from the pad's streaming thread, unless noted otherwise.
 class CameraInput {
  public:
-  // `element`: whose pad that is. Both outlive this.
+  // `element`: owner of the pad. The element and the pad must outlive this object.
   CameraInput(LfFragment* element, LfFragmentPad* pad, Node& node) : element_(element), pad_(pad), node_(node) {}
 
   // Any thread.
   const std::shared_ptr<CameraFrames>& frames() const { return frames_; }
   bool is_live() const { return live_; }
-  // How old a capture has to be for its frame to be there at clock time `now`; 0: not known.
+  // Returns the needed capture delay at clock time `now`, in nanoseconds; 0: unknown.
   uint64_t needed_delay(uint64_t now) const { return arrivals_.needed(frames_->period(), now); }
-  // The rig's camera that this is; null: not known yet.
+  // Returns null if the camera is not known yet.
   std::shared_ptr<const Camera> camera() const;
 
-  // Finds out which camera this is: as the pad's property says, else the stream, else the pad's number. Posts an error
-  // and returns false if there is none such or another pad has it.
+  // Determines the camera: from the pad's property, the stream, or the pad's number, in this order. Posts an error and
+  // returns false if the rig has no such camera or the camera already has a pad.
   bool assign();
-  // The stream says which camera it is of: its index in the rig.
+  // `camera`: index in the rig.
   void name(CameraIndex camera);
-  // Frames are ready before their time.
+  // Call if frames are ready before their time.
   void note_paced() { frames_->note_arrival(static_cast<int64_t>(latency_)); }
   bool set_caps(GstCaps* caps);
-  // `latency`: nothing where it does not come in real time.
+  // `latency`: latency of a live stream; nothing: not live.
   void start_stream(std::optional<GstClockTime> latency);
-  // Takes a buffer, which was captured at the time that its stamps in `segment` say (null: none came).
+  // Takes a buffer (transfer full). `segment`: determines the capture time from the buffer's time stamps; may be null.
   GstFlowReturn take(GstBuffer* buffer, const GstSegment* segment);
-  // Forgets frames, format and camera. While the streaming thread is out.
+  // Forgets frames, format and camera. Call while the streaming thread is stopped.
   void reset();
 
  private:
   struct Format {
-    bool jpeg = false;  // frames are kept as they come
+    bool jpeg = false;  // true: frames stay compressed
     GstVideoInfo info{};
   };
   void take_format(const Format& format);
   bool check_size(int width, int height);
   uint64_t capture_time(GstBuffer* buffer, const GstSegment* segment) const;
   void note_arrival(uint64_t captured);
-  GstBuffer* spare_pool(GstBuffer* buffer) const;
+  GstBuffer* copy_if_pool_is_low(GstBuffer* buffer) const;
   GstFlowReturn take_raw(GstBuffer* buffer, uint64_t time);
   GstFlowReturn take_jpeg(GstBuffer* buffer, uint64_t time);
 
@@ -65,24 +65,23 @@ class CameraInput {
   LfFragmentPad* const pad_;
   Node& node_;
   const std::shared_ptr<CameraFrames> frames_ = std::make_shared<CameraFrames>();
-  std::atomic<int64_t> id_ = -1;      // id of the camera in the rig; -1: not known yet
-  std::optional<guint> from_stream_;  // the id that the stream says
-  std::atomic<bool> live_ = false;    // whether frames come in real time, known from the segment on
-  ArrivalWatch arrivals_;             // how late frames arrive; of live streams alone
-  GstClockTime latency_ = 0;          // latency that the live stream states
-  std::optional<Format> next_;        // format of new caps, until the next frame
+  std::atomic<int64_t> id_ = -1;  // camera id in the rig; -1: not known yet
+  std::optional<guint> stream_camera_id_;
+  std::atomic<bool> live_ = false;  // true if frames arrive in real time; set by the segment
+  ArrivalMonitor arrivals_;         // live streams only
+  GstClockTime latency_ = 0;
+  std::optional<Format> next_;  // format of new caps, until the next frame arrives
   std::optional<Format> format_;
   std::unique_ptr<FrameConverter> converter_;
   std::optional<std::pair<int, int>> jpeg_size_;
-  bool warned_damaged_ = false;                // a warning of damaged frames has been posted
-  std::optional<std::pair<int, int>> fitted_;  // the size of frames that had the rig's
+  bool warned_damaged_ = false;
+  std::optional<std::pair<int, int>> valid_size_;  // latest frame size that matched the rig
 };
 
 }  // namespace lf
 
-// Properties of a camera pad.
 struct LfFragmentPadSettings {
-  gint camera = -1;  // id in the rig, -1: told by the stream, else the pad's number
+  gint camera = -1;  // camera id in the rig; -1: named by the stream, otherwise the pad's number
   static lf::PropertyTable<LfFragmentPadSettings>& properties();
 };
 
@@ -92,17 +91,16 @@ struct _LfFragmentPad {
   lf::CameraInput* input;
 };
 
-// The camera pads of the element, each with a reference.
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
-// Stops, starts or finishes all cameras; if `before` is given, only if that is their mode.
+// Sets the mode of all cameras. `before`: change only from this mode.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
                           std::optional<lf::CameraFrames::Mode> before = std::nullopt);
-// Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
-// the seek with this number. Waits for no frames.
+// Seeks the non-live cameras after the requests have moved to another time, unless another client has already done so
+// for the seek `seqnum`. Does not wait for frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
-// A frame is in textures of this context, where it may stay; null: none is.
+// Stores the context of the latest GPU frame; null: none.
 void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
-// How old captures have to be for the live cameras to have them, at clock time `now`; 0: nothing is known of any.
+// Returns the capture delay in nanoseconds that all live cameras need at clock time `now`; 0: unknown.
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
-// A new camera pad, not yet added to the element.
+// Does not add the pad to the element.
 GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, const gchar* name);

@@ -11,15 +11,15 @@
 #include "common/gl_share.h"
 #include "common/properties.h"
 #include "common/request_guard.h"
+#include "fragment/client.h"
 #include "fragment/lffragment.h"
-#include "fragment/requester.h"
 #include "node/answer_encoder.h"
-#include "node/card.h"
+#include "node/renderer_selector.h"
 #include "wire/fragment_codec.h"
 
 namespace lf {
 
-// lffragment's properties, but for the limits of its RequestGuard.
+// The properties of lffragment, without the limits of its RequestGuard.
 struct FragmentSettings {
   std::string rig;
   guint node = 0;
@@ -44,23 +44,22 @@ struct _LfFragment {
     // Any thread.
     lf::RequestGuard guard;
     lf::Node node;
-    lf::Card card;
+    lf::RendererSelector gpu;
     std::shared_ptr<lf::WorkerPool> workers = lf::WorkerPool::shared();
-    std::mutex seeking;   // held while cameras are sought
-    lf::SeekOnce sought;  // the latest seek that the cameras followed
+    std::mutex seeking;  // held while seeking the cameras
+    lf::SeekFilter sought;
 
-    // Under the object lock.
+    // Guarded by the object lock.
     lf::FragmentSettings settings;
-    std::set<lf::Requester*> requesters;
-    lf::CameraFrames::Mode mode = lf::CameraFrames::Mode::kStopped;  // mode of all cameras
-    gint64 trimmed_at = 0;                                           // monotonic time, microseconds
-    guint next_camera_pad = 0, next_pair = 0;  // numbers of the next camera pad and of the next pair of pads
+    std::set<lf::Client*> clients;
+    lf::CameraFrames::Mode mode = lf::CameraFrames::Mode::kStopped;
+    gint64 trimmed_at = 0;  // monotonic time, microseconds
+    guint next_camera_pad = 0, next_pair = 0;
     uint32_t next_requester = 0;
-    lf::WeakGlContext frames_context;  // of the latest frame that may stay on a card
+    lf::WeakGlContext frames_context;  // context of the latest GPU frame
   } * state;
 };
 
-// A copy of the properties, as they are now.
 lf::FragmentSettings lf_fragment_settings(LfFragment* self);
-// Frames come where no requests do any more: memory of answers is given back.
+// Frees unused answer memory. Called for each frame, because requests may have stopped.
 void lf_fragment_trim_memory(LfFragment* self);

@@ -3,29 +3,20 @@
 /**
  * SECTION:element-lffragment
  * @title: lffragment
- * @short_description: the random access camera: answers view requests with the sum of what its cameras see
+ * @short_description: the random access camera: renders the contribution of its cameras to requested views
  *
- * Takes the video of one or more cameras of a rig on its `sink_%u` pads and view requests on `request`. Each request is
- * answered on `src` with the sum of what these cameras contribute to the requested view, of as much of the view as they
- * have a weight in; where the request has trials, what they came to goes before it. `lfcompositor` adds the answers of
- * all nodes up. Further requesters use the pads `request_%u`, each paired with a `src_%u`.
+ * lffragment renders the share of its cameras in each requested view. It takes the video of one or more cameras of a
+ * rig on its `sink_%u` pads and view requests on `request`, and sends one answer per request on `src`. Use it with your
+ * own camera elements; `lfcameranode` combines it with the cameras of a rig.
  *
- * With `access` the cameras are those of the paper's section 4.2 that know less: they take their part from warp or
- * pixel commands, which `lfviewrequest access=` sends behind its requests, and leave the requests themselves alone. Of
- * `rig` only their lenses count then, or only the sizes of their images.
- *
- * JPEG video is kept as it comes and decoded only where a request looks. Damaged frames are dropped and counted; the
- * one before serves in their place.
- *
- * Live cameras are never waited for: the frame nearest to the requested capture time is used, if it is not farther
- * than `max-skew`. A warning tells when a camera comes to be off by more than a frame. Frames of other cameras
- * (files) are waited for, so that files in give the same files out on every machine, and are read no faster than
- * requests move on. Where requests are sought, they are too.
- *
- * Requests whose pictures would come too late to be shown, as QoS events say that lfcompositor passes on, are answered
- * without fragments.
+ * An answer contains the weighted sum of the cameras, for the part of the view that they contribute to. If the
+ * request has depth hypotheses, their photo-consistency sums precede the answer. `lfcompositor` adds the answers of all
+ * nodes. Further clients use the pads `request_%u`, each paired with a `src_%u`.
  *
  * ## Example launch line
+ *
+ * Shows the views of views.json, rendered from three cameras of rig.json:
+ *
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lffragment name=n rig=rig.json ! c.sink_0  lfcamsrc rig=rig.json camera=0 ! n.sink_0 \
@@ -33,10 +24,29 @@
  *   r. ! queue ! c.request  lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
  * ]|
  *
+ * ## Frames and time
+ *
+ * JPEG video stays compressed; only the regions that a request needs are decoded. Damaged frames are dropped and
+ * counted, and the previous frame replaces them.
+ *
+ * lffragment does not wait for live cameras. It uses the frame nearest to the requested capture time, if the difference
+ * is at most `max-skew`. It posts a warning when a camera is off by more than a frame time. For other cameras (files),
+ * it waits for the requested frame, so that the output is reproducible on every machine. Files are read no faster than
+ * the requests advance, and follow the seeks of the requests.
+ *
+ * Requests that are too late to be shown, according to QoS events from lfcompositor, are answered without fragments.
+ *
+ * ## Cameras without a rig
+ *
+ * `access` is for cameras that know less than the rig (section 4.2 of the paper). They ignore view requests and answer
+ * the warp or pixel commands that `lfviewrequest access=` sends after each request. lffragment then uses only their
+ * lenses, or only their image sizes, from `rig`.
+ *
  * ## Element messages
- * With `post-messages` an element message "lightfield-answer" per answer: view-id, sequence (uint), pts (uint64),
- * fragments (uint), bytes, and what it took: wait-ns (for frames of the time asked for), decode-ns, render-ns,
- * encode-ns (uint64).
+ *
+ * With `post-messages`, the element posts a message "lightfield-answer" per answer: view-id, sequence (uint), pts
+ * (uint64), fragments (uint), bytes, and durations wait-ns (waiting for frames), decode-ns, render-ns, encode-ns
+ * (uint64).
  */
 
 #include "fragment/lffragment.h"
@@ -49,7 +59,7 @@
 #include "base/text.h"
 #include "common/common.h"
 #include "common/custom_events.h"
-#include "common/day_clock.h"
+#include "common/wall_clock.h"
 #include "fragment/camera_input.h"
 #include "fragment/fragment_state.h"
 #include "wire/request_codec.h"
@@ -57,9 +67,9 @@
 GST_DEBUG_CATEGORY(lf_fragment_debug);
 #define GST_CAT_DEFAULT lf_fragment_debug
 
+using lf::Client;
 using lf::PadPtr;
-using lf::Requester;
-using Job = lf::FragmentJob;
+using Job = lf::AnswerJob;
 using JobPtr = std::shared_ptr<Job>;
 using Settings = lf::FragmentSettings;
 
@@ -80,7 +90,7 @@ GstStaticPadTemplate more_src_template =
 
 }  // namespace
 
-// The camera pads' properties, for gst-launch's `sink_0::camera=5`.
+// Makes the camera pads' properties available to gst-launch as `sink_0::camera=5`.
 static GObject* lf_fragment_child_by_index(GstChildProxy* proxy, guint index) {
   std::vector<PadPtr> pads = lf_fragment_camera_pads(LF_FRAGMENT(proxy));
   return index < pads.size() ? G_OBJECT(pads[index].release()) : nullptr;
@@ -107,27 +117,27 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
 GType lf_fragment_codec_get_type(void) {
   static const GType type = lf::register_enum<lf::CodecChoice>(
       "LfFragmentCodec",
-      {{lf::CodecChoice::kAuto,
-        "Uncompressed to a compositor in this process, else JPEG of the quality that the request asks for", "auto"},
-       {lf::CodecChoice::kRaw, "8 bits a value", "raw"},
-       {lf::CodecChoice::kRaw16, "16 bits a value: sums are rounded in the picture alone", "raw16"},
-       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request asks for, raw where that is 0", "jpeg"}});
+      {{lf::CodecChoice::kAuto, "Uncompressed to a compositor in this process, otherwise JPEG of the requested quality",
+        "auto"},
+       {lf::CodecChoice::kRaw, "8 bits per value", "raw"},
+       {lf::CodecChoice::kRaw16, "16 bits per value; only the picture is rounded", "raw16"},
+       {lf::CodecChoice::kJpeg, "JPEG of the requested quality; raw if that is 0", "jpeg"}});
   return type;
 }
 
 GType lf_fragment_resampling_get_type(void) {
   static const GType type = lf::register_enum<lf::Resampling>(
       "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
-                               {lf::Resampling::kSharpened, "Bilinear, of images sharpened before", "sharpened"}});
+                               {lf::Resampling::kSharpened, "Bilinear, after sharpening the images", "sharpened"}});
   return type;
 }
 
 GType lf_fragment_renderer_get_type(void) {
   static const GType type = lf::register_enum<lf::RendererChoice>(
       "LfFragmentRenderer",
-      {{lf::RendererChoice::kCpu, "The CPU, with the widest vectors that it has", "cpu"},
-       {lf::RendererChoice::kGl, "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"},
-       {lf::RendererChoice::kAuto, "The faster one, as the first answers tell; never a driver that computes on the CPU",
+      {{lf::RendererChoice::kCpu, "CPU, with its widest vector instructions", "cpu"},
+       {lf::RendererChoice::kGl, "OpenGL ES 3.1 without a window if there is a driver, otherwise the CPU", "gl"},
+       {lf::RendererChoice::kAuto, "The faster renderer, by the first answers; never a driver that computes on the CPU",
         "auto"}});
   return type;
 }
@@ -138,42 +148,42 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
   using S = FragmentSettings;
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Rig file (rig.json) of the whole array; required. Set while running, it is read again and "
-                        "serves from the next request on; cameras keep their pads by id"),
-      property<&S::node>(kWhileReady, "node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec", "How pixels travel in the answers", LF_TYPE_FRAGMENT_CODEC),
+                        "Rig file (rig.json) of the whole array; required. A rig set while running is loaded "
+                        "immediately and used from the next request on; cameras keep their pads by id"),
+      property<&S::node>(kWhileReady, "node", "Node", "Node number in answers", 0, G_MAXUINT),
+      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of pixels in answers", LF_TYPE_FRAGMENT_CODEC),
       property<&S::threads>(kWhilePlaying, "threads", "Threads",
-                            "Threads that work on an answer at most, out of those that all lffragments of the process "
-                            "share (0: as many as there are processors)",
+                            "Maximum number of threads per answer, from the pool that all lffragments of the process "
+                            "share (0: number of processors)",
                             0, 256),
       property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
-                             "Live: how far, in nanoseconds, a frame may be from the capture time asked for; a camera "
-                             "with no frame as near counts as blind, and others make up for it (0: any)",
+                             "Live: maximum capture-time error of a frame, in nanoseconds (0: unlimited). A camera "
+                             "without such a frame counts as blind, and other cameras compensate",
                              0, G_MAXINT64),
       property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
-                                 "How many pixels the fragments have, about, that a sum in 8 bits or JPEG is cut into: "
-                                 "with fewer, a lost packet loses less (16 rows are the least)",
+                                 "Approximate number of pixels per fragment of an 8-bit or JPEG sum (minimum: 16 "
+                                 "rows). Smaller fragments make a lost packet less visible",
                                  1, 1 << 28),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
                                   "Post an element message \"lightfield-answer\" for every answer"),
       property<&S::access>(kWhilePlaying, "access", "Access",
-                           "What the cameras know, and so what is answered: view requests, or the commands that "
-                           "lfviewrequest sends with the same setting. Pixels need an lfcompositor with a rig",
+                           "Kind of cameras: they answer view requests, or the commands of an lfviewrequest with the "
+                           "same setting. access=pixels needs an lfcompositor with a rig",
                            LF_TYPE_ACCESS),
       property<&S::resampling>(kWhilePlaying, "resampling", "Resampling",
-                               "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, "
-                               "which is what is left of the error where the focus is right. With access=pixels the "
-                               "compositor samples",
+                               "Resampling of camera images. Sharpening compensates for the blur of bilinear sampling, "
+                               "which is the main error where the focus is right. The compositor resamples for "
+                               "access=pixels",
                                LF_TYPE_FRAGMENT_RESAMPLING),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
-                              "Live: how long, in nanoseconds, after a request has come its answer can be of use; one "
-                              "that would come later, by what such answers have taken, is not begun (0: any time)",
+                              "Live: maximum time from a request's arrival to its answer, in nanoseconds (0: "
+                              "unlimited). An answer that would be later, judged by earlier answers, is skipped",
                               0, G_MAXINT64),
       property<&S::renderer>(
           kWhilePlaying, "renderer", "Renderer",
-          "What draws the sums, and trials: both give the same picture to 1 of 255, in the format that cameras have. "
-          "auto: the faster one, as the first answers tell, and never a driver that computes on the CPU, as Mesa's "
-          "llvmpipe does; stats say what renders, and why",
+          "Renderer of sums and depth hypotheses. The renderers' pictures differ by at most 1 of 255, in the format of "
+          "the cameras. auto: the faster renderer, measured on the first answers; never a driver that computes on the "
+          "CPU, such as Mesa's llvmpipe. The property stats has the active renderer and the reason",
           LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
@@ -181,15 +191,14 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
 
 }  // namespace lf
 
-// While the element runs the file is read at once, and serves from the next request on. False if it can't be.
+// Loads a rig set while running, for the next request. Returns false if the file cannot be loaded.
 static bool lf_fragment_reload_rig(LfFragment* self, const gchar* path) {
   const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
   if (!rig) return false;
   const std::string problem = self->state->node.inputs().set_rig(rig);
   if (!problem.empty())
     GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                        ("%s: %s, of which this node has the video: it is left out.", path, problem.c_str()),
-                        (nullptr));
+                        ("%s: %s, so the node ignores the video of these cameras.", path, problem.c_str()), (nullptr));
   return true;
 }
 
@@ -206,7 +215,7 @@ static GstStructure* stats_of(LfFragment* self) {
                       nullptr);
   if (!gains.empty()) gst_structure_set(stats, "gains", GST_TYPE_STRUCTURE, of_cameras, nullptr);
   gst_structure_free(of_cameras);
-  const std::string renderer = self->state->card.explain(lf_fragment_settings(self).renderer);
+  const std::string renderer = self->state->gpu.explain(lf_fragment_settings(self).renderer);
   gst_structure_set(stats, "renderer", G_TYPE_STRING, renderer.c_str(), nullptr);
   self->state->guard.add_stats(stats);
   return stats;
@@ -232,13 +241,12 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
 static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counts of requests, answers, of these skipped (too late to be shown), drawn by OpenGL and made together with "
-      "others of their set of views (together), cameras' frames that were drawn from a card's memory without leaving "
-      "it (card-frames), what renders and why (renderer), requests refused for one of the "
-      "limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views, -lens), fragments, bytes, "
-      "frames that were missing (of these stale: farther than max-skew) and frames that were damaged; the largest skew "
-      "of a frame; what waiting for frames, decoding, rendering and encoding took: the latest answer's time and p50, "
-      "p95, p99 over the latest 1024, and of all of them together (answer-ns; nanoseconds)");
+      "Counts of requests (refused, by exceeded limit: refused-pixels, -aperture, -trials, -rate, -views, -lens), "
+      "answers (skipped: too late to be shown; drawn: by OpenGL; together: drawn together with other views of a set), "
+      "camera frames drawn from GPU memory without a download (gpu-frames), fragments, bytes, missing frames (stale: "
+      "beyond max-skew) and damaged frames. Active renderer and reason (renderer). Largest skew of a frame. Durations "
+      "of waiting for frames, decoding, rendering, encoding and the whole answer (answer-ns), in nanoseconds: latest "
+      "value, and p50, p95, p99 over the latest 1024 answers");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
   object_class->get_property = lf::callback<lf_fragment_get_property>;
@@ -249,10 +257,9 @@ static void lf_fragment_install_properties(GObjectClass* object_class) {
 
 // --- Requests in, answers out ----------------------------------------------------------------------------------------
 //
-// Where requests come in real time the answer pad has a thread that answers them, one view
-// beside the other (FairAnswers); else the requests' own thread does, one after the other.
+// Live requests are answered in a thread of the answer pad, and views take turns (FairScheduler). Non-live requests are
+// answered one after the other in their own streaming thread.
 
-// Does tasks in the threads that the properties allow.
 static lf::ParallelFor lf_fragment_workers(LfFragment* self) {
   return [self](size_t count, const std::function<void(size_t)>& task) {
     const guint threads = lf_fragment_settings(self).threads;
@@ -260,7 +267,7 @@ static lf::ParallelFor lf_fragment_workers(LfFragment* self) {
   };
 }
 
-// Owned by the caller; null where there is none.
+// Returns the pad's segment event (transfer full) or null.
 static GstEvent* segment_event(GstPad* pad, const GstSegment** segment) {
   GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   if (event) gst_event_parse_segment(event, segment);
@@ -271,23 +278,23 @@ static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, const lf:
   if (head.target_time == lf::kNoTime) return;
   const GstSegment* segment = nullptr;
   g_autoptr(GstEvent) event = segment_event(pad, &segment);
-  if (event && Requester::of(pad).place.moves(*segment, head.target_time))
+  if (event && Client::of(pad).place.moves(*segment, head.target_time))
     lf_fragment_seek_cameras(self, head.target_time, gst_event_get_seqnum(event));
 }
 
-// Viewers may leave the capture delay to the nodes.
-static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad) {
-  Requester& requester = Requester::of(pad);
-  if (!requester.place.is_live()) return;
+// Reports the needed capture delay upstream, because viewers may leave it to the nodes.
+static void lf_fragment_send_delay(LfFragment* self, GstPad* pad) {
+  Client& client = Client::of(pad);
+  if (!client.place.is_live()) return;
   g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return;
   const uint64_t now = gst_clock_get_time(clock);
-  if (!requester.delay.is_due(now)) return;
+  if (!client.delay.is_due(now)) return;
   const uint64_t needed = lf_fragment_needed_delay(self, now);
-  if (requester.delay.see(needed, now)) gst_pad_push_event(pad, lf::capture_delay_event(needed));
+  if (client.delay.see(needed, now)) gst_pad_push_event(pad, lf::capture_delay_event(needed));
 }
 
-// Whether the picture would come too late to be shown, as it comes after so much work.
+// True if the picture would be too late to be shown after this much work.
 static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimate& estimate, double work) {
   if (job.due > 0 && lf::now_ns() + estimate.nanoseconds(work) > job.due) {
     estimate.skipped();
@@ -299,7 +306,7 @@ static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimat
   g_autoptr(GstEvent) event = segment_event(pad, &segment);
   if (!event) return false;
   const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, job.pts);
-  return Requester::of(pad).qos.late(head.view_id, time).has_value();
+  return Client::of(pad).qos.late(head.view_id, time).has_value();
 }
 
 static void lf_fragment_post_answer(LfFragment* self, const Job& job, const lf::Node::Reply& reply, guint64 bytes) {
@@ -323,61 +330,59 @@ static GstFlowReturn lf_fragment_push(LfFragment* self, GstPad* src, GstBuffer* 
   return gst_pad_push(src, unit);
 }
 
-// Of frames in a card's memory; null where there are none.
 static lf::GlContextPtr frames_context(LfFragment* self) {
   const lf::ObjectLock lock(self);
   return self->state->frames_context.get();
 }
 
-// What draws shares with the context. False if it does not, for now or ever.
+// Moves the renderer to the context's share group. Returns false if that is not possible, now or ever.
 static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group, bool early,
                     const lf::GlContextPtr& context) {
   std::string why;
-  const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::SumDrawer> {
+  const auto open = [&](std::string& reason) -> std::unique_ptr<lf::gl::GlesRenderer> {
     if (!context) return nullptr;
-    lf::gl::Context::Foreign foreign = lf::share(context.get(), reason);
+    lf::gl::Context::External foreign = lf::share(context.get(), reason);
     if (!foreign.call) return nullptr;
-    return lf::gl::SumDrawer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
+    return lf::gl::GlesRenderer::create_in(std::move(foreign), lf::gl::Context::Drivers::kHardware, reason);
   };
-  const bool is_there = self->state->card.move_to(choice, group, early, open, why);
-  if (!why.empty()) GST_INFO_OBJECT(self, "frames or sums have to leave the card: %s", why.c_str());
+  const bool is_there = self->state->gpu.move_to(choice, group, early, open, why);
+  if (!why.empty()) GST_INFO_OBJECT(self, "frames or sums are downloaded from the GPU: %s", why.c_str());
   return is_there;
 }
 
-// Where the cameras' frames are on a card they need not leave it, else sums need not where the compositor's pictures
-// are; mostly both are in the same contexts.
-static void move_card(LfFragment* self, lf::RendererChoice choice, const lf::NearCompositor& compositor) {
+// Prefers the share group of GPU frames, so that they need not be downloaded, over the group of the compositor's
+// pictures, which saves the download of sums. Usually both groups are the same.
+static void move_gpu(LfFragment* self, lf::RendererChoice choice, const lf::LocalCompositor& compositor) {
   const lf::GlContextPtr frames = frames_context(self);
   if (frames && move_to(self, choice, lf::share_group(frames.get()), true, frames)) return;
   if (compositor.group != 0) move_to(self, choice, compositor.group, false, compositor.context.get());
 }
 
-static lf::Node::Options options_of(LfFragment* self, const Settings& settings,
-                                    const lf::NearCompositor& compositor) {
+static lf::Node::Options options_of(LfFragment* self, const Settings& settings, const lf::LocalCompositor& compositor) {
   lf::Node::Options options;
   options.max_skew = settings.max_skew;
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
-  options.day_offset = lf::day_offset(GST_ELEMENT(self));
+  options.wall_offset = lf::wall_offset(GST_ELEMENT(self));
   lf::RenderOptions& render = options.render;
   render.codec = settings.codec;
   render.strip_pixels = settings.strip_pixels;
   render.resampling = settings.resampling;
   render.in_process = compositor.is_there;
   render.group = compositor.group;
-  if (settings.renderer != lf::RendererChoice::kCpu) move_card(self, settings.renderer, compositor);
+  if (settings.renderer != lf::RendererChoice::kCpu) move_gpu(self, settings.renderer, compositor);
   std::string news;
-  render.card = self->state->card.open(settings.renderer, news);
-  render.trial_card = self->state->card.open_for_trials(settings.renderer);
-  // Another requester may have moved it meanwhile, and images are made ready for one.
-  if (render.card && render.trial_card != render.card) render.trial_card.reset();
+  render.gpu = self->state->gpu.open(settings.renderer, news);
+  render.depth_gpu = self->state->gpu.open_for_depth(settings.renderer);
+  // Another client may have moved the renderer meanwhile, and images are prepared for a single renderer.
+  if (render.gpu && render.depth_gpu != render.gpu) render.depth_gpu.reset();
   if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
   return options;
 }
 
-// What has been answered goes downstream.
+// Pushes an answer after its photo-consistency and brightness units.
 static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src, const Job& job,
                                       lf::Node::Reply reply) {
-  Requester& requester = Requester::of(pad);
+  Client& client = Client::of(pad);
   lf::Node& node = self->state->node;
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
   if (!reply.warning.empty())
@@ -387,7 +392,7 @@ static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src
     const GstFlowReturn flow = lf_fragment_push(self, src, lf::wrap_bytes(std::move(*before)), job);
     if (flow != GST_FLOW_OK) return flow;
   }
-  GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), requester.memory, std::move(reply.answer.payload));
+  GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), client.memory, std::move(reply.answer.payload));
   node.stats().answers++;
   node.stats().fragments += reply.answer.fragments;
   if (lf_fragment_settings(self).post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
@@ -396,14 +401,13 @@ static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src
   return lf_fragment_push(self, src, out, job);
 }
 
-// Of several that may go together.
 static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* src, std::span<const JobPtr> jobs,
-                                        lf::Node::Requester& kept, lf::ParallelFor parallel) {
-  Requester& requester = Requester::of(pad);
+                                        lf::Node::ClientState& kept, lf::ParallelFor parallel) {
+  Client& client = Client::of(pad);
   lf::Node& node = self->state->node;
   const Settings settings = lf_fragment_settings(self);
   lf::Node::Options options = options_of(self, settings, jobs.front()->compositor);
-  options.live = requester.place.is_live();
+  options.live = client.place.is_live();
   options.render.parallel = std::move(parallel);
   std::vector<const lf::wire::AnyRequest*> requests;
   std::vector<JobPtr> answered;
@@ -419,13 +423,13 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
     answered.push_back(job);
   }
   if (requests.empty()) return GST_FLOW_OK;
-  std::vector<lf::Node::Reply> replies = node.answer(requests, kept, options, [&] { return requester.memory->take(); });
+  std::vector<lf::Node::Reply> replies = node.answer(requests, kept, options, [&] { return client.memory->take(); });
   if (replies.size() > 1) node.stats().together += replies.size();
-  // It was one pass, or one that was refused.
+  // All replies come from one pass, drawn or refused.
   const auto refused = std::ranges::find_if(replies, [](const auto& reply) { return reply.answer.drawing.refused; });
   const lf::Node::Reply& judged = refused == replies.end() ? replies.front() : *refused;
-  self->state->card.rendered(settings.renderer, judged.answer, frames_context(self) ? judged.stages.decode : 0);
-  self->state->card.tried(settings.renderer, replies.front().answer.trials);
+  self->state->gpu.rendered(settings.renderer, judged.answer, frames_context(self) ? judged.stages.decode : 0);
+  self->state->gpu.tried(settings.renderer, replies.front().answer.trials);
   GstFlowReturn flow = GST_FLOW_OK;
   for (size_t i = 0; i < replies.size() && flow == GST_FLOW_OK; i++) {
     const lf::NodeStats::Stages& stages = replies[i].stages;
@@ -435,78 +439,77 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   return flow;
 }
 
-// A live one whose turn it is. Where a card draws several at once those of its set that wait go with it.
+// Answers a live request. If a GPU can draw several views per pass, the waiting requests of its set are answered in the
+// same pass.
 static std::optional<GstFlowReturn> lf_fragment_answer_with_set(LfFragment* self, GstPad* pad, GstPad* src,
-                                                                const JobPtr& job, lf::Node::Requester& kept,
+                                                                const JobPtr& job, lf::Node::ClientState& kept,
                                                                 lf::ParallelFor parallel) {
-  const bool alone = !self->state->card.draws_several(lf_fragment_settings(self).renderer);
-  const std::vector<JobPtr> jobs = Requester::of(pad).waiting.take_with(job, alone);
+  const bool alone = !self->state->gpu.can_batch(lf_fragment_settings(self).renderer);
+  const std::vector<JobPtr> jobs = Client::of(pad).waiting.take_with(job, alone);
   if (jobs.empty()) return std::nullopt;
   return lf_fragment_answer(self, pad, src, jobs, kept, std::move(parallel));
 }
 
 static void lf_fragment_answer_loop(gpointer data) {
   GstPad* src = GST_PAD(data);
-  lf::guarded_buffer(src, [=] { return Requester::of(src).live_answers.work(src), GST_FLOW_OK; });
+  lf::guard_buffer(src, [=] { return Client::of(src).live_queue.work(src), GST_FLOW_OK; });
 }
 
-// Behind each request its command comes: two requests without one have a viewer that sends none.
-static void lf_fragment_note_unfit(LfFragment* self, Requester& requester, lf::Access access) {
+// Each request is followed by its command. Two requests without a command mean that the viewer sends no commands.
+static void lf_fragment_note_wrong_access(LfFragment* self, Client& client, lf::Access access) {
   constexpr unsigned kEnough = 2;
-  if (requester.any_fits || ++requester.unfit != kEnough) return;
+  if (client.any_fits || ++client.wrong_access != kEnough) return;
   const char* nick = lf::access_nick(access);
   GST_ELEMENT_WARNING(
       self, STREAM, WRONG_TYPE,
-      ("access=%s: no %s commands come with the requests, so that these cameras answer none of them: set "
-       "access=%s at the viewer's lfviewrequest, too, or access=self here.",
+      ("access=%s: the requests have no %s commands, so these cameras cannot answer. Set access=%s also at the "
+       "viewer's lfviewrequest, or access=self here.",
        nick, nick, nick),
       (nullptr));
 }
 
-// What is not for cameras of this kind, or asks for too much, is not even decoded.
-static bool lf_fragment_is_to_be_answered(LfFragment* self, Requester& requester, std::span<const uint8_t> request) {
+// Checks a request before decoding it: its kind must match `access`, and it must be within the limits.
+static bool lf_fragment_needs_answer(LfFragment* self, Client& client, std::span<const uint8_t> request) {
   const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(request);
   const lf::Access access = lf_fragment_settings(self).access;
   if (peek && lf::wire::access_of_type(peek->type).value_or(access) != access) {
-    lf_fragment_note_unfit(self, requester, access);
+    lf_fragment_note_wrong_access(self, client, access);
     return false;
   }
-  if (peek) requester.any_fits = true;
+  if (peek) client.any_fits = true;
   return self->state->guard.admits(GST_ELEMENT(self), request, self->state->node.inputs().array()->extent,
-                                   requester.place.is_live(), requester.number);
+                                   client.place.is_live(), client.number);
 }
 
-// Hands the request over to the answer pad's thread.
 static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, GstPad* src, const JobPtr& job) {
-  Requester& requester = Requester::of(pad);
+  Client& client = Client::of(pad);
   const GstClockTime max_delay = lf_fragment_settings(self).max_delay;
   if (max_delay > 0) job->due = lf::now_ns() + max_delay;
   bool dropped = false;
   const auto* const view = std::get_if<lf::ViewRequest>(&job->request);
-  requester.waiting.add(job);
-  const GstFlowReturn flow = requester.live_answers.add(
+  client.waiting.add(job);
+  const GstFlowReturn flow = client.live_queue.add(
       src, lf::wire::head_of(job->request).view_id, job->work,
-      [self, pad, src, job](lf::Node::Requester& kept, const lf::ParallelFor& parallel) {
+      [self, pad, src, job](lf::Node::ClientState& kept, const lf::ParallelFor& parallel) {
         return lf_fragment_answer_with_set(self, pad, src, job, kept, parallel);
       },
-      &dropped, view ? lf::views_that_wait_together(*view) : 1);
-  // What has gone with its set is dropped without loss.
-  const size_t lost = requester.waiting.forget_dropped();
+      &dropped, view ? lf::queued_views_of_set(*view) : 1);
+  // Jobs that were answered with their set are not lost.
+  const size_t lost = client.waiting.forget_dropped();
   if (dropped) self->state->node.stats().superseded += lost;
   if (flow != GST_FLOW_FLUSHING && gst_pad_get_task_state(src) != GST_TASK_STARTED)
     gst_pad_start_task(src, lf_fragment_answer_loop, src, nullptr);
   return flow;
 }
 
-// Of the answer to a request, see lf::planned_work().
 static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes, const lf::wire::AnyRequest& request) {
   const auto array = self->state->node.inputs().array();
   const size_t cameras = array->rig ? array->rig->cameras.size() : 0;
-  double work = lf::planned_work(lf::wire::peek_request_cost(bytes), cameras);
+  double work = lf::estimated_work(lf::wire::peek_request_cost(bytes), cameras);
   if (const auto* const warp = std::get_if<lf::wire::WarpCommand>(&request))
     for (const lf::FacePlan& face : warp->warp.faces)
       work += static_cast<double>(face.rect.width()) * face.rect.height();
-  // Another mesh takes about as long as so many pixels for each camera.
+  // Building another mesh takes about as long as this many pixels per camera.
   constexpr double kMeshCamera = 512;
   const auto* const view = std::get_if<lf::ViewRequest>(&request);
   if (view && !view->out_of_service.empty()) work += kMeshCamera * static_cast<double>(cameras);
@@ -514,9 +517,9 @@ static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes,
 }
 
 static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, GstPad* src, GstBuffer* buffer) {
-  Requester& requester = Requester::of(pad);
+  Client& client = Client::of(pad);
   const lf::MappedBuffer mapped(buffer);
-  if (!lf_fragment_is_to_be_answered(self, requester, mapped.bytes())) return GST_FLOW_OK;
+  if (!lf_fragment_needs_answer(self, client, mapped.bytes())) return GST_FLOW_OK;
   std::string reason;
   std::optional<lf::wire::AnyRequest> request = lf::wire::decode_any_request(mapped.bytes(), &reason);
   if (!request) {
@@ -525,26 +528,26 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
     return GST_FLOW_OK;
   }
   lf_fragment_follow_requests(self, pad, lf::wire::head_of(*request));
-  lf_fragment_tell_delay(self, pad);
+  lf_fragment_send_delay(self, pad);
   const double work = lf::WorkEstimate::kAnyAnswer + lf_fragment_work(self, mapped.bytes(), *request);
-  const auto job = std::make_shared<Job>(Job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer),
-                                             requester.compositor.look(src), work});
-  if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, job);
-  return lf_fragment_answer(self, pad, src, {&job, 1}, requester.kept, lf_fragment_workers(self));
+  const auto job = std::make_shared<Job>(
+      Job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), client.compositor.look(src), work});
+  if (client.place.is_live()) return lf_fragment_answer_later(self, pad, src, job);
+  return lf_fragment_answer(self, pad, src, {&job, 1}, client.kept, lf_fragment_workers(self));
 }
 
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  const PadPtr src = Requester::of(pad).pads.src();
-  const GstFlowReturn flow = !src ? GST_FLOW_FLUSHING : lf::guarded_buffer(parent, [&] {
+  const PadPtr src = Client::of(pad).pads.src();
+  const GstFlowReturn flow = !src ? GST_FLOW_FLUSHING : lf::guard_buffer(parent, [&] {
     return lf_fragment_take_request(LF_FRAGMENT(parent), pad, src.get(), buffer);
   });
   gst_buffer_unref(buffer);
   return flow;
 }
 
-// --- Pairs of pads, one for each requester ---------------------------------------------------------------------------
+// --- Pairs of pads, one for each client ---------------------------------------------------------------------------
 
-static PadPtr lf_fragment_other_pad(GstPad* pad) { return Requester::of(pad).pads.other(pad); }
+static PadPtr lf_fragment_other_pad(GstPad* pad) { return Client::of(pad).pads.other(pad); }
 
 static gboolean lf_fragment_pair_event(GstPad* pad, GstEvent* event) {
   const PadPtr other = lf_fragment_other_pad(pad);
@@ -558,72 +561,72 @@ static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
   return other && gst_pad_peer_query(other.get(), query);
 }
 
-// Cameras that are not live end with the last requester.
+// File cameras end with the last client.
 static void lf_fragment_finish_if_all_ended(LfFragment* self) {
   lf::ObjectLock lock(self);
   bool any = false, all = true;
-  for (Requester* requester : self->state->requesters) {
-    any = any || requester->ended;
-    all = all && (requester->ended || !gst_pad_is_linked(requester->pads.request().get()));
+  for (Client* client : self->state->clients) {
+    any = any || client->ended;
+    all = all && (client->ended || !gst_pad_is_linked(client->pads.request().get()));
   }
   lock.unlock();
   using Mode = lf::CameraFrames::Mode;
   if (any && all) lf_fragment_set_mode(self, Mode::kFinished, Mode::kRunning);
 }
 
-static void lf_fragment_set_ended(LfFragment* self, Requester& requester, bool ended) {
+static void lf_fragment_set_ended(LfFragment* self, Client& client, bool ended) {
   const lf::ObjectLock lock(self);
-  requester.ended = ended;
+  client.ended = ended;
 }
 
 static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   LfFragment* self = LF_FRAGMENT(parent);
-  Requester& requester = Requester::of(pad);
-  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED) requester.live_answers.drain();
+  Client& client = Client::of(pad);
+  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED) client.live_queue.drain();
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
       GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
       gst_event_unref(event);
       event = gst_event_new_caps(caps);
       gst_caps_unref(caps);
-      requester.compositor.note_change();
+      client.compositor.note_change();
       break;
     }
     case GST_EVENT_SEGMENT:
-      requester.place.begin(lf::live_latency(pad).has_value());
-      requester.compositor.note_change();
+      client.place.begin(lf::live_latency(pad).has_value());
+      client.compositor.note_change();
       break;
     case GST_EVENT_EOS:
-      lf_fragment_set_ended(self, requester, true);
+      lf_fragment_set_ended(self, client, true);
       lf_fragment_finish_if_all_ended(self);
       break;
-    // First downstream, so that nobody gets an answer for which nothing was waited.
+    // Flush downstream first, so that no incomplete answer gets through.
     case GST_EVENT_FLUSH_START: {
       const gboolean ok = lf_fragment_pair_event(pad, event);
-      requester.live_answers.begin_flush();
-      requester.waiting.forget_dropped();
-      self->state->node.cancel(requester.kept, true);
+      client.live_queue.begin_flush();
+      client.waiting.forget_dropped();
+      self->state->node.cancel(client.kept, true);
       return ok;
     }
     case GST_EVENT_FLUSH_STOP:
-      lf_fragment_set_ended(self, requester, false);
-      requester.place.flush();
-      requester.qos.clear();
-      requester.kept.renderer.clear();
-      requester.live_answers.end_flush();
-      self->state->node.cancel(requester.kept, false);
+      lf_fragment_set_ended(self, client, false);
+      client.place.flush();
+      client.qos.clear();
+      client.kept.renderer.clear();
+      client.live_queue.end_flush();
+      self->state->node.cancel(client.kept, false);
       break;
     default: break;
   }
   return lf_fragment_pair_event(pad, event);
 }
 
-// Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
-// belongs to the capture, not to the request path.
+// Events from downstream (QoS, navigation, latency) go to the client and never to the cameras, because capture is
+// independent of requests.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
-  Requester& requester = Requester::of(pad);
-  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) requester.compositor.note_change();
-  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) requester.qos.see(event, requester.place.is_live());
+  Client& client = Client::of(pad);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) client.compositor.note_change();
+  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) client.qos.see(event, client.place.is_live());
   return lf_fragment_pair_event(pad, event);
 }
 
@@ -643,7 +646,7 @@ static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQue
 
 static gboolean lf_fragment_src_activate(GstPad* pad, GstObject*, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH) return FALSE;
-  lf::LiveAnswers& answers = Requester::of(pad).live_answers;
+  lf::LiveAnswerQueue& answers = Client::of(pad).live_queue;
   if (!active) return answers.stop(pad);
   answers.start();
   return TRUE;
@@ -660,16 +663,15 @@ static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
   return iterator;
 }
 
-// The request pad of a new pair, both of whose pads have been added to the element.
+// Adds a new pair of pads to the element. Returns the request pad.
 static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template, const gchar* request_name,
-                             GstPadTemplate* src_template, const gchar* src_name) {
+                                    GstPadTemplate* src_template, const gchar* src_name) {
   static const GQuark quark = g_quark_from_static_string("lf-fragment-pair");
   GstPad* request = gst_pad_new_from_template(request_template, request_name);
   GstPad* src = gst_pad_new_from_template(src_template, src_name);
   lf::ObjectLock lock(self);
-  const auto requester =
-      std::make_shared<Requester>(request, src, self->state->next_requester++, lf_fragment_workers(self));
-  self->state->requesters.insert(requester.get());
+  const auto client = std::make_shared<Client>(request, src, self->state->next_requester++, lf_fragment_workers(self));
+  self->state->clients.insert(client.get());
   lock.unlock();
   lf::accept_unit_caps(request);
   gst_pad_set_chain_function(request, lf::callback<lf_fragment_request_chain>);
@@ -680,9 +682,9 @@ static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_te
   gst_pad_set_query_function(src, lf::callback<lf_fragment_src_query>);
   for (GstPad* pad : {src, request}) {
     gst_pad_set_iterate_internal_links_function(pad, lf::callback<lf_fragment_internal_links>);
-    gst_pad_set_element_private(pad, requester.get());
-    g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<Requester>(requester),
-                            [](gpointer data) { delete static_cast<std::shared_ptr<Requester>*>(data); });
+    gst_pad_set_element_private(pad, client.get());
+    g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<Client>(client),
+                            [](gpointer data) { delete static_cast<std::shared_ptr<Client>*>(data); });
   }
   for (GstPad* pad : {src, request}) {
     if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
@@ -691,17 +693,16 @@ static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_te
   return request;
 }
 
-// Takes both pads away; an answer that is being made ends at once.
 static void lf_fragment_pair_release(LfFragment* self, GstPad* request) {
-  Requester& requester = Requester::of(request);
-  const PadPtr src = requester.pads.src();
+  Client& client = Client::of(request);
+  const PadPtr src = client.pads.src();
   GST_OBJECT_LOCK(self);
-  self->state->requesters.erase(&requester);
+  self->state->clients.erase(&client);
   GST_OBJECT_UNLOCK(self);
-  gst_pad_set_active(src.get(), FALSE);  // an answer made without waiting goes nowhere
-  self->state->node.cancel(requester.kept, true);
+  gst_pad_set_active(src.get(), FALSE);  // drops the answer of the cancelled wait
+  self->state->node.cancel(client.kept, true);
   gst_pad_set_active(request, FALSE);
-  self->state->guard.forget(requester.number);
+  self->state->guard.forget(client.number);
   gst_element_remove_pad(GST_ELEMENT(self), src.get());
   gst_element_remove_pad(GST_ELEMENT(self), request);
   lf_fragment_finish_if_all_ended(self);
@@ -713,9 +714,9 @@ void lf_fragment_trim_memory(LfFragment* self) {
   const lf::ObjectLock lock(self);
   if (now < self->state->trimmed_at + kInterval) return;
   self->state->trimmed_at = now;
-  for (Requester* requester : self->state->requesters) {
-    requester->memory->trim();
-    requester->kept.images->trim();
+  for (Client* client : self->state->clients) {
+    client->memory->trim();
+    client->kept.images->trim();
   }
 }
 
@@ -757,7 +758,7 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
 static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   LfFragment* self = LF_FRAGMENT(element);
   if (LF_IS_FRAGMENT_PAD(pad)) {
-    // Only when its streaming thread is out nothing of it comes back.
+    // Frames may arrive until the streaming thread has stopped.
     const auto& frames = LF_FRAGMENT_PAD(pad)->input->frames();
     frames->set_mode(lf::CameraFrames::Mode::kStopped);
     gst_pad_set_active(pad, FALSE);
@@ -786,17 +787,17 @@ static bool lf_fragment_start(LfFragment* self) {
   state.node.inputs().forget_family();
   state.guard.start(GST_ELEMENT(self));
   lf::ObjectLock lock(self);
-  for (Requester* requester : state.requesters) {
-    requester->ended = false;
-    requester->place.clear();
-    requester->delay.clear();
-    requester->qos.clear();
-    requester->kept.rig.reset();
-    *requester->kept.cancelled = false;
+  for (Client* client : state.clients) {
+    client->ended = false;
+    client->place.clear();
+    client->delay.clear();
+    client->qos.clear();
+    client->kept.rig.reset();
+    *client->kept.cancelled = false;
   }
   lock.unlock();
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
-  // A camera that the application names counts from the start on: its weight is lost in a sum until it has a frame.
+  // Cameras set by the application count from the start: their weight is missing until they have a frame.
   for (const PadPtr& pad : lf_fragment_camera_pads(self)) {
     LfFragmentPad* camera_pad = LF_FRAGMENT_PAD(pad.get());
     if (camera_pad->settings.camera < 0 || camera_pad->input->assign()) continue;
@@ -809,17 +810,17 @@ static bool lf_fragment_start(LfFragment* self) {
 static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstStateChange transition) {
   LfFragment* self = LF_FRAGMENT(element);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !lf_fragment_start(self)) return GST_STATE_CHANGE_FAILURE;
-  // Pads are deactivated by the parent class, which waits for their streaming threads: wake these first.
+  // The parent class waits for the streaming threads while it deactivates the pads. Wake these threads first.
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kStopped);
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_fragment_parent_class)->change_state(element, transition);
   if (transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
   for (const PadPtr& pad : lf_fragment_camera_pads(self)) LF_FRAGMENT_PAD(pad.get())->input->reset();
-  // Downstream's context is not to outlive what it is for. Without the lock, as that takes its time.
-  std::vector<lf::NearCompositor> forgotten;
-  self->state->card.leave();
+  // Release downstream's context. Destroying it takes time, so it happens without the lock.
+  std::vector<lf::LocalCompositor> forgotten;
+  self->state->gpu.leave();
   lf_fragment_note_context(self, nullptr);
   const lf::ObjectLock lock(self);
-  for (Requester* requester : self->state->requesters) forgotten.push_back(requester->compositor.forget());
+  for (Client* client : self->state->clients) forgotten.push_back(client->compositor.forget());
   return result;
 }
 
@@ -843,10 +844,9 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &more_request_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_add_static_pad_template(element_class, &more_src_template);
-  gst_element_class_set_static_metadata(
-      element_class, "Light field random access camera", "Filter/Video",
-      "Answers view requests with the sum of what its cameras contribute to the requested view",
-      "gst-lightfield developers");
+  gst_element_class_set_static_metadata(element_class, "Light field random access camera", "Filter/Video",
+                                        "Renders the contribution of its cameras to requested views",
+                                        "gst-lightfield developers");
 }
 
 static void lf_fragment_init(LfFragment* self) {

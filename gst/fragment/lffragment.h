@@ -8,11 +8,10 @@ G_BEGIN_DECLS
 #define LF_TYPE_FRAGMENT (lf_fragment_get_type())
 G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
 
-// The type of a sink pad, one camera's input, which has the property "camera".
+// Type of the sink pads, one per camera; has the property "camera".
 #define LF_TYPE_FRAGMENT_PAD (lf_fragment_pad_get_type())
 G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 
-// Properties "codec", "renderer" and "resampling".
 #define LF_TYPE_FRAGMENT_CODEC (lf_fragment_codec_get_type())
 GType lf_fragment_codec_get_type(void);
 #define LF_TYPE_FRAGMENT_RENDERER (lf_fragment_renderer_get_type())

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/gl_share.h"
-#include "common/gl_writer.h"
+#include "common/gl_sync.h"
 #include "common/gst_pointers.h"
 
 namespace lf {
@@ -16,7 +16,7 @@ namespace {
 std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer_unref}; }
 
 bool has_system_colorimetry(const GstVideoInfo& info) {
-  // Unknown siting of full-range BT.601 is JPEG's.
+  // Full-range BT.601 without a known siting is JPEG.
   const bool centred =
       info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
   return info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
@@ -27,9 +27,9 @@ bool is_system_i420(const GstVideoInfo& info) {
   return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && has_system_colorimetry(info);
 }
 
-// Nothing for video of which GStreamer does not know what it stands for.
-std::optional<YcbcrKind> kind_of(const GstVideoInfo& info) {
-  YcbcrKind kind;
+// Returns nothing if GStreamer does not know the colour matrix.
+std::optional<YcbcrFormat> kind_of(const GstVideoInfo& info) {
+  YcbcrFormat kind;
   if (!gst_video_color_matrix_get_Kr_Kb(info.colorimetry.matrix, &kind.kr, &kind.kb)) return std::nullopt;
   kind.full_range = info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255;
   if (info.chroma_site & GST_VIDEO_CHROMA_SITE_H_COSITED) kind.right = -0.5;
@@ -67,12 +67,12 @@ void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
   steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}, {}});
 }
 
-// From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are, and by way of RGB what it
-// makes of video levels is up to 3 of 255 too dark.
+// GstVideoConverter 1.22 copies I420 to I420 without converting range and siting. Its conversion by way of RGB makes
+// video levels up to 3 of 255 too dark.
 void FrameConverter::add_ycbcr_step(const GstVideoInfo& from) {
   GstVideoInfo to = from;
   set_system_colorimetry(to);
-  const std::optional<YcbcrKind> kind = kind_of(from);
+  const std::optional<YcbcrFormat> kind = kind_of(from);
   if (!kind) {
     add_step(from, GST_VIDEO_FORMAT_RGB);
     return add_step(steps_.back().to, GST_VIDEO_FORMAT_I420);
@@ -80,7 +80,7 @@ void FrameConverter::add_ycbcr_step(const GstVideoInfo& from) {
   steps_.push_back({from, to, {nullptr, gst_video_converter_free}, YcbcrConversion(*kind)});
 }
 
-// GstVideoConverter would sample chroma anew.
+// GstVideoConverter would resample the chroma.
 void FrameConverter::add_planar_step(const GstVideoInfo& from) {
   GstVideoInfo to;
   gst_video_info_set_format(&to, GST_VIDEO_FORMAT_I420, static_cast<guint>(from.width),
@@ -89,7 +89,7 @@ void FrameConverter::add_planar_step(const GstVideoInfo& from) {
   to.fps_d = from.fps_d;
   to.colorimetry = from.colorimetry;
   to.chroma_site = from.chroma_site;
-  if (GST_VIDEO_INFO_FORMAT(&from) == GST_VIDEO_FORMAT_GRAY8) {  // has no chroma for these to matter
+  if (GST_VIDEO_INFO_FORMAT(&from) == GST_VIDEO_FORMAT_GRAY8) {  // no chroma, so siting and matrix do not matter
     const GstVideoColorRange range = from.colorimetry.range;
     set_system_colorimetry(to);
     if (range == GST_VIDEO_COLOR_RANGE_16_235) to.colorimetry.range = range;
@@ -101,7 +101,6 @@ static void copy_rows(const uint8_t* from, gint from_stride, uint8_t* to, gint t
   for (int y = 0; y < height; y++) std::memcpy(to + y * to_stride, from + y * from_stride, static_cast<size_t>(width));
 }
 
-// NV12 or GRAY8 as I420.
 static void lay_out_planar(const GstVideoFrame& in, GstVideoFrame& out) {
   const auto plane = [](const GstVideoFrame& frame, guint i) {
     return static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
@@ -169,7 +168,6 @@ std::shared_ptr<RawPicture> FrameConverter::convert(GstBuffer* buffer, bool keep
 
 namespace {
 
-// A buffer mapped for reading as long as this lives.
 struct MappedFrame {
   MappedFrame(const std::shared_ptr<GstBuffer>& buffer, const GstVideoInfo& info)
       : buffer(buffer), ok(gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer.get(), GST_MAP_READ)) {
@@ -209,11 +207,10 @@ std::shared_ptr<const ImageView> RawPicture::map() const {
   return mapped->ok ? std::shared_ptr<const ImageView>(mapped, &mapped->view) : nullptr;
 }
 
-// The picture in its textures. What is done of it is done once.
-class CardPicture::Textures : public CardImage {
+// The textures of a picture. Each operation runs only once.
+class GpuPicture::Textures : public GpuImage {
  public:
-  // Null if they can't be had.
-  static std::unique_ptr<Textures> make(CardPicture& picture) {
+  static std::unique_ptr<Textures> make(GpuPicture& picture) {
     std::unique_ptr<Textures> textures(new Textures(picture));
     return textures->find() ? std::move(textures) : nullptr;
   }
@@ -233,13 +230,14 @@ class CardPicture::Textures : public CardImage {
   bool is_fetched() const override { return is_fetched_; }
 
  private:
-  explicit Textures(CardPicture& picture) : picture_(picture), group_(group_of_planes(picture.buffer_.get())) {}
+  explicit Textures(GpuPicture& picture) : picture_(picture), group_(group_of_planes(picture.buffer_.get())) {}
 
   bool find() {
     const GstVideoInfo& info = picture_.info_;
     GstBuffer* const buffer = picture_.buffer_.get();
-    GstGLContext* const context = wait_for_writer(buffer);
-    // What was written by the CPU goes to the textures now. They stay, and as they are, as long as the buffer is held.
+    GstGLContext* const context = wait_for_gl_writer(buffer);
+    // Mapping uploads data that the CPU has written. The textures stay valid and unchanged during the lifetime of the
+    // buffer.
     GstVideoFrame frame;
     if (!gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer,
                              static_cast<GstMapFlags>(GST_MAP_READ | GST_MAP_GL)))
@@ -252,36 +250,35 @@ class CardPicture::Textures : public CardImage {
     gst_video_frame_unmap(&frame);
     written_.reset(gst_buffer_new());
     gst_gl_sync_meta_set_sync_point(gst_buffer_add_gl_sync_meta(context, written_.get()), context);
-    image_ = {.family = family_of(info), .width = info.width, .height = info.height, .on_card = {this}};
+    image_ = {.family = family_of(info), .width = info.width, .height = info.height, .on_gpu = {this}};
     if (is_rgb) image_.layout = rgb_layout(info);
     return true;
   }
 
-  CardPicture& picture_;
+  GpuPicture& picture_;
   const gl::ShareGroup group_;
   std::array<Texture, 3> planes_ = {};
-  BufferPtr written_;  // has nothing but the sync point behind what was written to the textures
+  BufferPtr written_;  // carries only the sync point after the writes to the textures
   ImageView image_;
   mutable std::mutex mutex_;
   mutable std::shared_ptr<const ImageView> here_;
   mutable std::atomic<bool> is_fetched_ = false;
 };
 
-CardPicture::CardPicture(GstBuffer* buffer, const GstVideoInfo& info)
-    : buffer_(buffer, gst_buffer_unref), info_(info) {}
+GpuPicture::GpuPicture(GstBuffer* buffer, const GstVideoInfo& info) : buffer_(buffer, gst_buffer_unref), info_(info) {}
 
-CardPicture::~CardPicture() = default;
+GpuPicture::~GpuPicture() = default;
 
-std::shared_ptr<const ImageView> CardPicture::view(PixelFamily family, const Rect& region) {
+std::shared_ptr<const ImageView> GpuPicture::view(PixelFamily family, const Rect& region) {
   const std::lock_guard lock(mutex_);
-  if (!converted_) wait_for_writer(buffer_.get());
+  if (!converted_) wait_for_gl_writer(buffer_.get());
   if (!converted_ || converted_->takes_work(family))
     converted_ = FrameConverter(info_, family).convert(gst_buffer_ref(buffer_.get()));
   return converted_ ? converted_->view(family, region) : nullptr;
 }
 
-const ImageView* CardPicture::view_on_card(PixelFamily family, gl::ShareGroup group) {
-  if (!FrameConverter::takes_samples_of(info_, family) || !has_planes_on_card(buffer_.get(), info_)) return nullptr;
+const ImageView* GpuPicture::view_on_gpu(PixelFamily family, gl::ShareGroup group) {
+  if (!FrameConverter::takes_samples_of(info_, family) || !has_planes_on_gpu(buffer_.get(), info_)) return nullptr;
   const std::lock_guard lock(mutex_);
   if (!textures_ && group_of_planes(buffer_.get()) == group) textures_ = Textures::make(*this);
   if (!textures_ || textures_->group() != group) return nullptr;

@@ -14,16 +14,16 @@
 
 namespace lf {
 
-// A picture of raw video, in the node's pixel family, or in its own where that was not chosen yet.
+// A raw video frame in the node's pixel family, or in its own family if none was chosen at its arrival.
 class RawPicture : public CameraPicture {
  public:
-  // `original`: the picture as it came, if it has been converted and may be wanted in the other family.
+  // `original`: the unconverted frame, for later requests of another family.
   RawPicture(std::shared_ptr<GstBuffer> buffer, const GstVideoInfo& info, std::shared_ptr<RawPicture> original = {})
       : buffer_(std::move(buffer)), info_(info), original_(std::move(original)) {}
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
-  // The pixels are the same to the bit whether the picture was converted to the other family before or not.
+  // The pixels are bit-identical with and without an earlier conversion.
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
 
  private:
@@ -34,24 +34,24 @@ class RawPicture : public CameraPicture {
   const std::shared_ptr<RawPicture> original_;
 };
 
-// Turns the frames of one stream into the node's family: nothing to do for RGB in any order and for full-range BT.601
-// I420 with centred chroma; NV12 and GRAY8 are laid out as I420, to the bit; everything else (limited range, other
-// matrix or siting, the other family) is converted.
+// Converts the frames of one stream to the node's family. RGB in any order and full-range BT.601 I420 with centred
+// chroma need no conversion. NV12 and GRAY8 are rearranged losslessly to I420. All remaining video (limited range,
+// different matrix, siting or family) is converted.
 class FrameConverter {
  public:
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
   PixelFamily family() const { return family_; }
-  // Whether the samples of video are those of the family, in whatever order.
+  // True if the video has the samples of this family, in any layout.
   static bool takes_samples_of(const GstVideoInfo& video, PixelFamily family);
-  // Takes ownership of `buffer`. Null if it can't be mapped. `keep_original`: the picture can give the other family as
-  // exactly as the buffer could.
+  // Takes ownership of `buffer`. Returns null if it cannot be mapped. `keep_original`: keep the buffer for lossless
+  // conversion to another family.
   std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;
 
  private:
   struct Step {
     GstVideoInfo from, to;
-    // By GStreamer, or by ourselves; neither: another layout alone.
+    // GStreamer's converter, or our own. Without either, the step only changes the layout.
     std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
     std::optional<YcbcrConversion> ycbcr;
   };
@@ -62,23 +62,23 @@ class FrameConverter {
 
   GstVideoInfo input_;
   PixelFamily family_;
-  std::vector<Step> steps_;  // none: frames are taken as they are
+  std::vector<Step> steps_;  // empty: no conversion
 };
 
-// A picture of raw video in textures of GStreamer's (GstGLMemory). It is sampled where it is if it is of one of the
-// pixel families as they are, or NV12 of that kind, and what draws shares the textures; whoever else wants it, and of
-// other video, has it here, converted as FrameConverter does it.
-class CardPicture : public CameraPicture {
+// A raw video frame in GstGLMemory textures. The renderer samples the textures directly if it shares them and the video
+// has the exact samples of a pixel family (or is NV12 with these samples). Otherwise the frame is downloaded and
+// converted like FrameConverter does.
+class GpuPicture : public CameraPicture {
  public:
-  // Takes ownership of `buffer`, whose memory is such.
-  CardPicture(GstBuffer* buffer, const GstVideoInfo& info);
-  ~CardPicture() override;
+  // Takes ownership of `buffer`, which must consist of GstGLMemory.
+  GpuPicture(GstBuffer* buffer, const GstVideoInfo& info);
+  ~GpuPicture() override;
 
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily) const override { return true; }
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
-  const ImageView* view_on_card(PixelFamily family, gl::ShareGroup group) override;
+  const ImageView* view_on_gpu(PixelFamily family, gl::ShareGroup group) override;
 
  private:
   class Textures;
@@ -86,8 +86,8 @@ class CardPicture : public CameraPicture {
   const std::shared_ptr<GstBuffer> buffer_;
   const GstVideoInfo info_;
   std::mutex mutex_;
-  std::unique_ptr<Textures> textures_;     // null: it is not sampled there, or has not been yet
-  std::shared_ptr<RawPicture> converted_;  // null: nobody has wanted it here yet
+  std::unique_ptr<Textures> textures_;     // null: not sampled on the GPU yet
+  std::shared_ptr<RawPicture> converted_;  // null: not downloaded yet
 };
 
 }  // namespace lf

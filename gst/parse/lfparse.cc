@@ -2,21 +2,21 @@
 /**
  * SECTION:element-lfparse
  * @title: lfparse
- * @short_description: cuts a byte stream into light field requests or answers
+ * @short_description: splits a byte stream into light field requests or answers
  *
- * Cuts what comes from a file or a TCP connection into the units of a request stream
- * (`application/x-lightfield-request`) or an answer stream (`application/x-lightfield-answer`), one per buffer. Where
- * the caps do not tell which of the two it is, the first unit decides. Bytes that are no unit of this kind are skipped
- * up to the next one, counted in #lfparse:stats.
+ * lfparse splits data from a file or a TCP connection into units, one per buffer. Use it before elements that need
+ * parsed requests (`application/x-lightfield-request`) or answers (`application/x-lightfield-answer`). If the caps do
+ * not name the stream type, the first unit determines the type. Invalid bytes are skipped up to the next unit and
+ * counted in #lfparse:stats.
  *
- * Time stamps pass through. Requests that come without one get the running time they ask for, so that a recorded camera
- * path plays at its speed.
+ * Timestamps pass through. A request without timestamp gets the running time that it asks for, so a recorded camera
+ * path plays in real time.
  *
  * ## Replay recorded requests
  * |[
  * gst-launch-1.0 filesrc location=path.lfq ! lfparse ! fakesink sync=true silent=false -v
  * ]|
- * ## Take a node's answers from TCP
+ * ## Receive the answers of a node by TCP
  * |[
  * gst-launch-1.0 tcpclientsrc host=CAMHOST port=5000 ! lfparse ! filesink location=answers.lfa
  * ]|
@@ -43,13 +43,12 @@ using lf::wire::UnitKind;
 namespace {
 
 struct Settings {
-  guint max_unit_size = lf::wire::kUsualAnswerBytes;
+  guint max_size_bytes = lf::wire::kTypicalAnswerBytes;
 
   static lf::PropertyTable<Settings>& properties() {
-    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_unit_size>(
-        lf::kWhilePlaying, "max-unit-size", "Maximum unit size",
-        "Bytes that a unit may have at most; larger ones are skipped as damaged (requests are limited to 1 MiB by the "
-        "format)",
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
+        lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
+        "Maximum size of a unit, in bytes; larger units are skipped as damaged (the format limits requests to 1 MiB)",
         guint{lf::wire::kUnitHeaderBytes}, guint{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -63,12 +62,12 @@ G_DECLARE_FINAL_TYPE(LfParse, lf_parse, LF, PARSE, GstBaseParse)
 struct _LfParse {
   GstBaseParse parent;
 
-  // Streaming thread.
-  gboolean kind_known;  // from caps or the first unit; src caps are set
+  // Streaming thread:
+  gboolean kind_known;  // set by caps or the first unit; the source pad has caps
   UnitKind kind;
   gboolean in_garbage;
 
-  // Object lock.
+  // Guarded by the object lock:
   Settings settings;
   guint64 units, skipped_bytes, gaps;
 };
@@ -111,16 +110,15 @@ static gboolean lf_parse_set_sink_caps(GstBaseParse* base, GstCaps* caps) {
   return set_src_caps(LF_PARSE(base), request ? UnitKind::kRequest : UnitKind::kAnswer, gst_caps_copy(caps));
 }
 
-// The unit that begins with these bytes, if it is one of this stream.
 static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t> bytes) {
   std::optional<UnitHeader> header = lf::wire::peek_unit(bytes);
   if (!header) return std::nullopt;
   if (self->kind_known && header->kind != self->kind) return std::nullopt;
   GST_OBJECT_LOCK(self);
-  const guint max_size = self->settings.max_unit_size;
+  const guint max_size = self->settings.max_size_bytes;
   GST_OBJECT_UNLOCK(self);
   if (header->size > max_size) {
-    GST_WARNING_OBJECT(self, "a unit of %" G_GSIZE_FORMAT " bytes is larger than max-unit-size", header->size);
+    GST_WARNING_OBJECT(self, "a unit of %" G_GSIZE_FORMAT " bytes is larger than max-size-bytes", header->size);
     return std::nullopt;
   }
   return header;
@@ -131,11 +129,10 @@ static void skip(LfParse* self, size_t count) {
   self->skipped_bytes += count;
   if (!self->in_garbage) self->gaps++;
   GST_OBJECT_UNLOCK(self);
-  if (!self->in_garbage) GST_WARNING_OBJECT(self, "no unit begins here: searching for the next one");
+  if (!self->in_garbage) GST_WARNING_OBJECT(self, "invalid data: searching for the next unit");
   self->in_garbage = TRUE;
 }
 
-// The running time a request asks for, or none.
 static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
   const std::optional<lf::wire::RequestPeek> request = lf::wire::peek_request(unit);
   return !request || request->head.absolute_time ? GST_CLOCK_TIME_NONE : request->head.target_time;
@@ -145,7 +142,7 @@ static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* s
   GstBaseParse* base = GST_BASE_PARSE(self);
   GstMapInfo map;
   if (!gst_buffer_map(frame->buffer, &map, GST_MAP_READ)) {
-    GST_ELEMENT_ERROR(self, RESOURCE, READ, (nullptr), ("the buffer can not be read"));
+    GST_ELEMENT_ERROR(self, RESOURCE, READ, (nullptr), ("the buffer can't be mapped"));
     return GST_FLOW_ERROR;
   }
   const std::span<const uint8_t> bytes(map.data, map.size);
@@ -157,7 +154,7 @@ static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* s
     if (unit && !draining) {
       gst_base_parse_set_min_frame_size(base, unit->size);
     } else {
-      // At the end of the stream a unit may be incomplete because its length is wrong: others may follow inside.
+      // A unit that is incomplete at the end of the stream may have a wrong length and hide other units.
       const size_t count = lf::wire::distance_to_magic(bytes, !draining);
       skip(self, count);
       *skip_size = static_cast<gint>(count);
@@ -187,7 +184,7 @@ static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* s
 }
 
 static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
-  return lf::guarded_buffer(base, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
+  return lf::guard_buffer(base, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
 static Settings& settings_of(LfParse* self) { return self->settings; }
@@ -202,15 +199,15 @@ static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
   lf::Properties<settings_of, stats_of>::install(
       G_OBJECT_CLASS(klass),
-      "What happened since the stream began (all uint64): units (passed on), skipped-bytes (that were no unit of this "
-      "stream), gaps (stretches of such bytes)");
+      "Counters since the start of the stream (all uint64): units (forwarded), skipped-bytes (not part of a unit of "
+      "this stream), gaps (runs of skipped bytes)");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field stream parser", "Codec/Parser",
-      "Cuts files and TCP streams of light field requests or answers into one unit per buffer",
+      "Splits files and TCP streams of light field requests or answers into one unit per buffer",
       "gst-lightfield developers");
 
   GstBaseParseClass* parse_class = GST_BASE_PARSE_CLASS(klass);
@@ -221,7 +218,7 @@ static void lf_parse_class_init(LfParseClass* klass) {
 
 static void lf_parse_init(LfParse* self) {
   self->settings = {};
-  // Times come with the buffers or from the requests; none is to be made up from byte positions.
+  // Timestamps come from buffers or requests, not from byte positions.
   gst_base_parse_set_infer_ts(GST_BASE_PARSE(self), FALSE);
   gst_base_parse_set_pts_interpolation(GST_BASE_PARSE(self), FALSE);
   GST_PAD_SET_ACCEPT_TEMPLATE(GST_BASE_PARSE_SINK_PAD(self));
@@ -237,7 +234,7 @@ std::optional<UnitHeader> peek(GstTypeFind* find, gint64 offset) {
   return lf::wire::peek_unit({data, lf::wire::kUnitHeaderBytes});
 }
 
-// Certain where a second unit follows or the stream ends with the first.
+// Certain if a second unit follows or the stream ends after the first unit.
 void find_units(GstTypeFind* find, gpointer user_data) {
   const auto kind = static_cast<UnitKind>(GPOINTER_TO_INT(user_data));
   const std::optional<UnitHeader> first = peek(find, 0);
@@ -245,13 +242,13 @@ void find_units(GstTypeFind* find, gpointer user_data) {
   const bool alone = gst_type_find_get_length(find) == first->size;
   const std::optional<UnitHeader> second = alone ? first : peek(find, static_cast<gint64>(first->size));
   gst_type_find_suggest_simple(find, second && second->kind == kind ? GST_TYPE_FIND_MAXIMUM : GST_TYPE_FIND_LIKELY,
-                               kind == UnitKind::kRequest ? LF_REQUEST_MEDIA_TYPE : LF_ANSWER_MEDIA_TYPE,
-                               "parsed", G_TYPE_BOOLEAN, FALSE, nullptr);
+                               kind == UnitKind::kRequest ? LF_REQUEST_MEDIA_TYPE : LF_ANSWER_MEDIA_TYPE, "parsed",
+                               G_TYPE_BOOLEAN, FALSE, nullptr);
 }
 
 constexpr std::string_view kBlank = " \t\r\n";
 
-// Whether `text` goes on with `word` from `at` on, after blanks; then `at` is behind it.
+// Skips blanks. If `text` continues with `word` at `at`, advances `at` behind the word and returns true.
 bool goes_on(std::string_view text, size_t& at, std::string_view word) {
   at = std::min(text.find_first_not_of(kBlank, at), text.size());
   if (!text.substr(at).starts_with(word)) return false;
@@ -259,12 +256,11 @@ bool goes_on(std::string_view text, size_t& at, std::string_view word) {
   return true;
 }
 
-// As much of it as there is, up to `most` bytes.
 std::string_view peek_text(GstTypeFind* find, guint most) {
   const guint64 length = gst_type_find_get_length(find);
   guint known = 0;
   if (length > 0) most = known = static_cast<guint>(MIN(length, most));
-  // Where nobody knows the length what is there is found by halves.
+  // If the length is unknown, a binary search finds the available size.
   for (guint step = length > 0 ? 0 : most; step > 0; step /= 2)
     if (known + step <= most && gst_type_find_peek(find, 0, known + step)) known += step;
   const guint8* data = known > 0 ? gst_type_find_peek(find, 0, known) : nullptr;
@@ -272,7 +268,7 @@ std::string_view peek_text(GstTypeFind* find, guint most) {
   return {reinterpret_cast<const char*>(data), known};
 }
 
-// A JSON object with "format": "lightfield-rig", which may come behind all cameras.
+// Detects a JSON object with "format": "lightfield-rig". This key may follow after all cameras.
 void find_rig(GstTypeFind* find, gpointer) {
   constexpr guint kFew = 64, kMost = 4 << 20;
   constexpr std::string_view kKey = "\"format\"";
@@ -306,7 +302,6 @@ gboolean register_kind(GstPlugin* plugin, const char* media_type, const char* ex
 
 }  // namespace
 
-// The typefinders of request streams (.lfq), answer streams (.lfa) and rigs (rig.json).
 static gboolean register_typefinders(GstPlugin* plugin) {
   return register_kind(plugin, LF_REQUEST_MEDIA_TYPE, "lfq", UnitKind::kRequest) &&
          register_kind(plugin, LF_ANSWER_MEDIA_TYPE, "lfa", UnitKind::kAnswer) && register_rig(plugin);

@@ -9,17 +9,17 @@
 
 #include "base/text.h"
 #include "common/common.h"
-#include "common/gl_writer.h"
+#include "common/gl_sync.h"
 #include "common/guard.h"
 
 namespace lf {
 namespace {
 
-// What a stamp of a Matroska block is a multiple of. A block counts from its cluster in 16 bits, so that a cluster has
-// to be over before 0.32 s are.
+// Timestamp granularity of Matroska blocks. Block times are 16-bit offsets from the start of the cluster, so a cluster
+// must be shorter than 0.32 s.
 constexpr GstClockTime kTick = 10'000;
 constexpr GstClockTime kLongestCluster = 300 * GST_MSECOND;
-// Of coded video, whose last frame has to be in the cluster of the one before it, see CameraFile::end().
+// For coded video: the last frame must be in the same cluster as the previous frame, see CameraFile::end().
 constexpr GstClockTime kCodedTick = 20'000, kLongestLastCluster = 650 * GST_MSECOND;
 constexpr int kJpegQuality = 95;
 
@@ -30,18 +30,18 @@ GstCaps* jpeg_caps(int width, int height) {
                              GST_TYPE_FRACTION, 0, 1, nullptr);
 }
 
-// Of raw video: what a frame looks like, and not what may change from frame to frame. Times are in the frames, and a
-// muxer takes no other caps than its first ones.
+// Returns the caps of raw video without fields that may change from frame to frame. Timestamps are in the frames, and a
+// muxer accepts no other caps than the first.
 GstCaps* picture_caps(const GstCaps* caps) {
   GstCaps* picture = gst_caps_copy(caps);
-  gst_caps_set_features_simple(picture, nullptr);  // what was in a graphics card's memory is here by now
+  gst_caps_set_features_simple(picture, nullptr);  // GPU frames have been downloaded
   gst_structure_remove_field(gst_caps_get_structure(picture, 0), "texture-target");
   gst_caps_set_simple(picture, "framerate", GST_TYPE_FRACTION, 0, 1, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1,
                       nullptr);
   return picture;
 }
 
-// Of coded video: what a decoder has to know beside the pictures. The rest, which parsers find out, may change.
+// Returns the caps of coded video that a decoder needs. Other fields, which parsers detect, may change.
 GstCaps* coded_caps(const GstCaps* caps) {
   GstCaps* coded = gst_caps_new_empty_simple(name_of(caps));
   for (const char* field : {"stream-format", "alignment", "codec_data", "width", "height", "profile", "colorimetry",
@@ -52,13 +52,13 @@ GstCaps* coded_caps(const GstCaps* caps) {
   return coded;
 }
 
-// A copy that is nobody else's, in this process's memory; null where there is none to be had.
+// Returns a copy of the frame in system memory; null on failure.
 GstBuffer* copy_here(GstBuffer* frame, GstCaps* caps) {
-  const bool is_on_card = gst_buffer_n_memory(frame) > 0 && gst_is_gl_memory(gst_buffer_peek_memory(frame, 0));
+  const bool is_on_gpu = gst_buffer_n_memory(frame) > 0 && gst_is_gl_memory(gst_buffer_peek_memory(frame, 0));
   GstVideoInfo info;
   GstVideoFrame from, to;
-  if (!is_on_card) return gst_buffer_copy_deep(frame);
-  wait_for_writer(frame);
+  if (!is_on_gpu) return gst_buffer_copy_deep(frame);
+  wait_for_gl_writer(frame);
   if (!gst_video_info_from_caps(&info, caps) || !gst_video_frame_map(&from, &info, frame, GST_MAP_READ)) return nullptr;
   GstBuffer* copy = gst_buffer_new_allocate(nullptr, info.size, nullptr);
   const bool is_there = copy && gst_video_frame_map(&to, &info, copy, GST_MAP_WRITE);
@@ -96,9 +96,9 @@ CameraFile::~CameraFile() {
   close(0);
 }
 
-// It only takes down what is said, on threads of the bin's, so that nobody waits for it.
+// Only stores the result. Called by threads of the bin, which must not block.
 GstBusSyncReply CameraFile::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
-  Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
+  WriterState& outcome = **static_cast<std::shared_ptr<WriterState>*>(data);
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
   if (is_error || (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_IS_BIN(GST_MESSAGE_SRC(message))))
     guarded(nullptr, false, [&] {
@@ -119,7 +119,6 @@ GstElement* CameraFile::add_element(const char* factory) {
   return element;
 }
 
-// Takes the caps. Its bounds are those of has_room().
 GstElement* CameraFile::add_source(GstCaps* caps) {
   GstElement* source = add_element("appsrc");
   set_caps(source, caps);
@@ -137,11 +136,10 @@ GstElement* CameraFile::add_jpeg_encoder(GstElement* source) {
   return encoder;
 }
 
-// The muxer (GStreamer 1.22) writes what has a duration of its own as if it were a key frame, and parsers give all
-// pictures one of theirs, or none.
-// The parser before a decoder takes the first picture for a key frame, as it puts parameter sets there; this one knows.
+// The muxer of GStreamer 1.22 writes pictures with a duration as key frames, and parsers may set durations. The parser
+// before a decoder marks the first picture as a key frame, because it inserts parameter sets; this parser does not.
 GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
-  Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
+  WriterState& outcome = **static_cast<std::shared_ptr<WriterState>*>(data);
   GstBuffer* picture = gst_buffer_make_writable(GST_PAD_PROBE_INFO_BUFFER(info));
   info->data = picture;
   if (is_key(picture)) outcome.has_key = true;
@@ -151,7 +149,6 @@ GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, g
   return GST_PAD_PROBE_OK;
 }
 
-// Of coded video: what comes before the muxer.
 GstElement* CameraFile::add_parser(GstElement* source) {
   if (!coded_->parser) return source;
   GstElement *parser = add_element(coded_->parser), *form = add_element("capsfilter");
@@ -160,22 +157,23 @@ GstElement* CameraFile::add_parser(GstElement* source) {
   return form;
 }
 
-// A demuxer counts from the first block on, whatever its stamp is. Here that is the text's, so that all cameras count
-// from the beginning of the recording. Streamable: nothing is written at the end that a reader would miss.
+// Demuxers subtract the timestamp of the first block. This file starts with a text block at time 0, so all cameras
+// count from the start of the recording. With streamable=true the muxer writes nothing at the end that readers would
+// miss.
 void CameraFile::build(GstCaps* caps, const std::string& begins) {
   kind_ = name_of(caps);
   coded_ = find_coded_video(caps);
   bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
-  GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // it takes no descriptors
-  const GDestroyNotify forget = [](gpointer outcome) { delete static_cast<std::shared_ptr<Outcome>*>(outcome); };
-  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_), forget);
+  GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // uses no file descriptors
+  const GDestroyNotify forget = [](gpointer outcome) { delete static_cast<std::shared_ptr<WriterState>*>(outcome); };
+  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(writer_state_), forget);
   gst_element_set_bus(bin_, bus);
   gst_object_unref(bus);
   GstElement* sink = add_element("filesink");
   g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
   GstElement* mux = add_element("matroskamux");
-  // A seek looks for a cluster that begins with a key frame.
+  // Seeks look for a cluster that starts with a key frame.
   g_object_set(mux, "streamable", TRUE, "timecodescale", static_cast<gint64>(coded_ ? kCodedTick : kTick),
                "min-cluster-duration", static_cast<gint64>(coded_ ? 0 : kLongestCluster), "max-cluster-duration",
                gint64{kLongestCluster}, nullptr);
@@ -191,18 +189,17 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   gst_element_link_pads(last, "src", mux, "video_%u");
   if (coded_) {
     GstPad* pad = gst_element_get_static_pad(last, "src");
-    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, on_coded, new std::shared_ptr(outcome_), forget);
+    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, on_coded, new std::shared_ptr(writer_state_), forget);
     gst_object_unref(pad);
   }
   gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
   gst_app_src_end_of_stream(GST_APP_SRC(text));
   source_ = GST_APP_SRC(source);
-  // On a thread of its own, as a file is opened; sources take what is pushed before.
+  // In another thread, because this opens a file. The sources queue data until then.
   gst_element_call_async(
       bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
 }
 
-// What has not begun has room.
 bool CameraFile::has_room(size_t bytes) const {
   constexpr guint64 kLeast = 4;
   return !source_ || gst_app_src_get_current_level_buffers(source_) < kLeast ||
@@ -220,36 +217,36 @@ void CameraFile::push_held(GstClockTime until) {
   for (GstBuffer* frame : frames) gst_app_src_push_buffer(source_, frame);
 }
 
-// Coded pictures may be seen in another order, but for key frames.
+// Coded pictures may be out of presentation order, except key frames.
 bool CameraFile::is_no_later(GstBuffer* frame, GstClockTime time) const {
   return !held_.empty() && time <= GST_BUFFER_PTS(held_.front()) && (!coded_ || is_key(frame));
 }
 
-CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
-  if (problem()) return Added::kFailed;
-  if (is_no_later(frame, time)) return Added::kNoLater;
-  if (!source_ && find_coded_video(caps) && !is_key(frame)) return Added::kNoKey;
+CameraFile::AddResult CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
+  if (problem()) return AddResult::kFailed;
+  if (is_no_later(frame, time)) return AddResult::kNotLater;
+  if (!source_ && find_coded_video(caps) && !is_key(frame)) return AddResult::kNoKeyFrame;
   try {
     if (!source_) build(caps, begins);
   } catch (const Error& error) {
-    const std::lock_guard lock(outcome_->mutex);
-    outcome_->error = g_error_new_literal(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN, error.what());
-    return Added::kFailed;
+    const std::lock_guard lock(writer_state_->mutex);
+    writer_state_->error = g_error_new_literal(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN, error.what());
+    return AddResult::kFailed;
   }
-  if (kind_ != name_of(caps)) return Added::kOtherKind;
-  if (coded_ && waits_for_key_ && !is_key(frame)) return Added::kNoKey;
-  return has_room(gst_buffer_get_size(frame)) ? Added::kTaken : Added::kBehind;
+  if (kind_ != name_of(caps)) return AddResult::kOtherCodec;
+  if (coded_ && waits_for_key_ && !is_key(frame)) return AddResult::kNoKeyFrame;
+  return has_room(gst_buffer_get_size(frame)) ? AddResult::kTaken : AddResult::kBehind;
 }
 
-CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
+CameraFile::AddResult CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
   const std::lock_guard lock(mutex_);
-  if (ended_) return Added::kTaken;
-  Added added = this->added(frame, caps, time, begins);
-  // A camera's own buffers are few, and it needs them back.
-  GstBuffer* const copy = added == Added::kTaken ? copy_here(frame, caps) : nullptr;
-  if (added == Added::kTaken && !copy) added = Added::kBehind;
-  waits_for_key_ = added != Added::kTaken;
-  if (added != Added::kTaken) {
+  if (ended_) return AddResult::kTaken;
+  AddResult added = this->added(frame, caps, time, begins);
+  // Copy the frame, because cameras have few buffers and need to reuse them.
+  GstBuffer* const copy = added == AddResult::kTaken ? copy_here(frame, caps) : nullptr;
+  if (added == AddResult::kTaken && !copy) added = AddResult::kBehind;
+  waits_for_key_ = added != AddResult::kTaken;
+  if (added != AddResult::kTaken) {
     counts_.dropped++;
     return added;
   }
@@ -269,7 +266,7 @@ CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime 
   return added;
 }
 
-void CameraFile::leave_out() {
+void CameraFile::note_dropped() {
   const std::lock_guard lock(mutex_);
   waits_for_key_ = true;
   counts_.dropped++;
@@ -284,12 +281,12 @@ void CameraFile::end(GstClockTime time) {
   const GstClockTime ends = ends_at();
   const std::lock_guard lock(mutex_);
   if (std::exchange(ended_, true) || !source_) return;
-  // No seek should begin with the frame that is seen last, for it has a duration.
+  // The last frame has a duration and must not start a cluster, because seeks would stop there.
   if (coded_) g_object_set(mux_, "max-cluster-duration", gint64{kLongestLastCluster}, nullptr);
   const GstClockTime until = std::max(time, ends);
   if (coded_ && !held_.empty()) {
-    outcome_->end = until;
-    outcome_->last = GST_BUFFER_PTS(held_.front());
+    writer_state_->end = until;
+    writer_state_->last = GST_BUFFER_PTS(held_.front());
   }
   push_held(until);
   gst_app_src_end_of_stream(source_);
@@ -301,10 +298,10 @@ void CameraFile::close(gint64 deadline) {
   const bool started = source_ != nullptr;
   lock.unlock();
   if (!bin) return;
-  std::unique_lock wait(outcome_->mutex);
+  std::unique_lock wait(writer_state_->mutex);
   const auto patience = std::chrono::microseconds(std::max<gint64>(0, deadline - g_get_monotonic_time()));
-  outcome_->changed.wait_for(wait, patience, [=, this] { return outcome_->done || !started; });
-  const bool done = outcome_->done || !started;
+  writer_state_->changed.wait_for(wait, patience, [=, this] { return writer_state_->done || !started; });
+  const bool done = writer_state_->done || !started;
   wait.unlock();
   const auto stop = [](GstElement* element, gpointer) { gst_element_set_state(element, GST_STATE_NULL); };
   if (done)
@@ -320,8 +317,8 @@ CameraFile::Counts CameraFile::counts() const {
 }
 
 std::optional<CameraFile::Problem> CameraFile::problem() const {
-  const std::lock_guard lock(outcome_->mutex);
-  const GError* error = outcome_->error;
+  const std::lock_guard lock(writer_state_->mutex);
+  const GError* error = writer_state_->error;
   if (!error) return std::nullopt;
   return Problem{path_ + ": " + error->message,
                  g_error_matches(error, GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NO_SPACE_LEFT) != FALSE};

@@ -14,7 +14,7 @@
 
 namespace lf {
 
-// Of a camera that was away meanwhile only the others tell by which clock it is dated.
+// For a camera that was absent during a clock step, frames of other cameras decide between the offsets.
 bool CaptureTimeline::belongs_to_latest(gint64 time, const Camera& camera) const {
   if (camera.offset == offset_) return false;
   if (time < camera.newest - kSetBack) return true;
@@ -49,9 +49,8 @@ CaptureTimeline::Place CaptureTimeline::place(uint32_t number, GstClockTime capt
 
 namespace {
 
-// Of all cameras together, while they wait for the disk.
 constexpr guint64 kMostBytes = 256 << 20;
-constexpr gint64 kPatience = 5 * G_USEC_PER_SEC;
+constexpr gint64 kFinishTimeout = 5 * G_USEC_PER_SEC;
 
 std::string file_name(const Camera& camera) { return "camera" + std::to_string(camera.id) + ".mkv"; }
 
@@ -61,20 +60,19 @@ std::string time_of_day() {
   return text;
 }
 
-// What says that a recording is in the folder.
 std::string rig_path(const std::string& folder) { return folder + "/rig.json"; }
 
 void make_folder(const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) throw Error(folder + ": can't be made: " + error.message());
+  if (error) throw Error(folder + ": can't create the folder: " + error.message());
 }
 
 void require_free(const std::string& path, const std::string& folder) {
   std::error_code error;
-  // A link to a file that is not there counts, too: the recording would be written to its target.
+  // Also refuse a dangling symbolic link: the recording would be written to its target.
   if (std::filesystem::exists(std::filesystem::symlink_status(path, error)))
-    throw Error(folder + ": there is a recording in it already (" + std::filesystem::path(path).filename().string() +
+    throw Error(folder + ": contains a recording already (" + std::filesystem::path(path).filename().string() +
                 "): record into another folder, or remove it first");
 }
 
@@ -97,32 +95,32 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
 
 Recording::~Recording() { finish(); }
 
-// Cameras of other nodes have their names, too, so that what several
-// machines have recorded can be put into one folder. True capture times are in the files.
+// Includes cameras of other nodes, so that recordings of several hosts can be merged into one folder. Timestamps in the
+// files include time offsets.
 void Recording::save(const Rig& rig, const std::string& rig_file) const {
   Rig recorded = rig;
   std::error_code error;
   const auto whole = std::filesystem::weakly_canonical(folder_, error);
-  relocate(recorded, error ? folder_ : whole.string());
+  rebase_paths(recorded, error ? folder_ : whole.string());
   for (Camera& camera : recorded.cameras) {
     camera.source = file_name(camera);
-    camera.image.clear();  // of another time, and where this folder is not taken along
+    camera.image.clear();  // shows another time, and may be outside of the folder
     camera.time_offset = 0;
   }
   save_rig_like(rig_file, recorded, rig_path(folder_));
 }
 
-void Recording::take_rig(const Rig& rig, const std::string& rig_file) {
+void Recording::update_rig(const Rig& rig, const std::string& rig_file) {
   try {
     save(rig, rig_file);
   } catch (const Error& error) {
-    GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE, ("%s: its rig stays as it was: %s", folder_.c_str(), error.what()),
-                        (nullptr));
+    GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
+                        ("%s: the rig file can't be updated: %s", folder_.c_str(), error.what()), (nullptr));
   }
 }
 
-// Where it belongs in the camera's file; nothing: it was taken before the recording began. A film has its own times.
-// Coded pictures from just before are needed by those that follow.
+// Returns the time in the camera's file; nothing if the frame is from before the recording. Films keep their times.
+// Coded pictures from shortly before the start are kept at time 0, because later pictures depend on them.
 std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live, bool coded) {
   std::unique_lock lock(mutex_);
   if (!timeline_) {
@@ -132,20 +130,20 @@ std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime cap
   if (!live) return captured;
   const CaptureTimeline::Place place = timeline_->place(camera, captured);
   lock.unlock();
-  if (place.set_back > 0) tell_set_back(place.set_back);
+  if (place.set_back > 0) warn_clock_set_back(place.set_back);
   if (place.time >= 0) return static_cast<GstClockTime>(place.time);
   if (place.time < -CaptureTimeline::kSetBack)
-    tracks_.at(camera).file->leave_out();
+    tracks_.at(camera).file->note_dropped();
   else if (coded)
     return 0;
   return std::nullopt;
 }
 
-void Recording::tell_set_back(gint64 nanoseconds) {
-  if (has_told_set_back_.exchange(true)) return;
+void Recording::warn_clock_set_back(gint64 nanoseconds) {
+  if (warned_set_back_.exchange(true)) return;
   GST_ELEMENT_WARNING(owner_, CORE, CLOCK,
-                      ("%s: the clock was set back by %s s: the recording goes on right behind what it has.",
-                       folder_.c_str(), format_text("%.1f", static_cast<double>(nanoseconds) / GST_SECOND).c_str()),
+                      ("%s: the clock was set back by %s s: the recording continues without a gap.", folder_.c_str(),
+                       format_text("%.1f", static_cast<double>(nanoseconds) / GST_SECOND).c_str()),
                       (nullptr));
 }
 
@@ -157,49 +155,47 @@ void Recording::add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTi
   tell(track, caps, track.file->add(frame, caps, *time, begins_));
 }
 
-// What the user should know of what became of a frame.
-void Recording::tell(Track& track, GstCaps* caps, CameraFile::Added added) {
+void Recording::tell(Track& track, GstCaps* caps, CameraFile::AddResult added) {
   switch (added) {
-    case CameraFile::Added::kTaken:
-    case CameraFile::Added::kNoLater:
-    case CameraFile::Added::kNoKey: return;
-    case CameraFile::Added::kBehind: return tell_behind(track);
-    case CameraFile::Added::kOtherKind: return tell_other_kind(track, caps);
-    case CameraFile::Added::kFailed: return tell_failed(track);
+    case CameraFile::AddResult::kTaken:
+    case CameraFile::AddResult::kNotLater:
+    case CameraFile::AddResult::kNoKeyFrame: return;
+    case CameraFile::AddResult::kBehind: return warn_behind(track);
+    case CameraFile::AddResult::kOtherCodec: return warn_other_codec(track, caps);
+    case CameraFile::AddResult::kFailed: return report_failure(track);
   }
 }
 
-void Recording::tell_behind(const Track& track) {
-  if (has_told_behind_.exchange(true)) return;
+void Recording::warn_behind(const Track& track) {
+  if (warned_behind_.exchange(true)) return;
   GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
-                      ("%s: the disk or this machine is too slow to record all frames: some are left out, of %s at "
-                       "first",
+                      ("%s: the disk or this machine is too slow to record all frames: frames are missing, first of %s",
                        folder_.c_str(), track.name.c_str()),
-                      ("further ones, of other cameras, too, are counted in stats"));
+                      ("further missing frames, also of other cameras, are counted in stats"));
 }
 
-void Recording::tell_other_kind(Track& track, GstCaps* caps) {
-  if (track.has_told_kind.exchange(true)) return;
+void Recording::warn_other_codec(Track& track, GstCaps* caps) {
+  if (track.warned_codec.exchange(true)) return;
   const char* const kind = gst_structure_get_name(gst_caps_get_structure(caps, 0));
   GST_ELEMENT_WARNING(owner_, STREAM, FORMAT,
-                      ("%s: %s gives %s now, which is not what its file has: a file is of one kind of video. Such "
-                       "frames are left out.",
+                      ("%s: %s changed to %s, but a file can contain only one codec. Its frames are no longer "
+                       "recorded.",
                        folder_.c_str(), track.name.c_str(), kind),
-                      ("they are counted in stats"));
+                      ("unrecorded frames are counted in stats"));
 }
 
-void Recording::tell_failed(Track& track) {
-  if (stopped_ || track.has_told_failed.exchange(true)) return;
+void Recording::report_failure(Track& track) {
+  if (stopped_ || track.reported_failure.exchange(true)) return;
   const CameraFile::Problem problem = track.file->problem().value_or(CameraFile::Problem{});
   const bool is_last = ++failed_ == tracks_.size();
   if (is_last || problem.disk_is_full || access(folder_.c_str(), W_OK | X_OK) != 0) return stop(problem.text);
   GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
-                      ("%s is not recorded any more: %s What was recorded before can be played.", track.name.c_str(),
+                      ("%s is no longer recorded: %s The frames recorded so far can be played.", track.name.c_str(),
                        problem.text.c_str()),
-                      ("its further frames are counted in stats"));
+                      ("unrecorded frames are counted in stats"));
 }
 
-// The files stay as they are, which can be played.
+// The files stay and are playable.
 void Recording::stop(const std::string& reason) {
   if (stopped_.exchange(true)) return;
   {
@@ -211,7 +207,7 @@ void Recording::stop(const std::string& reason) {
   gst_element_post_message(owner_, gst_message_new_element(GST_OBJECT(owner_), structure));
   GST_ELEMENT_WARNING(
       owner_, RESOURCE, WRITE,
-      ("%s: recording has stopped: %s What was recorded before can be played.", folder_.c_str(), reason.c_str()),
+      ("%s: recording has stopped: %s The frames recorded so far can be played.", folder_.c_str(), reason.c_str()),
       (nullptr));
 }
 
@@ -224,12 +220,12 @@ void Recording::finish() {
     any = any || track.file->counts().frames > 0;
   }
   for (const auto& [camera, track] : tracks_) track.file->end(end);
-  const gint64 deadline = g_get_monotonic_time() + kPatience;
+  const gint64 deadline = g_get_monotonic_time() + kFinishTimeout;
   for (const auto& [camera, track] : tracks_) track.file->close(deadline);
   for (auto& [camera, track] : tracks_)
-    if (track.file->problem()) tell_failed(track);
+    if (track.file->problem()) report_failure(track);
   std::error_code ignored;
-  if (!any) std::filesystem::remove(rig_path(folder_), ignored);  // a start that failed may be tried again
+  if (!any) std::filesystem::remove(rig_path(folder_), ignored);  // a failed start can be repeated
 }
 
 CameraFile::Counts Recording::counts(uint32_t camera) const {

@@ -2,21 +2,23 @@
 /**
  * SECTION:element-lfrtpgate
  * @title: lfrtpgate
- * @short_description: lets in RTP packets of those who may send, and drops and counts all others
+ * @short_description: accepts RTP packets of allowed senders and drops all others
  *
- * With #lfrtpgate:key-file those may who have the same secret: #element-lfrtpseal has put their packets under a key,
- * this takes them out, each once. What is not sealed, forged, damaged, cut short, sent again or more than a minute old
- * is dropped. Senders may begin anew at any time, and several may share a port. A packet passes one gate of a process,
- * once, unless #lfrtpgate:copies is set. Gates of other processes with the same key take the packet, too.
+ * lfrtpgate protects a receiver from packets of unknown senders. Place it after `udpsrc` with caps that describe the
+ * packets (`encoding-name`, as at the sender).
  *
- * Without a key those may who send from an address of #lfrtpgate:peers, which keeps out who is elsewhere by mistake,
- * but not who forges addresses; where nobody is named, the first address of loopback that sends. With a key peers count
- * if there are any.
+ * If #lfrtpgate:key-file is set, only packets that #element-lfrtpseal has encrypted with the same secret pass,
+ * decrypted, each once. Unencrypted, forged, damaged, truncated and replayed packets are dropped, as are packets more
+ * than a minute old. Senders may restart at any time, and several senders may share a port. A packet passes only one
+ * gate of a process unless #lfrtpgate:copies is set. Gates of other processes with the same key accept the packet, too.
  *
- * Behind `udpsrc`, whose caps say what the packets are (`encoding-name`, the same as at the sender). What is dropped is
- * in #lfrtpgate:stats, and in a warning, one in ten seconds at most.
+ * Without key file, packets from the addresses in #lfrtpgate:peers pass. This prevents accidents but not attacks with
+ * forged addresses. If `peers` is empty, the first loopback address that sends is allowed. If both properties are set,
+ * packets must match both.
  *
- * ## Pictures under a key
+ * #lfrtpgate:stats counts dropped packets by reason. The element posts a warning at most every ten seconds.
+ *
+ * ## Encrypted pictures
  * |[
  * gst-launch-1.0 udpsrc port=6300 caps="application/x-srtp,media=video,clock-rate=90000,encoding-name=JPEG" ! \
  *   lfrtpgate key-file=lightfield.key ! rtpjpegdepay ! jpegdec ! videoconvert ! autovideosink
@@ -41,7 +43,7 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_gate_debug);
 
 namespace {
 
-using lf::rtp::SealOpener;
+using lf::rtp::SrtpDecryptor;
 
 struct Settings {
   std::string key_file, peers;
@@ -51,32 +53,31 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {
         lf::property<&Settings::key_file>(lf::kWhileReady, "key-file", "Key file",
                                           "File with the secret that all hosts share: 32 or more random characters "
-                                          "(none: packets are not sealed)"),
+                                          "(empty: packets are not encrypted)"),
         lf::property<&Settings::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Names, addresses and networks (10.0.0.0/24) that packets may come from, with commas between (none: of "
-            "those who have the key, or, without a key, of the first address of loopback)"),
+            "Comma-separated names, addresses and networks (10.0.0.0/24) of allowed senders (empty: all holders of the "
+            "key, or, without key-file, the first loopback address that sends)"),
         lf::property<&Settings::copies>(
             lf::kWhileReady, "copies", "Copies",
-            "Whether other gates of this process receive the same sealed packets, as those of a multicast group do "
-            "(false: a packet passes one of them, once)"),
+            "Permission for other gates of this process to receive the same packets, as in a multicast group (false: "
+            "each packet passes one gate once)"),
     };
     return table;
   }
 };
 
-// What becomes of a packet.
-enum Fate { kPassed, kMalformed, kUnsealed, kStale, kReplayed, kForged, kStrangers, kNumFates };
-constexpr std::array<const char*, kNumFates> kFateNames = {"passed",   "malformed", "unsealed", "stale",
-                                                           "replayed", "forged",    "strangers"};
-constexpr std::array<const char*, kNumFates> kFateWords = {
+enum PacketResult { kPassed, kMalformed, kUnsealed, kStale, kReplayed, kForged, kUnknownSenders, kNumPacketResults };
+constexpr std::array<const char*, kNumPacketResults> kFateNames = {"passed",   "malformed", "unsealed",       "stale",
+                                                                   "replayed", "forged",    "unknown-senders"};
+constexpr std::array<const char*, kNumPacketResults> kFateWords = {
     "",
-    "no RTP, or too short to be sealed",
-    "not sealed: the sender has no key-file, or another one and a clock that is off",
-    "sealed more than a minute ago or ahead: sent again, or the clocks of the two hosts differ",
-    "sent again",
-    "sealed with another key, or damaged",
-    "of an address that is not among peers"};
+    "not RTP, or too short for SRTP",
+    "not encrypted: the sender has no key-file, or another key-file and a wrong clock",
+    "timestamp more than a minute off: replayed, or the clocks of the two hosts differ",
+    "replayed",
+    "encrypted with another key, or damaged",
+    "unknown sender: the address is not in peers"};
 
 constexpr gint64 kBetweenWarnings = 10 * G_USEC_PER_SEC;
 
@@ -89,53 +90,56 @@ struct _LfRtpGate {
   GstElement parent;
   GstPad *sink, *src;
 
-  // Object lock.
+  // Guarded by the object lock:
   Settings* settings;
-  guint64 counts[kNumFates];
+  guint64 counts[kNumPacketResults];
   guint64 streams;
 
-  // From PAUSED on.
-  std::shared_ptr<const lf::rtp::RtpKey>* key;  // null without a file
+  // Set in PAUSED:
+  std::shared_ptr<const lf::rtp::RtpKey>* key;  // null without key file
   bool copies;
-  lf::Peers* peers;  // null: all that have the key
-  // Streaming thread.
-  SealOpener* opener;
+  lf::Peers* peers;  // null: all holders of the key
+  // Streaming thread:
+  SrtpDecryptor* opener;
   gint64 warned;  // monotonic time
 };
 
 G_DEFINE_FINAL_TYPE(LfRtpGate, lf_rtp_gate, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfrtpgate, "lfrtpgate", GST_RANK_NONE, LF_TYPE_RTP_GATE,
-                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_gate_debug, "lfrtpgate", 0, "who may send RTP"))
+                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_gate_debug, "lfrtpgate", 0,
+                                                              "filter for RTP "
+                                                              "senders"))
 
 static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
     "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp; application/x-srtp"));
 static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp"));
 
-static Fate to_fate(SealOpener::Result result) {
+static PacketResult to_packet_result(SrtpDecryptor::Result result) {
   switch (result) {
-    case SealOpener::Result::kOpened: return kPassed;
-    case SealOpener::Result::kMalformed: return kMalformed;
-    case SealOpener::Result::kUnsealed: return kUnsealed;
-    case SealOpener::Result::kStale: return kStale;
-    case SealOpener::Result::kReplayed: return kReplayed;
-    case SealOpener::Result::kForged: return kForged;
+    case SrtpDecryptor::Result::kOpened: return kPassed;
+    case SrtpDecryptor::Result::kMalformed: return kMalformed;
+    case SrtpDecryptor::Result::kUnsealed: return kUnsealed;
+    case SrtpDecryptor::Result::kStale: return kStale;
+    case SrtpDecryptor::Result::kReplayed: return kReplayed;
+    case SrtpDecryptor::Result::kForged: return kForged;
   }
   return kForged;
 }
 
-// Takes the packet; with kPassed *passed is what goes on.
-static Fate judge(LfRtpGate* self, GstBuffer* packet, const std::optional<lf::Address>& sender, GstBuffer** passed) {
+// Takes the packet. If the result is kPassed, *passed is the packet to forward.
+static PacketResult classify(LfRtpGate* self, GstBuffer* packet, const std::optional<lf::Address>& sender,
+                             GstBuffer** passed) {
   if (self->peers && !(sender && self->peers->admits(*sender))) {
     gst_buffer_unref(packet);
-    return kStrangers;
+    return kUnknownSenders;
   }
-  if (self->opener) return to_fate(self->opener->open(packet, passed));
+  if (self->opener) return to_packet_result(self->opener->open(packet, passed));
   *passed = packet;
   return kPassed;
 }
 
-static void count(LfRtpGate* self, Fate fate, const std::optional<lf::Address>& sender) {
+static void count(LfRtpGate* self, PacketResult fate, const std::optional<lf::Address>& sender) {
   GST_OBJECT_LOCK(self);
   self->counts[fate]++;
   self->streams = self->opener ? self->opener->streams() : 0;
@@ -146,22 +150,21 @@ static void count(LfRtpGate* self, Fate fate, const std::optional<lf::Address>& 
   const std::string from = sender ? " of " + lf::to_text(*sender) : "";
   GST_ELEMENT_WARNING(
       self, RESOURCE, READ,
-      ("Packets%s are dropped: %s. (Further ones are counted in stats.)", from.c_str(), kFateWords[fate]), (nullptr));
+      ("Packets%s are dropped: %s. (Further drops are counted in stats.)", from.c_str(), kFateWords[fate]), (nullptr));
 }
 
 static GstFlowReturn lf_rtp_gate_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
   LfRtpGate* self = LF_RTP_GATE(parent);
-  if (*self->key && !self->opener) {  // nothing passes that is not opened
+  if (*self->key && !self->opener) {
     gst_buffer_unref(packet);
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
-                      ("No caps say what is sealed: set them on the source of the packets, such as udpsrc caps=..."),
-                      (nullptr));
+                      ("Missing caps: set caps on the source of the packets, such as udpsrc caps=..."), (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
   const GstNetAddressMeta* meta = gst_buffer_get_net_address_meta(packet);
   const std::optional<lf::Address> sender = meta ? lf::address_of(meta->addr) : std::nullopt;
   GstBuffer* passed = nullptr;
-  const Fate fate = judge(self, packet, sender, &passed);
+  const PacketResult fate = classify(self, packet, sender, &passed);
   count(self, fate, sender);
   return passed ? gst_pad_push(self->src, passed) : GST_FLOW_OK;
 }
@@ -174,8 +177,8 @@ static gboolean take_caps(LfRtpGate* self, GstCaps* caps) {
   delete std::exchange(self->opener, nullptr);
   if (*self->key) {
     const std::string purpose = encoding ? encoding : "";
-    self->opener =
-        new SealOpener(*self->key, purpose, self->copies ? nullptr : lf::rtp::OpenedPackets::of(**self->key, purpose));
+    self->opener = new SrtpDecryptor(*self->key, purpose,
+                                     self->copies ? nullptr : lf::rtp::ReplayProtection::of(**self->key, purpose));
   }
   const gboolean done = gst_pad_push_event(self->src, gst_event_new_caps(caps));
   gst_caps_unref(caps);
@@ -191,19 +194,19 @@ static gboolean lf_rtp_gate_event(GstPad* pad, GstObject* parent, GstEvent* even
   return done;
 }
 
-// False after posting the reason.
+// Returns false after posting an error.
 static bool prepare(LfRtpGate* self) {
   lf::ObjectLock lock(self);
   const std::string path = self->settings->key_file, peers = self->settings->peers;
   self->copies = self->settings->copies;
-  std::fill_n(self->counts, guint{kNumFates}, 0);
+  std::fill_n(self->counts, guint{kNumPacketResults}, 0);
   self->streams = 0;
   lock.unlock();
   const char* what = "key-file";
   try {
     if (!path.empty()) {
       *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      SealOpener(*self->key, "", nullptr);  // says here that there is no srtpdec
+      SrtpDecryptor(*self->key, "", nullptr);  // detects a missing srtpdec
     }
     what = "peers";
     if (path.empty() || !peers.empty()) self->peers = new lf::Peers(peers);
@@ -237,7 +240,7 @@ static Settings& settings_of(LfRtpGate* self) { return *self->settings; }
 static GstStructure* stats_of(LfRtpGate* self) {
   const lf::ObjectLock lock(self);
   GstStructure* stats = gst_structure_new("lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
-  for (guint fate = 0; fate < kNumFates; fate++)
+  for (guint fate = 0; fate < kNumPacketResults; fate++)
     gst_structure_set(stats, kFateNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
   return stats;
 }
@@ -255,16 +258,16 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
   object_class->finalize = lf_rtp_gate_finalize;
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "Packets since the start (all uint64): passed; dropped: malformed (no RTP, or too short to be "
-      "sealed), unsealed (of senders without a key), stale (sealed more than a minute ago or ahead), replayed "
-      "(have come before), forged (with another key, or damaged), strangers (of other addresses than peers). And "
-      "streams: senders of the latest minutes who have the key");
+      "Packets since the start (all uint64): passed; dropped: malformed (not RTP, or too short), unsealed (not "
+      "encrypted), stale (timestamp more than a minute off), replayed (received before), forged (encrypted with "
+      "another key, or damaged), unknown-senders (address not in peers). Also streams: number of recent senders with "
+      "the key");
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_gate_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP gate", "Filter/Network/SRTP",
-                                        "Lets in RTP packets of those who have the key, or of known addresses",
+                                        "Accepts RTP packets of senders with the key or with an allowed address",
                                         "gst-lightfield");
 }
 

@@ -2,19 +2,19 @@
 /**
  * SECTION:element-lfrtpseal
  * @title: lfrtpseal
- * @short_description: puts RTP packets under a key, so that others can neither read nor make them
+ * @short_description: encrypts and authenticates RTP packets with a shared key
  *
- * SRTP (`srtpenc`) with a key that is made of the secret in a file: the same file on all hosts, read by
- * #element-lfrtpgate at the other end. Any RTP will do: requests, answers, pictures. Without #lfrtpseal:key-file
- * packets pass as they are.
+ * lfrtpseal applies SRTP (`srtpenc`) with keys derived from the secret in #lfrtpseal:key-file. Give all hosts the same
+ * file; #element-lfrtpgate decrypts at the receiver. Any RTP stream is supported: requests, answers, pictures. Without
+ * key file packets pass unchanged.
  *
- * The file has 32 or more random characters (`openssl rand -hex 32`). Neither it nor what is in it is seen in a command
- * line, a log or a property: keys are made of it, for one kind of stream and about a minute each, so that whoever
- * starts later or anew finds in, and what was recorded is worth nothing afterwards. For that hosts' clocks must be less
- * than a minute apart. Packets grow by 22 bytes. Their SSRC and sequence numbers are new ones: put this behind what
- * keeps count of them, such as `rtpbin`.
+ * Create the file with 32 or more random characters: `openssl rand -hex 32`. Its contents never appear on command
+ * lines, in logs or in properties. Each derived key is valid for one kind of stream and about one minute. Receivers can
+ * therefore start at any time, and recorded packets are rejected later. The clocks of all hosts must differ by less
+ * than a minute. Packets grow by 22 bytes. The element replaces SSRC and sequence numbers, so place it after elements
+ * that use them, such as `rtpbin`.
  *
- * ## Pictures under a key
+ * ## Encrypted pictures
  * |[
  * gst-launch-1.0 videotestsrc is-live=true ! jpegenc ! rtpjpegpay ! lfrtpseal key-file=lightfield.key ! \
  *   udpsink host=VIEWER port=6300
@@ -44,19 +44,19 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
         lf::kWhileReady, "key-file", "Key file",
-        "File with the secret that all hosts share: 32 or more random characters (none: packets pass as they are)")};
+        "File with the secret that all hosts share: 32 or more random characters (empty: packets pass unchanged)")};
     return table;
   }
 };
 
-constexpr guint kPacketsOfStream = 1 << 16;       // or a receiver that comes later would not know which round this is
-constexpr guint kPacketsWithoutMarker = 1 << 12;  // that a new minute waits for the end of a frame
+// maximum; a later receiver could not know the rollover count of sequence numbers
+constexpr guint kPacketsOfStream = 1 << 16;
+constexpr guint kPacketsWithoutMarker = 1 << 12;  // maximum wait of a new minute for the end of a frame
 
-// One SSRC with its key.
 struct Stream {
-  lf::rtp::KeyName name;
+  lf::rtp::KeyId name;
   guint packets = 0;
-  std::unique_ptr<lf::rtp::HiddenElement> srtpenc;
+  std::unique_ptr<lf::rtp::StandaloneElement> srtpenc;
 };
 
 }  // namespace
@@ -67,14 +67,14 @@ G_DECLARE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, LF, RTP_SEAL, GstElement)
 struct _LfRtpSeal {
   GstElement parent;
   GstPad *sink, *src;
-  Settings* settings;  // under the object lock
+  Settings* settings;  // guarded by the object lock
 
-  lf::rtp::RtpKey* key;  // from PAUSED on; null without a file
-  // Streaming thread.
+  lf::rtp::RtpKey* key;  // set in PAUSED; null without key file
+  // Streaming thread:
   std::string* purpose;
   Stream* stream;
   gboolean between_frames;
-  gboolean sealed;  // what is in hand has come back from srtpenc
+  gboolean sealed;  // srtpenc has returned the current data
 };
 
 G_DEFINE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, GST_TYPE_ELEMENT)
@@ -88,7 +88,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static void begin_stream(LfRtpSeal* self) {
   Stream stream;
-  stream.name = {g_random_int(), lf::rtp::this_minute(), g_random_int()};
+  stream.name = {g_random_int(), lf::rtp::current_minute(), g_random_int()};
   const lf::rtp::SessionKey session = self->key->session(*self->purpose, stream.name);
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
   if (!srtpenc) throw lf::Error("element srtpenc is not installed (it is in gstreamer1.0-plugins-bad)");
@@ -97,7 +97,7 @@ static void begin_stream(LfRtpSeal* self) {
   g_object_set(srtpenc, "key", key, "mki", mki, nullptr);
   gst_buffer_unref(key);
   gst_buffer_unref(mki);
-  stream.srtpenc = std::make_unique<lf::rtp::HiddenElement>(
+  stream.srtpenc = std::make_unique<lf::rtp::StandaloneElement>(
       srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp",
       [self](GstBuffer* packet) {
         self->sealed = TRUE;
@@ -110,15 +110,15 @@ static void begin_stream(LfRtpSeal* self) {
   *self->stream = std::move(stream);
 }
 
-// Frames are not divided between streams, unless they are endless.
+// Starts a new stream between frames, or within a frame if it is too long.
 static void choose_stream(LfRtpSeal* self, guint packets) {
   const Stream& stream = *self->stream;
-  const bool is_old =
-      stream.name.minute != lf::rtp::this_minute() && (self->between_frames || stream.packets >= kPacketsWithoutMarker);
+  const bool is_old = stream.name.minute != lf::rtp::current_minute() &&
+                      (self->between_frames || stream.packets >= kPacketsWithoutMarker);
   if (!stream.srtpenc || is_old || stream.packets + packets > kPacketsOfStream) begin_stream(self);
 }
 
-// Takes the packet, and gives back one of the stream; null if it is no RTP.
+// Takes the packet. Returns it with SSRC and sequence number of the stream; null if it is not RTP.
 static GstBuffer* number(LfRtpSeal* self, GstBuffer* packet) {
   packet = gst_buffer_make_writable(packet);
   GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
@@ -139,7 +139,7 @@ static GstFlowReturn push_numbered(LfRtpSeal* self, Packets* packets) {
   self->sealed = FALSE;
   const GstFlowReturn flow = self->stream->srtpenc->push(packets);
   if (flow == GST_FLOW_ERROR && !self->sealed)
-    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("srtpenc does not take packets."), (nullptr));
+    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("srtpenc rejects packets."), (nullptr));
   return flow;
 }
 
@@ -154,7 +154,7 @@ static GstFlowReturn lf_rtp_seal_chain(GstPad*, GstObject* parent, GstBuffer* pa
 static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBufferList* packets) {
   LfRtpSeal* self = LF_RTP_SEAL(parent);
   if (!self->key) return gst_pad_push_list(self->src, packets);
-  const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);  // none has more
+  const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);  // larger lists do not occur
   choose_stream(self, count);
   GstBufferList* numbered = gst_buffer_list_new_sized(count);
   for (guint i = 0; i < count; i++)
@@ -192,14 +192,14 @@ static gboolean lf_rtp_seal_event(GstPad* pad, GstObject* parent, GstEvent* even
 static Settings& settings_of(LfRtpSeal* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of>;
 
-// False after posting the reason.
+// Returns false after posting an error.
 static bool read_key(LfRtpSeal* self) {
   const std::string path = Properties::now(self).key_file;
   delete std::exchange(self->key, nullptr);
   if (path.empty()) return true;
   try {
     self->key = new lf::rtp::RtpKey(path);
-    begin_stream(self);  // says here that there is no srtpenc
+    begin_stream(self);  // detects a missing srtpenc
     *self->stream = {};
     return true;
   } catch (const lf::Error& error) {
@@ -238,7 +238,7 @@ static void lf_rtp_seal_class_init(LfRtpSealClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP seal", "Filter/Network/SRTP",
-                                        "Puts RTP packets under the key that is made of the secret in a file",
+                                        "Encrypts and authenticates RTP packets with a shared key (SRTP)",
                                         "gst-lightfield");
 }
 

@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-// Cancels what takes too long, while it exists.
+// Cancels an operation after a time limit, unless destroyed earlier.
 class TimeLimit {
  public:
   TimeLimit(GCancellable* cancellable, GstClockTime limit) {
@@ -74,7 +74,7 @@ std::vector<std::string> addresses_of(const std::string& host) {
   }
   g_resolver_free_addresses(found);
   if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
-    throw Error(host + ": no name server has answered within " + std::to_string(kLookupSeconds) + " s");
+    throw Error(host + ": no answer from a name server within " + std::to_string(kLookupSeconds) + " s");
   if (error) throw Error(host + ": " + error->message);
   return addresses;
 }

@@ -11,25 +11,24 @@
 
 namespace lf {
 
-// The addresses of a host, as numbers; an address is its own. Asks the network about a name, for kLookupSeconds at
-// most, so that a change of state does not hang where nobody answers. Throws Error where nobody knows the name. Any
-// thread.
+// Returns the numeric addresses of a host name or address. A name lookup takes at most kLookupSeconds, so that state
+// changes do not hang. Throws Error if the lookup fails. Thread-safe.
 inline constexpr int kLookupSeconds = 2;
 std::vector<std::string> addresses_of(const std::string& host);
 
-// An address without a port; those of IPv4 as IPv6 has them, ::ffff:a.b.c.d.
+// An address without port. IPv4 addresses are mapped to IPv6, ::ffff:a.b.c.d.
 using Address = std::array<uint8_t, 16>;
-// Nothing for what is no address of IP.
+// Returns nothing if the socket address is not an IP address.
 std::optional<Address> address_of(GSocketAddress* socket);
 bool is_loopback(const Address& address);
 std::string to_text(const Address& address);
 
-// Who may send packets: the addresses that are named, or, where none are, the first address of this machine that sends.
+// Allowed senders: the given addresses, or, if none are given, the first loopback address that sends.
 class Peers {
  public:
   Peers() = default;
-  // Names, addresses and networks with commas between ("viewer,10.0.0.7,[fd00::7],fd00::/64"); nobody from "". Asks the
-  // network about names. Throws Error about what is neither or is not known.
+  // `text`: comma-separated names, addresses and networks ("viewer,10.0.0.7,[fd00::7],fd00::/64"). Looks up names.
+  // Throws Error if an item is invalid or unknown.
   explicit Peers(const std::string& text);
 
   bool admits(const Address& address);

@@ -2,15 +2,14 @@
 /**
  * SECTION:element-rtplfdepay
  * @title: rtplfdepay
- * @short_description: takes light field requests or answers out of RTP packets
+ * @short_description: extracts light field requests or answers from RTP packets
  *
- * Answers come in parts, as they were sent: each is pushed at once, and #lfcompositor knows by counting when an answer
- * is whole. Packets may be lost, doubled or out of order, and several senders may share a port: no `rtpjitterbuffer` is
- * needed, and without one there is no delay. With one (in `rtpbin`) everything works as well. The repeated requests are
- * passed on once and in order.
+ * rtplfdepay receives the packets of #rtplfpay. It pushes each part of an answer immediately; #lfcompositor counts
+ * parts to detect complete answers. Packets may be lost, duplicated or reordered, and several senders may share a port.
+ * No `rtpjitterbuffer` is needed, which avoids its delay, but one (in `rtpbin`) does no harm. Repeated requests are
+ * forwarded once and in order.
  *
- * Whatever is damaged or forged is dropped and counted in #rtplfdepay:stats; memory is bounded by
- * #rtplfdepay:max-pending-bytes.
+ * Damaged and forged data is dropped and counted in #rtplfdepay:stats. #rtplfdepay:max-size-bytes limits memory.
  *
  * ## Record the answers of a node
  * |[
@@ -37,13 +36,13 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_depay_debug);
 namespace {
 
 struct Settings {
-  guint64 max_pending_bytes = lf::rtp::Reassembly::Limits().bytes;
+  guint64 max_size_bytes = lf::rtp::Reassembly::Limits().bytes;
 
   static lf::PropertyTable<Settings>& properties() {
-    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_pending_bytes>(
-        lf::kWhilePlaying, "max-pending-bytes", "Maximum pending bytes",
-        "Bytes of units kept at most while some of their packets are missing; larger units are dropped",
-        guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
+        lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
+        "Maximum total size of incomplete units, in bytes; the oldest units are dropped first", guint64{1 << 16},
+        guint64{lf::wire::kMaxAnswerBytes})};
     return table;
   }
 };
@@ -56,13 +55,13 @@ G_DECLARE_FINAL_TYPE(LfRtpDepay, lf_rtp_depay, LF, RTP_DEPAY, GstRTPBaseDepayloa
 struct _LfRtpDepay {
   GstRTPBaseDepayload parent;
 
-  // Streaming thread.
+  // Streaming thread:
   lf::rtp::Depacketizer* depacketizer;  // null before caps
   bool warned_foreign;                  // since the start
 
   lf::RequestGuard* guard;
 
-  // Object lock.
+  // Guarded by the object lock:
   Settings settings;
   lf::rtp::Depacketizer::Stats stats;
   guint64 bad_rtp;
@@ -77,8 +76,8 @@ static GstStaticPadTemplate src_template =
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)
 
-// Whether a unit asks for no more than is allowed, or is of no larger a view. A view is its number: who makes up
-// senders gets no more of them.
+// True if a request is within the limits, or an answer is not larger than the limits allow. Views are distinguished by
+// id only, so a forger of sender ids gains no additional views.
 static bool lf_rtp_depay_admits(LfRtpDepay* self, lf::wire::UnitKind kind, std::span<const uint8_t> unit) {
   if (kind == lf::wire::UnitKind::kRequest) return self->guard->admits(GST_ELEMENT(self), unit, 0, true);
   const std::optional<std::pair<int, int>> size = lf::wire::peek_answer_size(unit);
@@ -93,7 +92,7 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
   if (!self->depacketizer || self->depacketizer->kind() != kind) {
     delete self->depacketizer;
     self->depacketizer = new lf::rtp::Depacketizer(kind);
-    self->depacketizer->set_admit(
+    self->depacketizer->set_filter(
         [self, kind](std::span<const uint8_t> unit) { return lf_rtp_depay_admits(self, kind, unit); });
   }
 
@@ -120,14 +119,14 @@ static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
     gst_rtp_buffer_unmap(&rtp);
     return true;
   }
-  GST_DEBUG_OBJECT(self, "dropped a packet that is no RTP");
+  GST_DEBUG_OBJECT(self, "dropped a packet that is not RTP");
   GST_OBJECT_LOCK(self);
   self->bad_rtp++;
   GST_OBJECT_UNLOCK(self);
   return false;
 }
 
-// In front of the base class, which posts a warning for each packet that is no RTP.
+// Filters before the base class, which posts a warning for each packet that is not RTP.
 static GstPadProbeReturn lf_rtp_depay_filter(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfRtpDepay* self = LF_RTP_DEPAY(data);
   if (info->type & GST_PAD_PROBE_TYPE_BUFFER)
@@ -139,26 +138,26 @@ static GstPadProbeReturn lf_rtp_depay_filter(GstPad*, GstPadProbeInfo* info, gpo
   return GST_PAD_PROBE_OK;
 }
 
-// Answers come over a link here: the compositor behind it is not near.
+// The compositor downstream is reached over the network, so it is not in the process of the node.
 static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpointer) {
   return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
-// Sealed packets look so where nothing opens them.
+// Encrypted packets look like damage if the receiver has no key.
 static void warn_of_foreign(LfRtpDepay* self, const lf::rtp::Depacketizer::Stats& stats) {
   constexpr uint64_t kMany = 20;
   const uint64_t bad = stats.bad_packets + stats.bad_chunks + stats.bad_units;
   if (self->warned_foreign || stats.units > 0 || bad < kMany) return;
   self->warned_foreign = true;
   GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                      ("Packets come and none can be read: does who sends them have a key-file, and this end none?"),
+                      ("All received packets are unreadable: is key-file set on the sender only?"),
                       ("%" G_GUINT64_FORMAT " packets", stats.packets));
 }
 
 static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
-  self->depacketizer->set_limits({.bytes = self->settings.max_pending_bytes});
+  self->depacketizer->set_limits({.bytes = self->settings.max_size_bytes});
   GST_OBJECT_UNLOCK(self);
 
   const auto* payload = static_cast<const uint8_t*>(gst_rtp_buffer_get_payload(rtp));
@@ -185,11 +184,11 @@ static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
 }
 
 static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
-  lf::guarded_buffer(base, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp), GST_FLOW_OK; });
+  lf::guard_buffer(base, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp), GST_FLOW_OK; });
   return nullptr;
 }
 
-// Time goes on without the gap that the base class would announce: what is missing is found by counting.
+// Ignores the gap of the base class: missing packets are detected by counting.
 static gboolean lf_rtp_depay_packet_lost(GstRTPBaseDepayload*, GstEvent*) { return TRUE; }
 
 static gboolean lf_rtp_depay_handle_event(GstRTPBaseDepayload* base, GstEvent* event) {
@@ -262,13 +261,12 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   object_class->finalize = lf_rtp_depay_finalize;
   Properties::install(
       object_class,
-      "Those of every RTP depayloader and, since the start (all uint64): packets (that came), bytes (of their "
-      "payloads), units (passed on), chunks (packets with a piece of a unit), repeated (requests that were known "
-      "already), lost (packets missing in a sender's sequence); dropped: duplicates (packets), bad-rtp (no RTP), "
-      "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units (not "
-      "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
-      "behind them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, -trials, "
-      "-rate, -views, -lens)");
+      "Statistics of GstRTPBaseDepayload, and since the start (all uint64): packets (received), bytes (of payloads), "
+      "units (forwarded), chunks (packets with a part of a unit), repeated (known requests), lost (gaps in sequence "
+      "numbers, in packets); dropped: duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), "
+      "bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), incomplete-units (missing "
+      "chunks), superseded (requests with more than two newer requests in the same packet), refused (beyond a limit, "
+      "by limit: refused-pixels, -aperture, -trials, -rate, -views, -lens)");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
@@ -278,7 +276,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP depayloader", "Codec/Depayloader/Network/RTP",
-                                        "Takes light field requests or answers out of RTP packets",
+                                        "Extracts light field requests or answers from RTP packets",
                                         "gst-lightfield developers");
 
   GstRTPBaseDepayloadClass* base_class = GST_RTP_BASE_DEPAYLOAD_CLASS(klass);
@@ -291,8 +289,8 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->settings = {};
   self->guard = new lf::RequestGuard;
-  // max-reorder: the base class drops what was overtaken; our own window knows duplicates. auto-header-extension:
-  // GStreamer 1.22.0 never comes back from a malformed header extension.
+  // max-reorder: the base class drops reordered packets; Depacketizer detects duplicates. auto-header-extension:
+  // GStreamer 1.22.0 hangs at a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);
   GstPad* sink = GST_RTP_BASE_DEPAYLOAD_SINKPAD(self);
   gst_pad_add_probe(sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),

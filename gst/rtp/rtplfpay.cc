@@ -4,20 +4,21 @@
  * @title: rtplfpay
  * @short_description: puts light field requests or answers into RTP packets
  *
- * Packets are never larger than #GstRTPBasePayload:mtu (header extensions, if an application adds some, and SRTP's tag
- * come on top). An answer is divided at its fragments: a lost packet loses the fragments in it and no others. Each
- * request is sent with the two before it, so that one or two lost packets cost nothing.
+ * rtplfpay sends requests or answers to another host. The receiver is #rtplfdepay.
  *
- * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: they are spread to
- * #rtplfpay:max-bitrate, a gigabit per second unless another rate is set, some of what the link can do; and receivers
- * do well to ask for a large buffer (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`). Have a
- * `queue` in front: the node works on its next answer in the meantime.
- * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
- * and none with `sync=false`.)
+ * Packets are never larger than #GstRTPBasePayload:mtu, without header extensions of applications and the SRTP tag. An
+ * answer is split at its fragments, so a lost packet only loses its own fragments. Each request is sent with its two
+ * predecessors, so one or two lost packets do no harm.
  *
- * A compositor behind this element is behind a link: nodes with `codec=auto` compress. Hosts name capture times by the
- * time of day: the element offers its pipeline a clock that shows the time of day and goes on steadily when somebody
- * sets the machine's clock.
+ * All packets of an answer are ready at once and may exceed the socket buffer of a receiver. The element therefore
+ * paces packets to #rtplfpay:max-bitrate, by default one gigabit per second. Set it below the link capacity. Receivers
+ * should request a large buffer (`udpsrc buffer-size=4000000`, limited by the sysctl `net.core.rmem_max`). Put a
+ * `queue` before the element, so that the node can render its next answer meanwhile. (`udpsink max-bitrate=` cannot
+ * replace the pacing. It counts from the timestamp of an answer, which is usually sent later, and it has no effect with
+ * `sync=false`.)
+ *
+ * A node that sends through this element with `codec=auto` compresses its answers. Hosts exchange capture times as time
+ * of day. The element provides a clock that starts at the time of day and never jumps, even if the system clock is set.
  *
  * ## Answers of a node
  * |[
@@ -32,10 +33,10 @@
 #include <gst/rtp/gstrtpbuffer.h>
 
 #include "common/custom_events.h"
-#include "common/day_clock.h"
 #include "common/gst_pointers.h"
 #include "common/gst_wire.h"
 #include "common/properties.h"
+#include "common/wall_clock.h"
 #include "rtp/packetizer.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
@@ -44,13 +45,12 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 namespace {
 
 struct Settings {
-  guint64 max_bitrate = 1'000'000'000;  // what a port of a switch takes: answers of several nodes meet there
+  guint64 max_bitrate = 1'000'000'000;  // capacity of a switch port, where answers of several nodes meet
 
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_bitrate>(
         lf::kWhilePlaying, "max-bitrate", "Maximum bitrate",
-        "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at "
-        "once)",
+        "Maximum bitrate of the packets of an answer, in bits per second; set below the link capacity (0: no pacing)",
         guint64{0}, G_MAXUINT64)};
     return table;
   }
@@ -58,18 +58,17 @@ struct Settings {
 
 }  // namespace
 
-// Packets that leave together when they are paced.
 static constexpr guint kPacketsAtOnce = 8;
 
 struct _LfRtpPay {
   GstRTPBasePayload parent;
   GstClock* day_clock;  // see lf_rtp_pay_provide_clock()
 
-  // Streaming thread.
+  // Streaming thread:
   lf::rtp::Packetizer* packetizer;  // null before caps
   lf::rtp::Pacer* pacer;
 
-  // Object lock.
+  // Guarded by the object lock:
   Settings settings;
   gboolean flushing;
   GstClockID wait;
@@ -99,17 +98,17 @@ static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
   gint numerator = 0, denominator = 1;
   if (!request || !gst_structure_get_fraction(structure, "framerate", &numerator, &denominator) || numerator == 0)
     return gst_rtp_base_payload_set_outcaps(base, nullptr);
-  // A string, as SDP has it.
+  // A string, as in SDP.
   gchar* rate = g_strdup_printf("%d/%d", numerator, denominator);
   const gboolean ok = gst_rtp_base_payload_set_outcaps(base, "framerate", G_TYPE_STRING, rate, nullptr);
   g_free(rate);
   return ok;
 }
 
-// Waits until the next packets may leave. False if the wait was broken off.
+// Waits until the next packets may be sent. Returns false if the wait was interrupted.
 static bool lf_rtp_pay_wait(LfRtpPay* self, guint64 bytes, guint64 max_bitrate) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (!clock) return true;  // not playing: nothing is sent in earnest
+  if (!clock) return true;  // not playing: no pacing needed
   const GstClockTime now = gst_clock_get_time(clock), time = self->pacer->next(now);
   self->pacer->sent(time, bytes, max_bitrate);
   bool ok = true;
@@ -162,7 +161,7 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   gst_rtp_buffer_unmap(&rtp);
   if (payload.last) GST_BUFFER_FLAG_SET(packet, GST_BUFFER_FLAG_MARKER);
   gst_buffer_copy_into(packet, unit, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
-  GST_BUFFER_OFFSET(packet) = GST_BUFFER_OFFSET_NONE;  // or RTP time would be made of it
+  GST_BUFFER_OFFSET(packet) = GST_BUFFER_OFFSET_NONE;  // otherwise the base class derives RTP time from the offset
   return packet;
 }
 
@@ -191,7 +190,7 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   };
   std::string reason;
   const bool taken = self->packetizer->packetize(lf::MappedBuffer(buffer).bytes(), max_payload, emit, &reason);
-  if (!taken) GST_WARNING_OBJECT(self, "dropped a unit: %s", reason.c_str());
+  if (!taken) GST_WARNING_OBJECT(self, "dropped an invalid unit: %s", reason.c_str());
   GST_OBJECT_LOCK(self);
   self->stats = self->packetizer->stats();
   if (!taken) self->dropped++;
@@ -204,7 +203,7 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
 }
 
 static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
-  return lf::guarded_buffer(base, [=] {
+  return lf::guard_buffer(base, [=] {
     const lf::BufferPtr owned(buffer);
     return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer);
   });
@@ -252,7 +251,6 @@ static GstStateChangeReturn lf_rtp_pay_change_state(GstElement* element, GstStat
   return result;
 }
 
-// Hosts name capture times by the time of day.
 static GstClock* lf_rtp_pay_provide_clock(GstElement* element) {
   return GST_CLOCK(gst_object_ref(LF_RTP_PAY(element)->day_clock));
 }
@@ -271,8 +269,8 @@ static GstStructure* stats_of(LfRtpPay* self) {
 
 using PayProperties = lf::Properties<settings_of, stats_of>;
 
-// Limits of GstRTPBasePayload for streams that may be cut at any time. Each unit is sent as it comes: the limits would
-// do nothing, and can't be set.
+// Properties of GstRTPBasePayload for streams that can be split at any time. They have no effect on units, so they are
+// read-only here.
 static constexpr guint kFirstTimeLimit = 100;
 
 static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -292,7 +290,7 @@ static void lf_rtp_pay_install_time_limits(GObjectClass* klass) {
   for (const TimeLimit& limit : kLimits)
     g_object_class_install_property(
         klass, id++,
-        g_param_spec_int64(limit.name, limit.nick, "Not supported: units are not cut by time, but by the mtu", -1,
+        g_param_spec_int64(limit.name, limit.nick, "Not supported: units are split by mtu instead of time", -1,
                            G_MAXINT64, limit.value, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 }
 
@@ -310,9 +308,9 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   object_class->finalize = lf_rtp_pay_finalize;
   PayProperties::install(
       object_class,
-      "Those of every RTP payloader and, since the start (all uint64): units (taken), packets, parts "
-      "(packets with whole units), chunks (packets with a piece of a unit), tiles (pieces of raw "
-      "fragments), bytes (of RTP packets), dropped (units that were not sound)");
+      "Statistics of GstRTPBasePayload, and since the start (all uint64): units (received), packets, parts (packets "
+      "with whole units), chunks (packets with a part of a unit), tiles (parts of raw fragments), bytes (of RTP "
+      "packets), dropped (invalid units)");
   object_class->get_property = lf::callback<lf_rtp_pay_get_property>;
   lf_rtp_pay_install_time_limits(object_class);
 
@@ -335,7 +333,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 static void lf_rtp_pay_init(LfRtpPay* self) {
   self->settings = {};
   self->pacer = new lf::rtp::Pacer;
-  self->day_clock = lf::new_day_clock();
+  self->day_clock = lf::new_wall_clock();
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
 }

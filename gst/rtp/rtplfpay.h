@@ -7,7 +7,7 @@
 #include "common/common.h"
 #include "wire/unit.h"
 
-// What RTP calls the two streams; see lib/rtp/spec.md.
+// RTP encoding names, see lib/rtp/spec.md.
 #define LF_RTP_REQUEST_ENCODING "X-LIGHTFIELD-REQUEST"
 #define LF_RTP_ANSWER_ENCODING "X-LIGHTFIELD-ANSWER"
 #define LF_RTP_CAPS                                                             \
@@ -24,8 +24,8 @@ inline wire::UnitKind kind_of_units(const GstStructure* caps) {
   return gst_structure_has_name(caps, LF_REQUEST_MEDIA_TYPE) ? wire::UnitKind::kRequest : wire::UnitKind::kAnswer;
 }
 
-// The `stats` of an element's base class, which others read (rtspsrc's peers, rtpbin), to add our own to. Owned by the
-// caller.
+// Returns the `stats` of the base class, which other elements read (rtspsrc, rtpbin). The caller owns the result and
+// may add fields.
 inline GstStructure* base_stats(GObject* object, gpointer parent_class) {
   GObjectClass* base = G_OBJECT_CLASS(parent_class);
   GParamSpec* spec = g_object_class_find_property(base, "stats");

@@ -19,10 +19,10 @@ namespace {
 constexpr char kLabel[] = "gst-lightfield SRTP 1";
 constexpr char kSpace[] = " \t\r\n";
 
-// A compiler may leave out a plain memset of memory that nothing reads afterwards.
+// Compilers may remove a plain memset() of memory that is not read again.
 void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
 
-constexpr guint kReorder = 4096;  // how far packets may overtake each other
+constexpr guint kReorder = 4096;
 
 GstElement* make_srtpdec() {
   GstElement* srtpdec = gst_element_factory_make("srtpdec", nullptr);
@@ -37,24 +37,24 @@ struct Header {
   std::array<uint8_t, kMkiBytes> mki;
 };
 
-// Nothing for what is too short to be RTP that is sealed, or of a version or type that srtpdec would take for RTCP.
+// Returns nothing if the packet is too short for SRTP, or if version or type would make srtpdec treat it as RTCP.
 std::optional<Header> read_header(GstBuffer* packet) {
   const gsize size = gst_buffer_get_size(packet);
   guint8 bytes[12];
-  if (size < sizeof bytes + kSealBytes || gst_buffer_extract(packet, 0, bytes, sizeof bytes) != sizeof bytes)
+  if (size < sizeof bytes + kSrtpOverheadBytes || gst_buffer_extract(packet, 0, bytes, sizeof bytes) != sizeof bytes)
     return std::nullopt;
   const int type = bytes[1] & 0x7f;
   gsize header = sizeof bytes + 4u * (bytes[0] & 0x0f);
   if (bytes[0] >> 6 != 2 || (type >= 64 && type <= 80)) return std::nullopt;
-  if (bytes[0] & 0x10) {  // with an extension
+  if (bytes[0] & 0x10) {  // header extension
     guint8 extension[4];
     if (gst_buffer_extract(packet, header, extension, sizeof extension) != sizeof extension) return std::nullopt;
     header += sizeof extension + 4u * wire::Reader(std::span(extension).subspan(2)).get<uint16_t>();
   }
-  if (size < header + kSealBytes) return std::nullopt;
+  if (size < header + kSrtpOverheadBytes) return std::nullopt;
   const std::span<const uint8_t> fields = bytes;
   Header found{wire::Reader(fields.subspan(8)).get<uint32_t>(), wire::Reader(fields.subspan(2)).get<uint16_t>(), {}};
-  gst_buffer_extract(packet, size - kSealBytes, found.mki.data(), found.mki.size());
+  gst_buffer_extract(packet, size - kSrtpOverheadBytes, found.mki.data(), found.mki.size());
   return found;
 }
 
@@ -71,13 +71,13 @@ RtpKey::RtpKey(const std::string& path) {
   wipe(text);
   if (fits && secret_.size() >= kMinBytes) return;
   wipe(secret_);
-  throw Error(path + ": a key has " + std::to_string(kMinBytes) + " to " + std::to_string(kMaxBytes) +
+  throw Error(path + ": a key must have " + std::to_string(kMinBytes) + " to " + std::to_string(kMaxBytes) +
               " random characters: openssl rand -hex 32 >FILE");
 }
 
 RtpKey::~RtpKey() { wipe(secret_); }
 
-SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const {
+SessionKey RtpKey::session(std::string_view purpose, const KeyId& name) const {
   SessionKey session;
   wire::store(&session.mki[0], name.minute);
   wire::store(&session.mki[4], name.nonce);
@@ -85,7 +85,7 @@ SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const 
   wire::store(&fields[0], name.ssrc);
   std::copy_n(session.mki.begin(), 8, fields.begin() + 4);
   GHmac* hmac = g_hmac_new(G_CHECKSUM_SHA512, reinterpret_cast<const guchar*>(secret_.data()), secret_.size());
-  g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);  // with the zero at its end
+  g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);  // includes the terminating zero
   g_hmac_update(hmac, reinterpret_cast<const guchar*>(purpose.data()), static_cast<gssize>(purpose.size()));
   g_hmac_update(hmac, fields.data(), fields.size());
   std::array<uint8_t, 64> made;
@@ -98,24 +98,24 @@ SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const 
   return session;
 }
 
-uint32_t this_minute() { return static_cast<uint32_t>(g_get_real_time() / G_USEC_PER_SEC / 60); }
+uint32_t current_minute() { return static_cast<uint32_t>(g_get_real_time() / G_USEC_PER_SEC / 60); }
 
-KeyName name_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki) {
+KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki) {
   wire::Reader reader(mki);
   const auto minute = reader.get<uint32_t>(), nonce = reader.get<uint32_t>();
   return {ssrc, minute, nonce};
 }
 
-GstFlowReturn HiddenElement::chain(GstPad* pad, GstObject*, GstBuffer* buffer) {
-  return static_cast<HiddenElement*>(gst_pad_get_element_private(pad))->on_buffer_(buffer);
+GstFlowReturn StandaloneElement::chain(GstPad* pad, GstObject*, GstBuffer* buffer) {
+  return static_cast<StandaloneElement*>(gst_pad_get_element_private(pad))->on_buffer_(buffer);
 }
 
-GstFlowReturn HiddenElement::chain_list(GstPad* pad, GstObject*, GstBufferList* list) {
-  return static_cast<HiddenElement*>(gst_pad_get_element_private(pad))->on_list_(list);
+GstFlowReturn StandaloneElement::chain_list(GstPad* pad, GstObject*, GstBufferList* list) {
+  return static_cast<StandaloneElement*>(gst_pad_get_element_private(pad))->on_list_(list);
 }
 
-HiddenElement::HiddenElement(GstElement* element, const char* sink, const char* src, const char* caps,
-                             OnBuffer on_buffer, OnList on_list)
+StandaloneElement::StandaloneElement(GstElement* element, const char* sink, const char* src, const char* caps,
+                                     OnBuffer on_buffer, OnList on_list)
     : element_(GST_ELEMENT(gst_object_ref_sink(element))),
       on_buffer_(std::move(on_buffer)),
       on_list_(std::move(on_list)),
@@ -150,9 +150,9 @@ HiddenElement::HiddenElement(GstElement* element, const char* sink, const char* 
   gst_pad_push_event(in_, gst_event_new_segment(&segment));
 }
 
-HiddenElement::~HiddenElement() { close(); }
+StandaloneElement::~StandaloneElement() { close(); }
 
-void HiddenElement::close() {
+void StandaloneElement::close() {
   gst_element_set_state(element_, GST_STATE_NULL);
   gst_pad_set_active(in_, FALSE);
   gst_pad_set_active(out_, FALSE);
@@ -161,41 +161,41 @@ void HiddenElement::close() {
   gst_object_unref(element_);
 }
 
-std::shared_ptr<OpenedPackets> OpenedPackets::of(const RtpKey& key, std::string_view purpose) {
-  // Told apart by a key of 1970, which opens nothing.
+std::shared_ptr<ReplayProtection> ReplayProtection::of(const RtpKey& key, std::string_view purpose) {
+  // The map key is derived for minute 0, which decrypts nothing.
   using Id = std::array<uint8_t, kMasterKeyBytes>;
   static std::mutex mutex;
-  static std::map<Id, std::shared_ptr<OpenedPackets>> all;
+  static std::map<Id, std::shared_ptr<ReplayProtection>> all;
   const std::lock_guard lock(mutex);
-  const uint32_t now = this_minute();
+  const uint32_t now = current_minute();
   std::erase_if(all, [now](const auto& item) {
     item.second->forget_old(now);
     return item.second.use_count() == 1 && item.second->empty();
   });
-  std::shared_ptr<OpenedPackets>& opened = all[key.session(purpose, {}).key];
-  if (!opened) opened = std::make_shared<OpenedPackets>();
+  std::shared_ptr<ReplayProtection>& opened = all[key.session(purpose, {}).key];
+  if (!opened) opened = std::make_shared<ReplayProtection>();
   return opened;
 }
 
-std::shared_ptr<OpenedNumbers> OpenedPackets::of_stream(const KeyName& name) {
+std::shared_ptr<ReplayList> ReplayProtection::of_stream(const KeyId& name) {
   const std::lock_guard lock(mutex_);
-  std::shared_ptr<OpenedNumbers>& numbers = streams_[{name.minute, name.ssrc, name.nonce}];
-  if (!numbers) numbers = std::make_shared<OpenedNumbers>();
+  std::shared_ptr<ReplayList>& numbers = streams_[{name.minute, name.ssrc, name.nonce}];
+  if (!numbers) numbers = std::make_shared<ReplayList>();
   return numbers;
 }
 
-void OpenedPackets::forget_old(uint32_t minute) {
+void ReplayProtection::forget_old(uint32_t minute) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(streams_, [minute](const auto& item) { return !is_of_now(item.first[0], minute); });
+  std::erase_if(streams_, [minute](const auto& item) { return !is_current(item.first[0], minute); });
 }
 
-bool OpenedPackets::empty() const {
+bool ReplayProtection::empty() const {
   const std::lock_guard lock(mutex_);
   return streams_.empty();
 }
 
-SealOpener::SealOpener(std::shared_ptr<const RtpKey> key, const std::string& purpose,
-                       std::shared_ptr<OpenedPackets> opened)
+SrtpDecryptor::SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
+                             std::shared_ptr<ReplayProtection> opened)
     : key_(std::move(key)),
       purpose_(purpose),
       shared_(std::move(opened)),
@@ -207,8 +207,8 @@ SealOpener::SealOpener(std::shared_ptr<const RtpKey> key, const std::string& pur
   g_signal_connect(srtpdec_.get(), "request-key", G_CALLBACK(request_key), this);
 }
 
-GstCaps* SealOpener::request_key(GstElement*, guint, gpointer self) {
-  const SessionKey& offered = *static_cast<SealOpener*>(self)->offered_;
+GstCaps* SrtpDecryptor::request_key(GstElement*, guint, gpointer self) {
+  const SessionKey& offered = *static_cast<SrtpDecryptor*>(self)->offered_;
   GstBuffer *key = to_buffer(offered.key), *mki = to_buffer(offered.mki);
   GstCaps* caps = gst_caps_new_simple("application/x-srtp", "srtp-key", GST_TYPE_BUFFER, key, "mki", GST_TYPE_BUFFER,
                                       mki, "srtp-cipher", G_TYPE_STRING, "aes-128-icm", "srtp-auth", G_TYPE_STRING,
@@ -219,25 +219,27 @@ GstCaps* SealOpener::request_key(GstElement*, guint, gpointer self) {
   return caps;
 }
 
-void SealOpener::forget_old(uint32_t minute) {
+void SrtpDecryptor::forget_old(uint32_t minute) {
   if (shared_) shared_->forget_old(minute);
   std::erase_if(streams_, [&](const auto& item) {
-    const bool old = !is_of_now(item.second->minute, minute);
+    const bool old = !is_current(item.second->minute, minute);
     if (old) g_signal_emit_by_name(srtpdec_.get(), "remove-key", item.first);
     return old;
   });
 }
 
-SealOpener::Result SealOpener::open_known(Stream& stream, guint16 sequence, GstBuffer* packet, GstBuffer** opened) {
-  srtpdec_.push(gst_buffer_make_writable(packet));  // of GStreamer 1.22.0, which opens a copy and passes on the other
+SrtpDecryptor::Result SrtpDecryptor::open_known(Stream& stream, guint16 sequence, GstBuffer* packet,
+                                                GstBuffer** opened) {
+  // GStreamer 1.22.0 decrypts a copy and forwards the original if the buffer is not writable
+  srtpdec_.push(gst_buffer_make_writable(packet));
   *opened = std::exchange(opened_, nullptr);
   if (!*opened) return Result::kForged;
   if (stream.seen->add(sequence)) return Result::kOpened;
-  gst_clear_buffer(opened);  // another gate has opened the packet meanwhile
+  gst_clear_buffer(opened);
   return Result::kReplayed;
 }
 
-SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
+SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened) {
   *opened = nullptr;
   const auto refuse = [&](Result result) {
     gst_buffer_unref(packet);
@@ -245,10 +247,10 @@ SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
   };
   const std::optional<Header> header = read_header(packet);
   if (!header) return refuse(Result::kMalformed);
-  const KeyName name = name_of(header->ssrc, header->mki);
-  const uint32_t now = this_minute();
-  if (!is_of_now(name.minute, now)) {
-    // All bytes name a minute, hardly ever one of these days; only who has the key makes the check that belongs to it.
+  const KeyId name = key_id_of(header->ssrc, header->mki);
+  const uint32_t now = current_minute();
+  if (!is_current(name.minute, now)) {
+    // Arbitrary bytes rarely contain a current minute. The check value requires the key.
     const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
     return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
   }
@@ -264,7 +266,7 @@ SealOpener::Result SealOpener::open(GstBuffer* packet, GstBuffer** opened) {
   forget_old(now);
   if (streams_.size() >= kMostStreams) return refuse(Result::kForged);
   auto stream = std::make_unique<Stream>(
-      Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<OpenedNumbers>()});
+      Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<ReplayList>()});
   if (stream->seen->has(header->sequence)) return refuse(Result::kReplayed);
   offered_ = &session;
   const Result result = open_known(*stream, header->sequence, packet, opened);

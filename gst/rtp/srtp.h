@@ -15,69 +15,66 @@
 
 #include <gst/gst.h>
 
-// RTP under a key: the secret of hosts that trust each other, the keys that are made of it (lib/rtp/spec.md, "Under a
-// key"), and what opens sealed packets.
+// Encrypted RTP: the shared secret, derived keys (lib/rtp/spec.md, "Under a key"), and decryption.
 namespace lf::rtp {
 
-inline constexpr size_t kMasterKeyBytes = 30;  // a key of AES-128 in counter mode, and its salt
+inline constexpr size_t kMasterKeyBytes = 30;  // AES-128 counter mode key and salt
 inline constexpr size_t kMkiBytes = 12;
 inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
-// What comes on top of a packet.
-inline constexpr size_t kSealBytes = kMkiBytes + kTagBytes;
+inline constexpr size_t kSrtpOverheadBytes = kMkiBytes + kTagBytes;
 
-// What names the key of one sender for about a minute; travels with each of its packets.
-struct KeyName {
+// Identifies the key of one sender for about a minute. Sent in each packet.
+struct KeyId {
   uint32_t ssrc = 0;
   uint32_t minute = 0;  // minutes since 1970
   uint32_t nonce = 0;
 };
 struct SessionKey {
   std::array<uint8_t, kMasterKeyBytes> key{};
-  std::array<uint8_t, kMkiBytes> mki{};  // minute, nonce, and a check that only those who have the secret can make
+  std::array<uint8_t, kMkiBytes> mki{};  // minute, nonce, and a check value that only holders of the secret can compute
 };
 
-// Immutable. The secret itself is given to nobody: not to GStreamer's elements either, whose properties and caps end in
-// logs and pictures of pipelines.
+// Immutable. The secret stays in this object: properties and caps of GStreamer elements appear in logs and pipeline
+// graphs.
 class RtpKey {
  public:
   static constexpr size_t kMinBytes = 32, kMaxBytes = 4096;
-  // Takes the file's bytes without white space at either end. Throws Error naming the file, also if other users can
-  // read the file.
+  // Reads the secret from a file, without surrounding white space. Throws Error with the file name if reading fails,
+  // the size is wrong, or other users can read the file.
   explicit RtpKey(const std::string& path);
   ~RtpKey();
   RtpKey(const RtpKey&) = delete;
   RtpKey& operator=(const RtpKey&) = delete;
 
-  // `purpose`: what streams this is for, so that none passes for one of another kind.
-  SessionKey session(std::string_view purpose, const KeyName& name) const;
+  // `purpose`: kind of stream, so that packets of one kind are not accepted as another.
+  SessionKey session(std::string_view purpose, const KeyId& name) const;
 
  private:
   std::string secret_;
 };
 
-// Minutes since 1970 by this machine's clock.
-uint32_t this_minute();
-// The minute and nonce of an MKI.
-KeyName name_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
+// Minutes since 1970, by the system clock.
+uint32_t current_minute();
+KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
 
-// An element of GStreamer's that is in no bin: an application, a picture of the pipeline and `gst-launch-1.0 -v` see
-// neither its properties nor its caps, which for SRTP have keys in them. It works in the thread that pushes.
-class HiddenElement {
+// A GStreamer element outside of bins. Its properties and caps, which contain keys for SRTP, are therefore invisible to
+// applications, pipeline graphs and `gst-launch-1.0 -v`. Works in the thread that pushes.
+class StandaloneElement {
  public:
   // Takes the buffer.
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;
   using OnList = std::function<GstFlowReturn(GstBufferList*)>;
 
-  // Takes the floating element and starts it. `sink` is a pad of its own or one to be requested; `src` is there once
-  // that is. The caps are those of what is pushed. Throws Error if it does not start.
-  HiddenElement(GstElement* element, const char* sink, const char* src, const char* caps, OnBuffer on_buffer,
-                OnList on_list = nullptr);
-  ~HiddenElement();
-  HiddenElement(const HiddenElement&) = delete;
-  HiddenElement& operator=(const HiddenElement&) = delete;
+  // Takes and starts the floating element. `sink` is a static or request pad; `src` must then exist. `caps`
+  // describe the pushed data. Throws Error if the element does not start.
+  StandaloneElement(GstElement* element, const char* sink, const char* src, const char* caps, OnBuffer on_buffer,
+                    OnList on_list = nullptr);
+  ~StandaloneElement();
+  StandaloneElement(const StandaloneElement&) = delete;
+  StandaloneElement& operator=(const StandaloneElement&) = delete;
 
   GstElement* get() const { return element_; }  // borrowed
-  // Take what is pushed.
+  // Take the reference.
   GstFlowReturn push(GstBuffer* buffer) { return gst_pad_push(in_, buffer); }
   GstFlowReturn push(GstBufferList* list) { return gst_pad_push_list(in_, list); }
 
@@ -92,14 +89,13 @@ class HiddenElement {
   GstPad *in_, *out_;
 };
 
-// The sequence numbers of one sealed stream whose packets have been opened. Thread-safe.
-class OpenedNumbers {
+// Sequence numbers of the decrypted packets of one stream. Thread-safe.
+class ReplayList {
  public:
   bool has(uint16_t sequence) const {
     const std::lock_guard lock(mutex_);
     return numbers_[sequence];
   }
-  // False if the packet has been opened before.
   bool add(uint16_t sequence) {
     const std::lock_guard lock(mutex_);
     if (numbers_[sequence]) return false;
@@ -109,61 +105,60 @@ class OpenedNumbers {
 
  private:
   mutable std::mutex mutex_;
-  std::bitset<1 << 16> numbers_;  // a stream has each number once
+  std::bitset<1 << 16> numbers_;  // a stream uses each number once
 };
 
-// The packets of one key and purpose that the gates of this process have opened: each passes one gate, once, even if a
-// gate is started again meanwhile. Thread-safe.
-class OpenedPackets {
+// Decrypted packets of one key and purpose, shared by all gates of the process. Each packet passes one gate once, even
+// if a gate restarts. Thread-safe.
+class ReplayProtection {
  public:
-  static std::shared_ptr<OpenedPackets> of(const RtpKey& key, std::string_view purpose);
+  static std::shared_ptr<ReplayProtection> of(const RtpKey& key, std::string_view purpose);
 
-  // Of one stream; its MKI must be sound.
-  std::shared_ptr<OpenedNumbers> of_stream(const KeyName& name);
-  // Forgets streams whose packets are too old to be opened.
+  // `name` must have a valid MKI.
+  std::shared_ptr<ReplayList> of_stream(const KeyId& name);
   void forget_old(uint32_t minute);
   bool empty() const;
 
  private:
   using Id = std::array<uint32_t, 3>;  // minute, SSRC, nonce
   mutable std::mutex mutex_;
-  std::map<Id, std::shared_ptr<OpenedNumbers>> streams_;
+  std::map<Id, std::shared_ptr<ReplayList>> streams_;
 };
 
-// Minutes by which a packet's may differ from this one.
-inline constexpr uint32_t kMinutesOff = 1;
-inline bool is_of_now(uint32_t minute, uint32_t now) {
-  return minute + kMinutesOff >= now && minute <= now + kMinutesOff;
+inline constexpr uint32_t kMaxClockSkewMinutes = 1;
+inline bool is_current(uint32_t minute, uint32_t now) {
+  return minute + kMaxClockSkewMinutes >= now && minute <= now + kMaxClockSkewMinutes;
 }
 
-// Opens what lfrtpseal has sealed. What a packet costs that is not sound is one HMAC, and memory is taken for streams
-// of those who have the key alone. To be used by one thread at a time.
-class SealOpener {
+// Decrypts packets of lfrtpseal. An invalid packet costs one HMAC, and only holders of the key can cause memory to be
+// allocated. Not thread-safe.
+class SrtpDecryptor {
  public:
   enum class Result {
     kOpened,
-    kMalformed,  // no RTP, or too short to be sealed
-    kUnsealed,   // the packet has nothing where sealed ones name their minute: it is by somebody without a key
-    kStale,      // the packet was sealed with the key, but in a minute that is over, or to come
-    kReplayed,   // has been opened before
-    kForged,     // the packet is by somebody with another key, or was damaged on the way
+    kMalformed,  // not RTP, or too short
+    kUnsealed,   // no valid minute in the MKI: the sender has no key
+    kStale,      // valid key, but a past or future minute
+    kReplayed,
+    kForged,  // wrong key or damaged
   };
 
-  // `opened`: shared with other openers, so that a packet is opened by one of them; null: others get the same packets.
-  // Throws Error if GStreamer's srtpdec is not there.
-  SealOpener(std::shared_ptr<const RtpKey> key, const std::string& purpose, std::shared_ptr<OpenedPackets> opened);
+  // `opened`: shared with other decryptors so that each packet is decrypted once; null: not shared. Throws Error if
+  // srtpdec is not installed.
+  SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
+                std::shared_ptr<ReplayProtection> opened);
 
-  // Takes the packet; `opened` has what was inside if it was sound.
+  // Takes the packet. On success `opened` is the decrypted packet.
   Result open(GstBuffer* packet, GstBuffer** opened);
   size_t streams() const { return streams_.size(); }
 
  private:
-  // The latest streams are kept: a sender begins one each minute, or each 65536 packets.
+  // Limit for recent streams. A sender starts a stream each minute, or every 65536 packets.
   static constexpr size_t kMostStreams = 1024;
   struct Stream {
     uint32_t minute;
     std::array<uint8_t, kMkiBytes> mki;
-    std::shared_ptr<OpenedNumbers> seen;
+    std::shared_ptr<ReplayList> seen;
   };
   static GstCaps* request_key(GstElement* srtpdec, guint ssrc, gpointer self);
   void forget_old(uint32_t minute);
@@ -171,11 +166,11 @@ class SealOpener {
 
   std::shared_ptr<const RtpKey> key_;
   std::string purpose_;
-  std::shared_ptr<OpenedPackets> shared_;
-  std::map<uint32_t, std::unique_ptr<Stream>> streams_;  // each by its SSRC
-  const SessionKey* offered_ = nullptr;                  // while srtpdec asks for the key of a new stream
+  std::shared_ptr<ReplayProtection> shared_;
+  std::map<uint32_t, std::unique_ptr<Stream>> streams_;  // key: SSRC
+  const SessionKey* offered_ = nullptr;                  // set while srtpdec requests the key of a new stream
   GstBuffer* opened_ = nullptr;
-  HiddenElement srtpdec_;
+  StandaloneElement srtpdec_;
 };
 
 }  // namespace lf::rtp

@@ -3,85 +3,91 @@
 /**
  * SECTION:element-lfviewrequest
  * @title: lfviewrequest
- * @short_description: the virtual camera of one viewer, as a stream of view requests
+ * @short_description: virtual camera of one viewer, as a stream of view requests
  *
- * Each buffer asks for one picture: pose, lens, size and focal plane of the view, and the capture time it should show.
- * Nodes (lffragment, lfcameranode) answer it, lfcompositor makes a picture of the answers.
+ * lfviewrequest generates view requests. Each buffer requests one picture: pose, lens, size and focal plane of the
+ * view, and its capture time. Nodes (lffragment, lfcameranode) answer the requests, and lfcompositor combines the
+ * answers to a picture.
  *
- * Where the view comes from:
+ * The view comes from one of these inputs:
  *
- * - `location`: a views.json file. One request per view, stamped with the view's time, then EOS. Where all views have
- *   the same time they are stamped one frame after the other, while each still asks for its own capture time. Sizes
- *   are the file's.
- * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per
- * frame. They are controllable; a GstController is asked for the stamp of each request. With `rig` those that are not
- * set are chosen so that the view stands in the middle of the array and looks where it looks; with `keep-visible`
- * inside of a triangle of cameras, and with the widest field of view that leaves no pixel of this shape dark.
- * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
- *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: zoom on what is under it;
- *   ctrl-wheel: focus; arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus
- *   nearer, farther; r: back to the start; all of it as far as the array sees, see `keep-visible`); by a custom
- * upstream event with a structure "lightfield-view-request" with any of the properties as fields (and focus-continuous,
- * 0 or 1); by the action signal `set-view` with such a structure. The very next request has the change, and the
- * properties notify.
+ * - `location`: a views.json file. The element sends one request per view with the view's timestamp, then EOS. If all
+ *   views have the same time, timestamps advance by one frame per view, but each request keeps its own capture time.
+ *   The file defines the sizes.
+ * - the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame.
+ *   The properties are controllable; a GstController is synchronised to the timestamp of each request. If `rig` is set,
+ *   unset properties are chosen so that the view is in the middle of the array with its orientation. If
+ *   `constrain-view` is also set, the view starts inside a triangle of cameras, with the widest field of view without
+ *   black pixels.
+ * - mouse and keys, as GstNavigation events from a video sink. Drag: orbit about the focus point. Shift-drag or another
+ *   button: pan. Wheel: zoom at the pointer. Ctrl-wheel: focus. Arrows: orbit. w s a d q e: move forward, back, left,
+ *   right, down, up. + -: zoom. [ ]: focus nearer, farther. r: return to the start. `constrain-view` limits the
+ *   movement to the visible range.
+ * - the custom upstream event "lightfield-view-request", with any of the properties and focus-continuous (0 or 1) as
+ *   fields, or the action signal `set-view` with such a structure.
  *
- * `width`, `height` and `framerate` that are not set are chosen to suit the caps behind the view's lfcompositor, where
- * that is in this process: before the first request, and again when these caps change. Where caps leave them open they
- * are those of the rig's cameras and 15/1.
+ * Changes apply to the next request, and the properties notify.
  *
- * How many cameras make a pixel: three, blended by the triangles of the array; with `aperture` all within a synthetic
- * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
- * blended so, too. With `access=warp` it is always three.
+ * Unless set, `width`, `height` and `framerate` follow the caps downstream of the view's lfcompositor, if it is in this
+ * process. They are negotiated before the first request and when the caps change. Otherwise the size is the size of the
+ * rig's cameras, and the rate is 15/1.
  *
- * What lfcompositor learns of the view comes back as an upstream event, "lightfield-feedback": the focal surface of the
- * next request, cameras out of service, which the view's requests name from then on, beside those of the property
- * `out-of-service`, and what it wants to know beside its pictures (`lfcompositor monitor-interval`), which leaves
- * behind the next request, with the same capture time.
+ * By default each pixel is blended from three cameras of the array's mesh. If `aperture` is set, all cameras within a
+ * synthetic aperture of that diameter contribute. If `nearest-cameras` is set, the cameras with the most similar
+ * viewing direction contribute. This also applies to views of a file. `access=warp` always uses three cameras.
  *
- * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
- * cameras that are out of service: on the host of the compositors, behind the network. Live, it also gives them the
- * focal surfaces that lfcompositors find where no viewer takes them.
+ * lfcompositor sends feedback with the upstream event "lightfield-feedback": the focal surface of the next request,
+ * cameras that are out of service, and extra requests (`lfcompositor monitor-interval`). Cameras out of service are
+ * added to the property `out-of-service` in all further requests. Extra requests follow the next request with its
+ * capture time.
  *
- * For cameras that do not answer view requests (`lffragment access`) `access` makes commands of each request, which
- * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
- * service: it makes them itself.
+ * If the sink pad is linked, the element relays the requests of other viewers instead, and adds the cameras that are
+ * out of service. Use a relay on a compositor host behind a network. A live relay also adds focal surfaces from
+ * lfcompositor if no viewer accepts them.
  *
- * With `views` there is more than one eye, and a request for each: a stereo pair, a row, a quilt for displays of light
- * fields. They are of one moment and have one focal surface, which is found for the view next to the middle and carried
- * over to the others. lfcompositor makes one picture of them, with GStreamer's multiview-mode for pairs. Each view must
- * have an even width and height. Mouse and keys move all of them together.
+ * For cameras that cannot answer view requests (`lffragment access`), set `access`. A command for the cameras then
+ * follows each request. A relay drops incoming commands, which do not know the relay's cameras out of service, and
+ * generates its own commands.
  *
- * Upstream events that carry a field "lightfield-view-id" (uint) are for the view of that id alone.
+ * If `views` is set, the element sends a request for each eye: a stereo pair, a row, or a quilt for light field
+ * displays. All eyes share capture time and focal surface, which is found for the view next to the middle and warped to
+ * the other views. lfcompositor combines the views in one picture, with GStreamer's multiview-mode for pairs. Width and
+ * height of a view must be even. Mouse and keys move all views together.
  *
- * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Where an lfcompositor
- * finds the focus, up to eight rehearsals leave before the first one, and before the first one behind a seek: requests
- * for the same moment of which no picture is made, so that the first picture is in focus. While an lfcompositor
- * has them sought (upstream event "lightfield-hold") none leaves, so that viewers in one funnel flush first and go on
- * together. Live, they leave at
- * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
- * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
- * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
- * latency: sound that is captured beside it stays in step. Left to itself (-1) it is what the nodes of this process
- * find that their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of
- * a hundred frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view
- * is asked for at once, in place of the next instant. A relay tells the latency of the requests that it relays.
+ * Upstream events with the field "lightfield-view-id" (uint) apply to the view with that id only.
+ *
+ * If not live, requests are sent as fast as downstream accepts, with the stream time of their frame. If an lfcompositor
+ * finds the focus, up to eight warm-up requests precede the first request and each seek. No picture is rendered from a
+ * warm-up; it puts the first picture into focus. During a seek the upstream event "lightfield-hold" blocks requests, so
+ * that all viewers of a funnel flush before any viewer continues.
+ *
+ * If live, requests are sent at the instants of the capture schedule plus `capture-delay`. The instants are multiples
+ * of the frame period on the pipeline clock. Each request asks for its instant in clock time. Instants are skipped
+ * while downstream blocks. The timestamp of a request is the running time of its instant, so the timestamp of a picture
+ * is its capture time. The element reports `capture-delay` as latency, which keeps simultaneously captured sound
+ * synchronised.
+ *
+ * The automatic `capture-delay` (-1) follows the upstream event "lightfield-capture-delay" of nodes in this process:
+ * the time within which 99 % of the frames arrive, plus half a frame. The element posts LATENCY messages when the delay
+ * changes. If `eager` is set, a change of the view is requested immediately instead of at the next instant. A relay
+ * reports the latency of the relayed requests.
  *
  * ## Example launch lines
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
- * ]| Pictures of the views in a file.
+ * ]| Writes a PNG file for each view in a file.
  * |[
  * gst-launch-1.0 lfviewrequest rig=rig.json is-live=true width=640 height=480 framerate=30/1 ! tee name=r \
  *   r. ! queue leaky=downstream ! n.request  lfcameranode name=n rig=rig.json is-live=true ! c.sink_0 \
  *   r. ! queue leaky=downstream ! c.request  lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
- * ]| A window in which mouse and keys fly.
+ * ]| Opens a window; mouse and keys move the view.
  * |[
  * gst-launch-1.0 tcpserversrc port=5000 ! lfparse ! lfviewrequest is-live=true ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json is-live=true ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
- * ]| The requests of a viewer on another host.
+ * ]| Serves the requests of a viewer on another host.
  */
 
 #include "viewrequest/lfviewrequest.h"
@@ -96,8 +102,8 @@
 
 #include "base/text.h"
 #include "common/custom_events.h"
-#include "common/day_clock.h"
 #include "common/gst_wire.h"
+#include "common/wall_clock.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
@@ -116,28 +122,28 @@ enum {
   PROP_0,
   PROP_IS_LIVE,
   PROP_NUM_BUFFERS,
-  PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
+  PROP_FIRST_FIELD,  // one per field of kViewFields, then one per setting
   PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
 };
 
-std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
-                                                                      const std::shared_ptr<const lf::Rig>& rig) {
-  if (!rig || !settings.keep_visible) return nullptr;
-  return std::make_shared<lf::VisibleShare>(*rig);
+std::shared_ptr<const lf::VisibleFraction> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
+                                                                         const std::shared_ptr<const lf::Rig>& rig) {
+  if (!rig || !settings.constrain_view) return nullptr;
+  return std::make_shared<lf::VisibleFraction>(*rig);
 }
 
-// While the element runs a rig is read at once. Cameras that were announced as out of service are those of the rig
-// before: whoever notices that one is missing says so again.
+// Loads the rig immediately if the element runs. Forgets announced cameras out of service, which belong to the old rig;
+// the compositor announces missing cameras again.
 static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed, std::shared_ptr<const lf::Rig> rig) {
   const uint64_t before = self->state->stream->rig_hash();
   self->state->stream->set_rig(std::move(rig), changed.out_of_service);
   if (self->state->stream->rig_hash() != before) self->state->out_of_service.clear();
 }
 
-static std::string without_effect(LfViewRequest* self) {
+static std::string ignored_settings(LfViewRequest* self) {
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   const lf::ObjectLock lock(self);
-  return self->state->settings.without_effect(live);
+  return self->state->settings.ignored_settings(live);
 }
 
 static void set_setting(LfViewRequest* self, guint id, const GValue* value, const GParamSpec* pspec) {
@@ -153,10 +159,10 @@ static void set_setting(LfViewRequest* self, guint id, const GValue* value, cons
     if (self->state->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
     if (self->state->stream && lf::is_named(pspec, "out-of-service"))
       self->state->stream->set_out_of_service(changed.out_of_service);
-    if (self->state->stream && (is_rig || lf::is_named(pspec, "keep-visible")))
-      self->state->control.keep_visible(lf_view_request_visible_share(changed, self->state->stream->rig()));
+    if (self->state->stream && (is_rig || lf::is_named(pspec, "constrain-view")))
+      self->state->control.constrain_view(lf_view_request_visible_share(changed, self->state->stream->rig()));
     self->state->settings = changed;
-    lf_view_request_choose_form(self);
+    lf_view_request_choose_format(self);
     self->state->focus.follow(changed.focus_continuous);
   } catch (const lf::Error& error) {
     problem = error.what();
@@ -164,14 +170,13 @@ static void set_setting(LfViewRequest* self, guint id, const GValue* value, cons
   lock.unlock();
   if (!problem.empty())
     GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                        ("%s; %s as %s", problem.c_str(), is_rig ? "the rig stays" : "the cameras out of service stay",
-                         is_rig ? "it was" : "they were"),
+                        ("%s; %s %s", problem.c_str(), is_rig ? "the current rig" : "the cameras out of service",
+                         is_rig ? "stays in use" : "are unchanged"),
                         (nullptr));
 }
 
-// Posts a warning of what is set without effect, but where it is the same as `before`.
-static void warn_without_effect(LfViewRequest* self, const std::string& before = "") {
-  const std::string text = without_effect(self);
+static void warn_ignored_settings(LfViewRequest* self, const std::string& before = "") {
+  const std::string text = ignored_settings(self);
   if (!text.empty() && text != before) GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s", text.c_str()), (nullptr));
 }
 
@@ -184,9 +189,9 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
     self->state->settings.num_buffers = g_value_get_int(value);
     GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_FIRST_SETTING) {
-    const std::string before = without_effect(self);
+    const std::string before = ignored_settings(self);
     set_setting(self, id, value, pspec);
-    if (lf::is_running(GST_ELEMENT(self))) warn_without_effect(self, before);
+    if (lf::is_running(GST_ELEMENT(self))) warn_ignored_settings(self, before);
   } else if (id >= PROP_FIRST_FIELD) {
     lf::ObjectLock lock(self);
     self->state->control.set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
@@ -226,8 +231,7 @@ static void install_properties(GObjectClass* klass) {
   g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,
-      g_param_spec_boolean("is-live", "Is live",
-                           "Make requests in time with the clock, for frames that live cameras make", FALSE,
+      g_param_spec_boolean("is-live", "Is live", "Send requests in real time by the clock, for live cameras", FALSE,
                            GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
 }
 
@@ -235,12 +239,12 @@ static bool push_upstream(LfViewRequest* self, GstEvent* event) {
   return self->state->relay.push_upstream(gst_event_ref(event));
 }
 
-// Every viewer behind the node's tee and funnel hears of it.
+// Called for every viewer behind the node's tee and funnel.
 static gboolean take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
   auto& state = *self->state;
   if (state.relay.is_on()) return push_upstream(self, event);
   lf::ObjectLock lock(self);
-  const bool follows = !GST_CLOCK_TIME_IS_VALID(state.settings.capture_delay);
+  const bool follows = state.settings.capture_delay < 0;
   lock.unlock();
   if (!follows || !gst_base_src_is_live(GST_BASE_SRC(self))) return TRUE;
   if (!state.auto_delay.take(delay, gst_util_get_timestamp())) return TRUE;
@@ -255,8 +259,8 @@ static gboolean hold(LfViewRequest* self, GstEvent* event, bool held) {
   return TRUE;
 }
 
-// The next requests of this view are focused so; false where cameras are told where to look (access).
-static bool take_focus(LfViewRequest* self, lf::FoundFocus focus) {
+// Focuses the next requests of this view. Returns false if cameras do not have self access.
+static bool take_focus(LfViewRequest* self, lf::DepthEstimate focus) {
   lf::ObjectLock lock(self);
   const bool can = self->state->settings.access == lf::Access::kSelf;
   lock.unlock();
@@ -267,14 +271,14 @@ static bool take_focus(LfViewRequest* self, lf::FoundFocus focus) {
   return true;
 }
 
-// Requests of the view get that surface here, because nobody upstream has taken it. False if the relay is not live.
-static bool keep_focus(LfViewRequest* self, guint view_id, lf::FoundFocus focus) {
+// Stores a focal surface in the relay, because no upstream viewer accepted it. Returns false if the relay is not live.
+static bool keep_focus(LfViewRequest* self, guint view_id, lf::DepthEstimate focus) {
   if (!gst_base_src_is_live(GST_BASE_SRC(self))) return false;
   self->state->relayed_focus.announce(view_id, std::move(focus));
   return true;
 }
 
-// Cameras that the rig does not have are nobody's to name: every node would refuse the view's requests.
+// Ignores cameras that the rig lacks: every node would refuse requests with unknown cameras.
 static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::CameraSet cameras) {
   lf::ObjectLock lock(self);
   const std::shared_ptr<const lf::Rig> rig = self->state->stream ? self->state->stream->rig() : nullptr;
@@ -283,8 +287,8 @@ static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::Came
   self->state->out_of_service.announce(view_id, std::move(cameras));
 }
 
-// Cameras out of service are named here for every view; all else is for whoever makes the view's requests, if it can be
-// reached, and a surface for which nobody can is kept here. False if nobody takes any of it.
+// Cameras out of service apply to every view here. Other feedback goes to the source of the view's requests. A focal
+// surface without receiver is stored in the relay. Returns false if nothing was accepted.
 static gboolean take_feedback(LfViewRequest* self, GstEvent* event, const lf::ViewFeedback& feedback) {
   auto& state = *self->state;
   const bool for_all = feedback.out_of_service.has_value();
@@ -312,12 +316,12 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   if (guint view_id; lf::SharedCaps caps = lf::parse_picture_caps(event, &view_id))
     return !self->state->relay.is_on() && view_id == lf_view_request_view_id(self) &&
            lf_view_request_follow_caps(self, std::move(caps));
-  if (!lf_view_request_is_steering(event))
+  if (!lf_view_request_is_navigation(event))
     return GST_BASE_SRC_CLASS(g_type_class_peek(GST_TYPE_PUSH_SRC))->event(base, event);
-  return self->state->relay.is_on() ? push_upstream(self, event) : lf_view_request_steer(self, event);
+  return self->state->relay.is_on() ? push_upstream(self, event) : lf_view_request_navigate(self, event);
 }
 
-// For the cameras; null if they need none.
+// Returns the command for the cameras; null if they need none.
 static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request,
                              const std::shared_ptr<const lf::Rig>& rig) {
   try {
@@ -325,13 +329,14 @@ static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request
     return bytes.empty() ? nullptr : lf::wrap_bytes(std::move(bytes));
   } catch (const lf::Error& error) {
     GST_ELEMENT_WARNING(self, STREAM, ENCODE,
-                        ("View %u: no commands for the cameras: %s", request.view_id, error.what()), (nullptr));
+                        ("View %u: can't create commands for the cameras: %s", request.view_id, error.what()),
+                        (nullptr));
     return nullptr;
   }
 }
 
-// What is to leave right after a request, if anything is: the command for the cameras, `beside`, the requests for the
-// other views of its set, which get their numbers here, and extra requests. `stamps`: the request's buffer.
+// Queues the buffers that follow a request: its command, the requests `beside` for other views of its set, which get
+// their numbers here, and extra requests. `stamps`: buffer of the request.
 static void send_more(LfViewRequest* self, const lf::ViewRequest& request, const std::shared_ptr<const lf::Rig>& rig,
                       GstBuffer* stamps, std::vector<lf::ViewRequest> beside = {}) {
   auto& state = *self->state;
@@ -348,7 +353,7 @@ static void send_more(LfViewRequest* self, const lf::ViewRequest& request, const
       state.focus.sweep_sent(sweep->sequence);
       send(lf::encode_request_buffer(*sweep));
     }
-  for (const lf::ViewRequest& extra : state.extra.take_beside(request, state.stream->next_number)) {
+  for (const lf::ViewRequest& extra : state.extra.take_for(request, state.stream->next_number)) {
     send(lf::encode_request_buffer(extra));
     send(command_of(self, extra, rig));
   }
@@ -367,7 +372,7 @@ static GstFlowReturn relay_chain(GstPad* pad, GstObject* parent, GstBuffer* buff
   }
   bool dropped = false;
   const GstFlowReturn flow = self->state->relay.push(buffer, gst_base_src_is_live(GST_BASE_SRC(self)), &dropped);
-  if (dropped) GST_WARNING_OBJECT(pad, "requests come faster than they leave: dropped the oldest");
+  if (dropped) GST_WARNING_OBJECT(pad, "the request queue is full: dropped the oldest request");
   return flow;
 }
 
@@ -386,7 +391,7 @@ static gboolean relay_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     default: break;
   }
   GST_LOG_OBJECT(pad, "%" GST_PTR_FORMAT, event);
-  gst_event_unref(event);  // the source pad has a stream, a segment and caps of its own
+  gst_event_unref(event);  // the source pad has its own stream, segment and caps
   return TRUE;
 }
 
@@ -413,7 +418,7 @@ static void lf_view_request_release_pad(GstElement* element, GstPad* pad) {
   LfViewRequest* self = LF_VIEW_REQUEST(element);
   gst_pad_set_active(pad, FALSE);
   self->state->relay.set_sink(nullptr);
-  self->state->relay.end();  // who waits for the next request
+  self->state->relay.end();
   gst_element_remove_pad(element, pad);
 }
 
@@ -423,18 +428,17 @@ static void install_relay(GstElementClass* klass) {
   gst_element_class_add_static_pad_template(klass, &sink_template);
 }
 
-// Made for a mesh that may be another one here.
+// Drops a command from upstream: it may be for another mesh than the mesh here.
 static void drop_command(LfViewRequest* self) {
   GST_LOG_OBJECT(self, "dropped a command");
   if (!self->state->warned_commands && !self->state->stream->access())
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("Commands for cameras end here: set the property \"access\" of this relay, in place of the "
-                         "viewer's."),
+                        ("Commands for cameras are dropped by this relay: set the property \"access\" of the relay "
+                         "instead of the viewer's."),
                         (nullptr));
   self->state->warned_commands = true;
 }
 
-// What is added to a request on its way. Whether anything is.
 static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
   lf::ObjectLock lock(self);
   const lf::CameraSet own = self->state->stream->out_of_service();
@@ -447,13 +451,13 @@ static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
   if (!access) return self->state->relayed_focus.apply(request) || changed;
   const lf::Blending asked = request.view.blending;
   request.view.blending = access->blending(asked);
-  // Cameras that are told where to look try no depths.
+  // Cameras with explicit homographies cannot test depths.
   request.trials.clear();
   request.gains = {};
   return std::exchange(request.view.focus.map, nullptr) || request.view.blending != asked || changed;
 }
 
-// The next request that came in, with the cameras that are out of service added; waits for it.
+// Waits for the next relayed request and adds the cameras out of service.
 static GstFlowReturn relay_request(LfViewRequest* self, GstBuffer** out) {
   while (true) {
     g_autoptr(GstBuffer) buffer = nullptr;
@@ -470,7 +474,7 @@ static GstFlowReturn relay_request(LfViewRequest* self, GstBuffer** out) {
       if (any)
         drop_command(self);
       else
-        GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
+        GST_WARNING_OBJECT(self, "dropped an invalid view request: %s", reason.c_str());
       continue;
     }
     lf::ViewRequest request = std::get<lf::ViewRequest>(*any);
@@ -485,15 +489,14 @@ static GstFlowReturn relay_request(LfViewRequest* self, GstBuffer** out) {
   }
 }
 
-// Of views of a file, too.
 static lf::Blending current_blending(LfViewRequest* self) {
-  const lf::Blending asked = lf::blending_of(self->state->control.viewpoint().aperture,
-                                             static_cast<int>(self->state->settings.nearest_cameras));
+  const lf::Blending asked = lf::make_blending(self->state->control.viewpoint().aperture,
+                                               static_cast<int>(self->state->settings.nearest_cameras));
   const lf::CameraAccess* access = self->state->stream->access();
   return access ? access->blending(asked) : asked;
 }
 
-// How much later than its capture time a live request leaves: what `capture-delay` says, or what nodes need.
+// Returns the delay between capture time and sending of a live request: the property, or the automatic delay.
 static GstClockTime capture_delay_of(LfViewRequest* self) {
   lf::ObjectLock lock(self);
   const GstClockTime delay = self->state->settings.capture_delay;
@@ -512,8 +515,8 @@ static gboolean set_unlocked(GstBaseSrc* base, bool unlocked) {
 static gboolean lf_view_request_unlock(GstBaseSrc* base) { return set_unlocked(base, true); }
 static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) { return set_unlocked(base, false); }
 
-// Waits for the slot's turn, or for a change before it. *leaves: the slot, with the times that it then has.
-// The schedule counts in the time of day: `offset` is that less clock time.
+// Waits for the time of the slot, or for a change of the view. *leaves: the slot with updated times. The schedule
+// counts time of day; `offset` is time of day minus clock time.
 static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTimeDiff offset,
                                    GstClockTime capture_delay, const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
@@ -527,18 +530,17 @@ static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstCloc
   GstFlowReturn flow = self->state->turn.wait_until(clock, turn - early);
   if (flow == GST_FLOW_OK) flow = self->state->turn.wait_until(clock, turn, true);
   if (const GstClockTime now = gst_clock_get_time(clock); now < turn)
-    *leaves = self->state->stream->schedule.ahead_of_turn(slot, now + offset, base_time + offset, capture_delay);
+    *leaves = self->state->stream->schedule.early_request(slot, now + offset, base_time + offset, capture_delay);
   return flow;
 }
 
-// Chooses the next slot of a live stream and waits for it.
 static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlot>* slot, lf::RequestSlot* leaves) {
   g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) {
     GST_ELEMENT_ERROR(self, CORE, CLOCK, ("A live source of view requests needs a clock"), (nullptr));
     return GST_FLOW_ERROR;
   }
-  const GstClockTimeDiff offset = lf::day_offset(GST_ELEMENT(self));
+  const GstClockTimeDiff offset = lf::wall_offset(GST_ELEMENT(self));
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
   const GstClockTime capture_delay = capture_delay_of(self);
   *slot =
@@ -546,17 +548,17 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, offset, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
-// The requests for the other views of the set around `middle`, of the moment and with the surface of the one that
-// leads.
+// Returns the requests for the other views of the set around `middle`, with capture time and focal surface of the
+// leader.
 static std::vector<lf::ViewRequest> rest_of_set(const lf::ViewRequest& leader, const lf::ViewSet& set,
                                                 const lf::View& middle) {
   std::vector<lf::ViewRequest> rest;
-  for (const lf::PlaceInSet& place : set.places()) {
+  for (const lf::ViewSetPosition& place : set.places()) {
     if (place.leads()) continue;
     lf::ViewRequest& beside = rest.emplace_back(leader);
     beside.place = place;
     beside.view = set.view(middle, place);
-    lf::apply_leader(leader, beside);
+    lf::apply_reference_view(leader, beside);
   }
   return rest;
 }
@@ -565,7 +567,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
   lf::RequestSlot slot{};
-  bool rehearsal = false;
+  bool warmup = false;
   if (live) {
     GstFlowReturn flow = lf_view_request_follow_rate(self);
     if (flow == GST_FLOW_OK) flow = wait_live(self, &turn, &slot);
@@ -575,8 +577,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
     if (flow == GST_FLOW_OK && !self->state->stream->access())
       flow = self->state->focus_wait.wait(lf_view_request_view_id(self));
     if (flow != GST_FLOW_OK) return flow;
-    rehearsal = self->state->focus_wait.rehearses();
-    if (!rehearsal) flow = lf_view_request_follow_rate(self);
+    warmup = self->state->focus_wait.is_warm_up_next();
+    if (!warmup) flow = lf_view_request_follow_rate(self);
     if (flow != GST_FLOW_OK) return flow;
     turn = self->state->stream->schedule.next();
     if (!turn) return GST_FLOW_EOS;
@@ -587,8 +589,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   lf::ViewRequest request;
   request.target_time = slot.target_time;
   request.absolute_time = live;
-  request.rehearsal = rehearsal;
-  if (!rehearsal) self->state->stream->schedule.advance(*turn);
+  request.warmup = warmup;
+  if (!warmup) self->state->stream->schedule.advance(*turn);
   request.sequence = self->state->stream->next_number++;
   lf::ObjectLock lock(self);
   request.rig_hash = self->state->stream->rig_hash();
@@ -605,7 +607,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   self->state->turn.forget_change();
   lock.unlock();
 
-  // Cameras that are told where to look try no depths: their pictures are of the viewer's plane.
+  // Cameras with explicit homographies cannot test depths. Their pictures use the focal plane of the viewer.
   if (!self->state->stream->access()) self->state->focus.apply(request);
   self->state->focus_wait.sent(request.sequence);
   *out = lf::encode_request_buffer(request);
@@ -613,7 +615,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot.duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
-  if (!rehearsal) send_more(self, request, rig, *out, rest_of_set(request, set, middle));
+  if (!warmup) send_more(self, request, rig, *out, rest_of_set(request, set, middle));
   return GST_FLOW_OK;
 }
 
@@ -622,11 +624,11 @@ static GstFlowReturn make_buffer(LfViewRequest* self, GstBuffer** out) {
   if ((*out = self->state->outbox.take())) return GST_FLOW_OK;
   if (left == 0) return GST_FLOW_EOS;
   const GstFlowReturn flow = self->state->relay.is_on() ? relay_request(self, out) : make_request(self, out);
-  if (flow == GST_FLOW_OK && left > 0 && !self->state->focus_wait.is_rehearsing()) left--;
+  if (flow == GST_FLOW_OK && left > 0 && !self->state->focus_wait.is_warming_up()) left--;
   return flow;
 }
 
-// What is thrown costs the request that was being made; where this goes on and on, it ends the stream.
+// An exception loses the current request. Repeated exceptions end the stream.
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   constexpr int kMostInARow = 32;
   LfViewRequest* self = LF_VIEW_REQUEST(push);
@@ -682,25 +684,25 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
   }
-  warn_without_effect(self);
+  warn_ignored_settings(self);
   lf::ObjectLock again(self);
   const lf::RequestStream& stream = *self->state->stream;
   base->segment.duration = stream.schedule.end().value_or(GST_CLOCK_TIME_NONE);
   self->state->requests_left = settings.num_buffers;
-  self->state->agreed = self->state->form;  // the rate that the stream begins with
+  self->state->agreed = self->state->form;
   again.unlock();
   GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
                   stream.from_file() ? settings.location.c_str() : "properties");
   const auto navigated = [](GstElement* element, GstEvent* event) {
-    if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
+    if (lf_view_request_is_navigation(event)) lf_view_request_navigate(LF_VIEW_REQUEST(element), event);
   };
-  if (!settings.navigation_from.empty() &&
-      !self->state->navigation_tap.attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
-    GST_ELEMENT_ERROR(
-        self, RESOURCE, SETTINGS,
-        ("navigation-from: the pipeline has no element \"%s\" with a source pad.", settings.navigation_from.c_str()),
-        (nullptr));
-    lf_view_request_stop(base);  // GstBaseSrc stops what has started alone
+  if (!settings.navigation_element.empty() &&
+      !self->state->navigation_tap.attach(GST_ELEMENT(self), settings.navigation_element, navigated)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("navigation-element: the pipeline has no element \"%s\" with a source pad.",
+                       settings.navigation_element.c_str()),
+                      (nullptr));
+    lf_view_request_stop(base);  // GstBaseSrc does not stop an element that failed to start
     return FALSE;
   }
   return TRUE;
@@ -728,17 +730,16 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  const lf::PictureForm& form = self->state->form;
+  const lf::PictureFormat& form = self->state->form;
   const GstClockTime period = form.fps_n > 0 ? lf::Schedule(form.fps_n, form.fps_d).period() : 0;
   GST_OBJECT_UNLOCK(self);
   if (self->state->relay.is_on()) {
     gboolean live = FALSE;
     if (self->state->relay.query_upstream(query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
-    // Of requests that come from a file no more is known than that they leave when they come.
     if (!live) gst_query_set_latency(query, TRUE, 0, period);
     return TRUE;
   }
-  // A request is stamped with its capture time and leaves when that is old enough; the next replaces it a frame later.
+  // The timestamp of a request is its capture time. It is sent after the capture delay, and replaced a frame later.
   const GstClockTime capture_delay = capture_delay_of(self);
   gst_query_set_latency(query, TRUE, capture_delay, capture_delay + period);
   return TRUE;
@@ -760,13 +761,13 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   install_relay(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
-      "The virtual camera of one viewer, as a stream of view requests: from a camera path (location), from properties, "
-      "flown with mouse and keys, or set by the action set-view, whose structure has properties as fields (x, y, z, "
-      "yaw, pitch, roll, fov, focus-distance, aperture; each optional)",
+      "Virtual camera of one viewer, as a stream of view requests: from a camera path (location), properties, mouse "
+      "and keys, or the action set-view with a structure of optional fields (x, y, z, yaw, pitch, roll, fov, "
+      "focus-distance, aperture)",
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
-  lf_view_request_install_form(base_class);
+  lf_view_request_install_format(base_class);
   base_class->start = lf::callback<lf_view_request_start>;
   base_class->stop = lf::callback<lf_view_request_stop>;
   base_class->is_seekable = lf::callback<lf_view_request_is_seekable>;

@@ -16,37 +16,37 @@ namespace {
 
 CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
   if (list.empty()) return {};
-  if (!rig) throw Error("out-of-service: needs the property rig, which says what cameras there are");
+  if (!rig) throw Error("out-of-service: requires the property rig");
   return parse_camera_list(*rig, list);
 }
 
 RequestSchedule schedule_of(const ViewRequestSettings& settings) {
-  const Schedule frames(settings.fps_n > 0 ? settings.fps_n : kUsualFps, settings.fps_d);  // until caps say more
+  const Schedule frames(settings.fps_n > 0 ? settings.fps_n : kDefaultViewFps, settings.fps_d);
   if (settings.location.empty()) return RequestSchedule(frames);
   return {frames, load_views(settings.location), settings.loop};
 }
 
 }  // namespace
 
-void RequestTurn::set_unlocked(bool unlocked) {
+void RequestPacer::set_unlocked(bool unlocked) {
   const std::lock_guard lock(mutex_);
   unlocked_ = unlocked;
   if (unlocked && clock_id_) gst_clock_id_unschedule(clock_id_);
   released_.notify_all();
 }
 
-void RequestTurn::note_change() {
+void RequestPacer::note_change() {
   const std::lock_guard lock(mutex_);
   changed_ = true;
   if (ends_with_change_ && clock_id_) gst_clock_id_unschedule(clock_id_);
 }
 
-void RequestTurn::forget_change() {
+void RequestPacer::forget_change() {
   const std::lock_guard lock(mutex_);
   changed_ = false;
 }
 
-GstFlowReturn RequestTurn::wait_until(GstClock* clock, GstClockTime time, bool or_change) {
+GstFlowReturn RequestPacer::wait_until(GstClock* clock, GstClockTime time, bool or_change) {
   std::unique_lock lock(mutex_);
   if (unlocked_) return GST_FLOW_FLUSHING;
   if (or_change && changed_) return GST_FLOW_OK;
@@ -62,7 +62,7 @@ GstFlowReturn RequestTurn::wait_until(GstClock* clock, GstClockTime time, bool o
   return ended ? GST_FLOW_FLUSHING : GST_FLOW_OK;
 }
 
-void RequestTurn::hold(guint32 seqnum, bool held) {
+void RequestPacer::hold(guint32 seqnum, bool held) {
   const std::lock_guard lock(mutex_);
   if (held)
     held_for_ = seqnum;
@@ -71,34 +71,35 @@ void RequestTurn::hold(guint32 seqnum, bool held) {
   released_.notify_all();
 }
 
-GstFlowReturn RequestTurn::wait_for_seek() {
+GstFlowReturn RequestPacer::wait_for_seek() {
   std::unique_lock lock(mutex_);
   released_.wait(lock, [this] { return held_for_ == GST_SEQNUM_INVALID || unlocked_; });
   return unlocked_ ? GST_FLOW_FLUSHING : GST_FLOW_OK;
 }
 
 GstFlowReturn FocusWait::wait(guint view_id) {
-  using Waited = FocusFeedback::Waited;
+  using Waited = DepthFeedback::Waited;
   constexpr std::chrono::milliseconds kLongest{5000};
-  if (!awaits_) awaits_ = is_focus_found(src_, view_id);
-  if (!*awaits_ || !last_) return GST_FLOW_OK;
+  if (!has_focus_search_) has_focus_search_ = finds_focus(src_, view_id);
+  if (!*has_focus_search_ || !last_) return GST_FLOW_OK;
   bool paused = true;
   while (paused) {
     const Waited waited = feedback_.wait_for(*last_, kLongest);
     if (waited != Waited::kTooLong) return waited == Waited::kCame ? GST_FLOW_OK : GST_FLOW_FLUSHING;
-    // Pictures that nobody takes are no reason to go on without: they are to be the same however long that lasts.
-    is_focus_found(src_, view_id, &paused);
+    // While the output is paused, keep waiting: results must not depend on the duration of the pause.
+    finds_focus(src_, view_id, &paused);
   }
-  GST_WARNING_OBJECT(src_, "no focal surface came of request %u: it is not waited for any more", *last_);
-  awaits_ = false;
+  GST_WARNING_OBJECT(src_, "no focal surface for request %u within the time limit: later requests don't wait", *last_);
+  has_focus_search_ = false;
   return GST_FLOW_OK;
 }
 
-bool FocusWait::rehearses() {
-  constexpr unsigned kMost = 8;  // a search, and rounds that better what it found
-  rehearses_ = awaits_.value_or(false) && rehearsals_ < kMost && (rehearsals_ == 0 || feedback_.has_trials());
-  rehearsals_ = rehearses_ ? rehearsals_ + 1 : kMost;
-  return rehearses_;
+bool FocusWait::is_warm_up_next() {
+  constexpr unsigned kMost = 8;
+  warming_up_ =
+      has_focus_search_.value_or(false) && warm_ups_ < kMost && (warm_ups_ == 0 || feedback_.has_hypotheses());
+  warm_ups_ = warming_up_ ? warm_ups_ + 1 : kMost;
+  return warming_up_;
 }
 
 void RequestRelay::set_sink(GstPad* sink) {
@@ -111,7 +112,7 @@ bool RequestRelay::is_on() const {
   return sink_ != nullptr;
 }
 
-// Owned by the caller: the pad may be released meanwhile.
+// The caller owns the reference, because the pad may be released meanwhile.
 GstPad* RequestRelay::hold_sink() const {
   const std::lock_guard lock(mutex_);
   return sink_ ? GST_PAD(gst_object_ref(sink_)) : nullptr;
@@ -198,7 +199,10 @@ RequestStream::RequestStream(const ViewRequestSettings& settings)
 }
 
 void RequestStream::set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service) {
-  if (access_ && !rig) throw Error("access: needs the property rig, from which commands for the cameras are made");
+  if (access_ && !rig)
+    throw Error(
+        "access: requires the property rig, because commands for the cameras are computed "
+        "from the rig");
   out_of_service_ = parse_out_of_service(rig.get(), out_of_service);
   rig_ = std::move(rig);
   rig_hash_ = rig_ ? rig_->hash() : 0;
@@ -214,7 +218,7 @@ void RequestStream::set_out_of_service(const std::string& list) {
 
 std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {
   if (!access_) return {};
-  if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another one");
+  if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another rig");
   if (std::exchange(mesh_rig_, rig) != rig) mesh_.clear();
   return wire::encode_any_request(access_->command(*rig, mesh_.get(*rig, request.out_of_service), request));
 }

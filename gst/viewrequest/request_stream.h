@@ -13,7 +13,7 @@
 
 #include "common/gst_pointers.h"
 #include "common/properties.h"
-#include "focus/focus_feedback.h"
+#include "focus/depth_feedback.h"
 #include "node/camera_access.h"
 #include "rig/mesh.h"
 #include "view/navigator.h"
@@ -22,21 +22,19 @@
 
 namespace lf {
 
-// Waiting for the turn of a request: for a time, for a change of its view, and for the end of a seek. Thread-safe; one
-// thread waits, and is told GST_FLOW_FLUSHING while unlocked.
-class RequestTurn {
+// Waits for the time of a request, a change of its view, or the end of a seek. Thread-safe, with one waiting thread.
+// Waits return GST_FLOW_FLUSHING while unlocked.
+class RequestPacer {
  public:
   void set_unlocked(bool unlocked);
-  // The view is another one than it was in the latest request.
   void note_change();
-  // The view that comes next is of now.
   void forget_change();
-  // GstBaseSrc would wait after create(), with a request that is then a frame old: so the wait is here, before the view
-  // is looked at. `or_change`: until the view is changed, if that is before.
+  // Waits for `time`. With `or_change`, also returns when the view changes. GstBaseSrc would wait after create(), with
+  // a request that is a frame old, so this wait comes before the view is read.
   GstFlowReturn wait_until(GstClock* clock, GstClockTime time, bool or_change = false);
 
-  // Holds requests back from the call with `held` to the one without, for the seek of this number: others are still to
-  // take part in it (custom_events.h).
+  // Blocks requests between hold(seqnum, true) and hold(seqnum, false), while other elements take part in the seek
+  // (custom_events.h).
   void hold(guint32 seqnum, bool held);
   GstFlowReturn wait_for_seek();
   void forget_seek() { hold(GST_SEQNUM_INVALID, true); }
@@ -44,49 +42,49 @@ class RequestTurn {
  private:
   std::mutex mutex_;
   std::condition_variable released_;
-  GstClockID clock_id_ = nullptr;  // the clock's entry of the wait under way; null: none
-  bool ends_with_change_ = false;  // the wait under way ends when the view is changed
+  GstClockID clock_id_ = nullptr;
+  bool ends_with_change_ = false;
   bool unlocked_ = false, changed_ = false;
-  guint32 held_for_ = GST_SEQNUM_INVALID;  // the seek that is not over, during which nothing leaves
+  guint32 held_for_ = GST_SEQNUM_INVALID;  // seek in progress, which blocks requests
 };
 
-// Files in, files out: where somebody downstream finds the focus of a view, each request has what came of the one
-// before. Streaming thread.
+// For files: delays each request until the feedback of the previous request has arrived, if a compositor finds the
+// focus. Streaming thread.
 class FocusWait {
  public:
-  // `src`: which the requests leave by.
-  FocusWait(FocusFeedback& feedback, GstPad* src) : feedback_(feedback), src_(src) {}
+  // `src`: the pad that sends the requests.
+  FocusWait(DepthFeedback& feedback, GstPad* src) : feedback_(feedback), src_(src) {}
 
-  // Waits for what comes of the request that was sent last. GST_FLOW_FLUSHING while the feedback is unlocked.
+  // Waits for the feedback of the latest request. Returns GST_FLOW_FLUSHING while the feedback is unlocked.
   GstFlowReturn wait(guint view_id);
-  // Whether the next request is a rehearsal, so that the stream's first picture is in focus already. After wait().
-  bool rehearses();
-  bool is_rehearsing() const { return rehearses_; }
+  // True if the next request is a warm-up, so that the first picture of the stream is in focus. Call after wait().
+  bool is_warm_up_next();
+  bool is_warming_up() const { return warming_up_; }
   void sent(uint32_t sequence) { last_ = sequence; }
-  // What is on its way is flushed: nothing comes of it, and what comes next is a first picture.
-  void flush() { last_.reset(), rehearsals_ = 0, rehearses_ = false; }
-  void clear() { flush(), awaits_.reset(); }
+  // Discards the state after a flush. The next request starts with warm-ups again.
+  void flush() { last_.reset(), warm_ups_ = 0, warming_up_ = false; }
+  void clear() { flush(), has_focus_search_.reset(); }
 
  private:
-  FocusFeedback& feedback_;
+  DepthFeedback& feedback_;
   GstPad* const src_;
-  std::optional<bool> awaits_;    // whether somebody finds the focus, once it has been asked
-  std::optional<uint32_t> last_;  // number of the latest request
-  unsigned rehearsals_ = 0;       // rehearsals made before the first picture
-  bool rehearses_ = false;        // the latest request
+  std::optional<bool> has_focus_search_;  // a compositor finds the focus; empty: not queried yet
+  std::optional<uint32_t> last_;
+  unsigned warm_ups_ = 0;
+  bool warming_up_ = false;
 };
 
-// What leaves behind a request, buffer by buffer: GstBaseSrc 1.22 has a buffer list mistaken for a buffer where a live
-// source is stopped just after it was made. Streaming thread.
+// Buffers that follow a request. They are pushed one by one, because GstBaseSrc 1.22 treats a buffer list as a buffer
+// if a live source is stopped right after creating the list. Streaming thread.
 class RequestOutbox {
  public:
-  // Takes a buffer (null: nothing), which gets the time stamps of the request.
+  // Takes a buffer (null: nothing) and copies the timestamps of the request.
   void put(GstBuffer* buffer, GstBuffer* request) {
     if (!buffer) return;
     gst_buffer_copy_into(buffer, request, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
     waiting_.emplace_back(buffer);
   }
-  // The next one, owned by the caller; null: a request is to be made.
+  // Returns the next buffer, owned by the caller; null: create a request.
   GstBuffer* take() {
     if (waiting_.empty()) return nullptr;
     GstBuffer* buffer = waiting_.front().release();
@@ -99,32 +97,32 @@ class RequestOutbox {
   std::deque<BufferPtr> waiting_;
 };
 
-// The sink pad of lfviewrequest, if it has one, and the requests of other viewers on their way from it to the source
-// pad's thread. Thread-safe.
+// The optional sink pad of lfviewrequest, and the queue of relayed requests between sink pad and source pad.
+// Thread-safe.
 class RequestRelay {
  public:
   ~RequestRelay() { gst_clear_caps(&caps_); }
 
-  // The pad, borrowed; null: requests are not relayed but made.
+  // Borrows the pad; null: requests are generated.
   void set_sink(GstPad* sink);
   bool is_on() const;
-  // What the pad's peer says to these: false, too, without a pad. Takes the event.
+  // Forward to the peer of the pad. Return false without a pad. push_upstream() takes the event.
   bool push_upstream(GstEvent* event);
   bool query_upstream(GstQuery* query);
 
-  // Caps of what comes in, until they are taken: owned by the caller, null if there are no new ones.
+  // Caps of relayed requests. take_caps() returns new caps once, owned by the caller, else null.
   void set_caps(GstCaps* caps);
   GstCaps* take_caps();
 
-  // Takes the buffer. Live, the oldest is dropped where more than kMost wait (false); else push() waits for room.
-  // GST_FLOW_FLUSHING while unlocked or flushing, GST_FLOW_EOS after the end.
+  // Queues a request and takes its reference. If more than kMost are queued, drops the oldest (live) or waits for room.
+  // Returns GST_FLOW_FLUSHING while unlocked or flushing, GST_FLOW_EOS after the end.
   GstFlowReturn push(GstBuffer* request, bool live, bool* dropped);
   void end();
-  // The next request, owned by the caller; waits for it. GST_FLOW_EOS behind the last.
+  // Waits for the next request, owned by the caller. Returns GST_FLOW_EOS after the last.
   GstFlowReturn pop(GstBuffer** request);
 
-  void set_flushing(bool flushing);  // the stream that comes in is flushed: drops what waits
-  void set_unlocked(bool unlocked);  // nobody waits
+  void set_flushing(bool flushing);  // flush of the input: discards queued requests
+  void set_unlocked(bool unlocked);
   void clear();
 
  private:
@@ -139,7 +137,7 @@ class RequestRelay {
   bool flushing_ = false, unlocked_ = false, ended_ = false;
 };
 
-// What lfviewrequest has from start to stop: its files, and which request is next. Without locks.
+// State of lfviewrequest from start to stop: its files and the next request. Not thread-safe.
 class RequestStream {
  public:
   // Reads the files. Throws Error.
@@ -148,7 +146,7 @@ class RequestStream {
   RequestSchedule schedule;  // streaming thread
   uint32_t next_number = 0;  // number of the next request; streaming thread
 
-  // How the view's cameras have to be told of their parts; null: they find out themselves.
+  // Command generator for cameras without self access; null: cameras plan by themselves.
   const CameraAccess* access() const { return access_; }
   const std::shared_ptr<const Rig>& rig() const { return rig_; }  // may be null
   uint64_t rig_hash() const { return rig_hash_; }
@@ -158,22 +156,22 @@ class RequestStream {
   int default_height() const { return default_height_; }
   const Viewpoint& default_viewpoint() const { return default_viewpoint_; }
 
-  // Takes another rig, or none (null); the view stays where it is. Throws Error, and nothing has changed, where this
-  // rig does not have the cameras of `out_of_service` (see below).
+  // Replaces the rig (null: none). The view stays. Throws Error, without changes, if the rig lacks cameras of
+  // `out_of_service`.
   void set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service);
-  // Ids of cameras of the rig; unlike in tools, "" is none. Throws Error.
+  // Parses a list of camera ids; "" is empty, unlike in tools. Throws Error.
   void set_out_of_service(const std::string& list);
 
-  // The command that goes with a request, for cameras that have to be told (property access); empty where they have
-  // not. Throws Error if the request does not fit the rig or the command is too long.
-  // `rig`: rig() when the request was made. To be called by one thread, but whatever others do.
+  // Returns the command that follows a request (property access); empty for self access. `rig`: rig() when the request
+  // was created. Throws Error if the request does not fit the rig or the command is too long. Call from one thread;
+  // other functions may run concurrently.
   std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
 
  private:
   std::shared_ptr<const Rig> rig_;
   const CameraAccess* const access_;
   MeshCache mesh_;
-  std::shared_ptr<const Rig> mesh_rig_;  // the rig that mesh_ is of
+  std::shared_ptr<const Rig> mesh_rig_;
   uint64_t rig_hash_ = 0;
   CameraSet out_of_service_;
   int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;

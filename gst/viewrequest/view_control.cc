@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-// Who listens, as a probe knows it. GStreamer does not wait for a probe that is at work when it is removed.
+// Listener of a probe. Weak, because GStreamer does not wait for active probes when it removes a probe.
 struct Listener {
   Listener(GstElement* of, void (*call)(GstElement*, GstEvent*)) : navigated(call) { g_weak_ref_init(&element, of); }
   ~Listener() { g_weak_ref_clear(&element); }
@@ -58,7 +58,7 @@ Viewpoint viewpoint_of(const ViewValues& v) {
 }
 
 ViewValues values_of(const Viewpoint& v) {
-  const Euler angles = euler_from_quat(v.pose.orientation);
+  const EulerAngles angles = euler_from_quat(v.pose.orientation);
   return {v.pose.position.x, v.pose.position.y, v.pose.position.z, angles.yaw, angles.pitch,
           angles.roll,       v.fov_y_deg,       v.focus_distance,  v.aperture};
 }
@@ -101,15 +101,15 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"x", "X", "Position of the eye in the rig's world, to the right, in metres", -kMaxPosition, kMaxPosition, 0},
     {"y", "Y", "Position of the eye in the rig's world, downwards, in metres", -kMaxPosition, kMaxPosition, 0},
     {"z", "Z", "Position of the eye in the rig's world, forwards, in metres", -kMaxPosition, kMaxPosition, 0},
-    {"yaw", "Yaw", "Turn of the view to the right, in degrees; applied before pitch and roll", -360, 360, 0},
-    {"pitch", "Pitch", "Turn of the view upwards, in degrees; applied after yaw, before roll", -360, 360, 0},
-    {"roll", "Roll", "Turn of the view clockwise about its optical axis, in degrees; applied last", -360, 360, 0},
+    {"yaw", "Yaw", "Rotation of the view to the right, in degrees; applied before pitch and roll", -360, 360, 0},
+    {"pitch", "Pitch", "Rotation of the view upwards, in degrees; applied after yaw, before roll", -360, 360, 0},
+    {"roll", "Roll", "Rotation of the view clockwise about its optical axis, in degrees; applied last", -360, 360, 0},
     {"fov", "Field of view", "Vertical field of view, in degrees", kMinFovDeg, kMaxFovDeg, 45},
-    {"focus-distance", "Focus distance",
-     "Distance of the focal plane, which faces the view, along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
+    {"focus-distance", "Focus distance", "Distance of the focal plane along the optical axis, in metres", kMinFocus,
+     kMaxFocus, 2},
     {"aperture", "Aperture",
-     "Diameter, in metres, of a synthetic aperture, all cameras within which make a pixel: what is out of focus blurs, "
-     "foliage in front vanishes (0: three cameras, blended by the mesh)",
+     "Diameter of the synthetic aperture in metres; all cameras inside contribute to a pixel, and objects out of focus "
+     "blur (0: three cameras, blended by the mesh)",
      0, Blending::kMaxAperture, 0},
 }};
 
@@ -128,11 +128,11 @@ ViewControl::ViewControl() {
 void ViewControl::read_values() { values_ = values_of(navigator_.viewpoint()); }
 
 void ViewControl::set(int field, double value) {
-  given_[field] = values_[field] = value;
+  set_fields_[field] = values_[field] = value;
   navigator_.set(viewpoint_of(values_));
 }
 
-// A name that is misspelt would do nothing, and nobody would know.
+// Unknown fields are errors, because a misspelt name would otherwise be ignored silently.
 static bool has_unknown_field(const GstStructure* structure) {
   for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
     const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
@@ -170,7 +170,7 @@ bool ViewControl::set_view(const GstStructure* structure) {
 void ViewControl::begin(const Viewpoint& defaults) {
   values_ = values_of(defaults);
   for (int i = 0; i < kNumViewFields; i++)
-    if (given_[i]) values_[i] = *given_[i];
+    if (set_fields_[i]) values_[i] = *set_fields_[i];
   navigator_.set_home(viewpoint_of(values_));
   drag_.reset();
 }
@@ -196,16 +196,16 @@ bool ViewControl::wheel(double steps, bool control, const Vec2& place) {
   return true;
 }
 
-void ViewControl::keep_visible(std::shared_ptr<const VisibleShare> share) {
+void ViewControl::constrain_view(std::shared_ptr<const VisibleFraction> share) {
   share_ = std::move(share);
   aspect_ = 0;
-  navigator_.set_visible(nullptr);
+  navigator_.set_visibility(nullptr);
 }
 
 bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int columns, int rows) {
   if (const double aspect = static_cast<double>(view_width) / view_height; share_ && aspect != aspect_) {
     aspect_ = aspect;
-    navigator_.set_visible([share = share_, aspect](const Viewpoint& v) { return (*share)(v, aspect); });
+    navigator_.set_visibility([share = share_, aspect](const Viewpoint& v) { return (*share)(v, aspect); });
   }
   GstNavigationModifierType state = GST_NAVIGATION_MODIFIER_NONE;
   gst_navigation_event_parse_modifier_state(event, &state);
@@ -216,7 +216,7 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
   const auto in_view = [](double at, int side, int views) {
     return at >= 0 && at < static_cast<double>(side) * views ? std::fmod(at, side) : at;
   };
-  // A pointer from the middle of the view, in heights of it; one that is nowhere counts as there.
+  // Returns the pointer position relative to the view centre, in view heights. Invalid positions become the centre.
   const auto place = [&] {
     const Vec2 at((in_view(x + 0.5, view_width, columns) - view_width / 2.0) / view_height,
                   (in_view(y + 0.5, view_height, rows) - view_height / 2.0) / view_height);
@@ -226,13 +226,13 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
   switch (gst_navigation_event_get_type(event)) {
     case GST_NAVIGATION_EVENT_MOUSE_BUTTON_PRESS:
       if (!gst_navigation_event_parse_mouse_button_event(event, &button, &x, &y)) return false;
-      if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control, place());  // X11's wheel
+      if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control, place());
       if (button < 1 || button > 3 || !std::isfinite(x) || !std::isfinite(y)) return false;
       drag_ = Drag{x, y, button != 1, {x, y}};
       return true;
     case GST_NAVIGATION_EVENT_MOUSE_BUTTON_RELEASE: {
       const bool dragging = drag_.has_value();
-      constexpr double kStill = 3;  // pixels that a hand may move
+      constexpr double kStill = 3;  // pixels; maximum movement of a click
       if (dragging && !drag_->pan && glm::distance(drag_->begun, Vec2(drag_->x, drag_->y)) <= kStill)
         click_ = drag_->begun;
       drag_.reset();
@@ -255,7 +255,7 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
 }  // namespace lf
 
 lf::View lf_view_request_view(LfViewRequest* self) {
-  const lf::PictureForm& form = self->state->form;
+  const lf::PictureFormat& form = self->state->form;
   return lf::make_view(self->state->control.viewpoint(), form.width, form.height);
 }
 
@@ -286,14 +286,14 @@ void lf_view_request_set_focus_distance(LfViewRequest* self, double distance) {
 static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
   GST_OBJECT_LOCK(self);
-  // Cameras that are told where to look (access) try nothing.
+  // Cameras with explicit homographies (access) cannot test depths.
   const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
   const lf::View middle = can ? lf_view_request_view(self) : lf::View();
   const lf::ViewSet set = self->state->settings;
   GST_OBJECT_UNLOCK(self);
   if (!can) return FALSE;
   const lf::Vec2 place((x + 0.5) / middle.width, (y + 0.5) / middle.height);
-  const std::optional<lf::PlaceInSet> shown = set.place_at(place);
+  const std::optional<lf::ViewSetPosition> shown = set.place_at(place);
   if (!shown) return FALSE;
   const lf::View seen = set.view(middle, *shown);
   const lf::Vec2 in_view(place.x - shown->column(), place.y - shown->row());
@@ -307,7 +307,6 @@ static bool is_view(GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
 }
 
-// Sets focus-continuous, if the structure has that field. False if not.
 static gboolean follow(LfViewRequest* self, const GstStructure* structure) {
   const std::optional<double> follows = lf::ViewControl::focus_continuous(structure);
   if (follows) g_object_set(self, lf::kFocusContinuous, *follows != 0, nullptr);
@@ -325,9 +324,9 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
   return follow(self, structure) || !from_file;
 }
 
-bool lf_view_request_is_steering(GstEvent* event) { return is_navigation(event) || is_view(event); }
+bool lf_view_request_is_navigation(GstEvent* event) { return is_navigation(event) || is_view(event); }
 
-gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
+gboolean lf_view_request_navigate(LfViewRequest* self, GstEvent* event) {
   if (is_view(event))
     return lf::is_for_view(event, lf_view_request_view_id(self)) &&
            lf_view_request_set_view(self, gst_event_get_structure(event));
@@ -336,7 +335,7 @@ gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
     if (!self->state->stream || self->state->stream->from_file()) return FALSE;
     if (!lf::is_for_view(event, self->state->settings.view_id)) return FALSE;
     const lf::View view = lf_view_request_view(self);
-    const lf::PlaceInSet place = self->state->settings.place(0);
+    const lf::ViewSetPosition place = self->state->settings.place(0);
     const bool changed =
         self->state->settings.navigation && control.navigate(event, view.width, view.height, place.columns, place.rows);
     click = control.take_click();
@@ -350,13 +349,14 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   /**
    * LfViewRequest::set-view:
    * @request: the element
-   * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, as
+   * @view: a structure with any name and any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture as
    * numbers, and focus-continuous (0 or 1)
    *
-   * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
+   * Moves the view from the next request on. Values are clamped to the ranges of the properties. Views of a file do not
+   * move.
    *
-   * Returns: %FALSE, and nothing is changed, if there is none of these fields, or one is not a finite number, or there
-   * are others. Views of a file do not move.
+   * Returns: %FALSE, without changes, if @view has none of these fields, has unknown fields, or has a value that is not
+   * a finite number.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_request_set_view>), nullptr, nullptr, nullptr,
@@ -365,15 +365,15 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   /**
    * LfViewRequest::focus-at:
    * @request: the element
-   * @x: pixels of the view, of a set of the whole picture, from the middle of its first one
-   * @y: the same
+   * @x: column in pixels; for a set of views, a column of the whole picture relative to its first view
+   * @y: row in pixels, in the same frame of reference
    *
-   * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its
-   * lfcompositor has a focal surface, else as soon as two small views have swept all depths. With `focus-continuous` it
-   * is kept in focus from then on.
+   * Sets the focal plane to the depth at a pixel, like a click on the picture. This is immediate if the lfcompositor
+   * has a focal surface. Otherwise it takes until two small views have swept all depths. If `focus-continuous` is
+   * set, the point then stays in focus.
    *
-   * Returns: %FALSE if the pixel is not in the view, or the view is a file's, or the element does not run, or its
-   * cameras are told where to look (`access`).
+   * Returns: %FALSE if the pixel is outside of the view, the view comes from a file, the element is not running, or its
+   * cameras do not have self access (`access`).
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_request_focus_at>), nullptr, nullptr, nullptr,

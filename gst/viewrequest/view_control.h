@@ -15,15 +15,15 @@
 
 namespace lf {
 
-// Listens to what a window says to another branch of the pipeline: pictures that come off a network end at a source
-// that knows nothing of views.
+// Receives navigation events from another branch of the pipeline, for pictures from a network source that does not
+// forward navigation events to views.
 class NavigationTap {
  public:
   ~NavigationTap() { detach(); }
 
   // Calls `navigated` with `element` for every upstream event at a source pad of the element `name` in its pipeline, in
-  // the thread that sends it. Such a call may still be under way, or begin, when detach() has returned; the element
-  // lives as long. False if there is no such element, or it has no source pad.
+  // the thread of the sender. Calls may still start or run after detach() has returned; they keep `element` alive.
+  // Returns false if there is no such element or it has no source pad.
   bool attach(GstElement* element, const std::string& name, void (*navigated)(GstElement*, GstEvent*));
   void detach();
 
@@ -31,7 +31,7 @@ class NavigationTap {
   std::vector<std::pair<GstPad*, gulong>> probes_;
 };
 
-// One number of a view: the property of lfviewrequest, and the field of set-view structures, that it is.
+// A number of a view: a property of lfviewrequest and a field of set-view structures.
 struct ViewField {
   const char *name, *nick, *blurb;
   double min, max, initial;
@@ -51,42 +51,44 @@ enum ViewFieldIndex {
 extern const std::array<ViewField, kNumViewFields> kViewFields;
 using ViewValues = std::array<double, kNumViewFields>;
 
-// Upstream events name the view they are for in this field (uint); without it they are for every view.
+// Field (uint) of upstream events with the target view id. Events without this field apply to every view.
 inline constexpr char kViewIdField[] = "lightfield-view-id";
-// Custom upstream event that sets the view: any of the fields of kViewFields, as numbers.
+// Custom upstream event that sets the view. Fields: any of kViewFields, as numbers.
 inline constexpr char kViewEvent[] = "lightfield-view-request";
 
 bool is_for_view(GstEvent* event, guint view_id);
 
-// Properties, events and signals of one view, made into a viewpoint. Without locks.
+// Converts properties, events and signals of one view to a viewpoint. Not thread-safe.
 class ViewControl {
  public:
   ViewControl();
 
   const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
-  // Angles as they were set, until something else turns the view.
+  // Angles as set, until another input turns the view.
   const ViewValues& values() const { return values_; }
 
-  void set(int field, double value);  // finite
-  // Sets all numbers of a view that the structure has, or none of them: false if the structure has neither these nor
-  // focus-continuous, or a value that is not a finite number, or an unknown field.
+  void set(int field, double value);  // `value` must be finite
+  // Sets all numbers of a view in the structure, or none. Returns false for unknown fields, for values that are not
+  // finite numbers, and if there are neither numbers nor focus-continuous.
   bool set_view(const GstStructure* structure);
-  // The field focus-continuous of such a structure; nothing where it is missing or not a finite number.
+  // Returns the field focus-continuous; nothing if it is missing or not a finite number.
   static std::optional<double> focus_continuous(const GstStructure* structure);
-  // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
+  // Starts at `defaults`, except for numbers from set() or set_view(). "home" returns here.
   void begin(const Viewpoint& defaults);
-  // Mouse and keys go as far as something is visible of this array; null: anywhere.
-  void keep_visible(std::shared_ptr<const VisibleShare> share);
-  const std::shared_ptr<const VisibleShare>& visible_share() const { return share_; }
-  // A GstNavigation event of a picture of columns x rows views of this size in pixels. False if it means nothing here.
+  // Limits mouse and keys so that part of the array stays visible; null: no limit.
+  void constrain_view(std::shared_ptr<const VisibleFraction> share);
+  const std::shared_ptr<const VisibleFraction>& visible_share() const { return share_; }
+  // Applies a GstNavigation event for a picture of columns x rows views of this size in pixels. Returns false if the
+  // event has no effect.
   bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
-  // Where the picture was clicked since the last call, pixels: the first button was pressed and let go without a drag.
+  // Returns and clears the position of the last click, in pixels. A click is a press and release of the first button
+  // without a drag.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:
   struct Drag {
     double x, y;
-    bool pan;  // whatever the modifiers
+    bool pan;  // pan whatever the modifiers are
     Vec2 begun;
   };
 
@@ -96,11 +98,11 @@ class ViewControl {
 
   Navigator navigator_;
   ViewValues values_;
-  std::array<std::optional<double>, kNumViewFields> given_;
+  std::array<std::optional<double>, kNumViewFields> set_fields_;
   std::optional<Drag> drag_;
   std::optional<Vec2> click_;
-  std::shared_ptr<const VisibleShare> share_;
-  double aspect_ = 0;  // width / height of the view that the navigator knows
+  std::shared_ptr<const VisibleFraction> share_;
+  double aspect_ = 0;
 };
 
 }  // namespace lf

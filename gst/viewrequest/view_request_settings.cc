@@ -27,8 +27,7 @@ void limit_side(GstStructure* wanted, const char* name, int set, int count) {
     gst_structure_set(wanted, name, GST_TYPE_INT_RANGE, 1, kMaxImageSize, nullptr);
 }
 
-// What the properties allow, of whole pictures.
-StructurePtr wanted_form(const PictureForm& set, int columns, int rows) {
+StructurePtr requested_format(const PictureFormat& set, int columns, int rows) {
   StructurePtr wanted = structure_ptr(gst_structure_new_empty("video/x-raw"));
   limit_side(wanted.get(), "width", set.width, columns);
   limit_side(wanted.get(), "height", set.height, rows);
@@ -40,7 +39,7 @@ StructurePtr wanted_form(const PictureForm& set, int columns, int rows) {
   return wanted;
 }
 
-// Formats, colours and the memory are for lfcompositor to agree on.
+// Keeps only size and rate. lfcompositor negotiates format, colorimetry and memory.
 StructurePtr size_and_rate_of(const GstStructure* video) {
   StructurePtr copy = structure_ptr(gst_structure_new_empty("video/x-raw"));
   for (const char* name : {"width", "height", "framerate", "pixel-aspect-ratio"})
@@ -48,8 +47,8 @@ StructurePtr size_and_rate_of(const GstStructure* video) {
   return copy;
 }
 
-// One side of a view, as near to `target` as the structure allows for `count` views in a row. 0: no such side.
-// `is_set`: the picture has several views.
+// Chooses one side of a view, as close to `target` as the structure allows for `count` views in a row. Returns 0 if
+// impossible. `is_set`: the picture has several views.
 int choose_side(GstStructure* form, const char* name, int target, int count, bool is_set) {
   const int step = is_set ? 2 * count : 1;
   const bool is_open = !gst_structure_has_field_typed(form, name, G_TYPE_INT);
@@ -65,64 +64,63 @@ int scaled(int side, int numerator, int denominator) {
   return std::max(2, 2 * static_cast<int>(exact / 2 + 0.5));
 }
 
-std::optional<PictureForm> fit_to_structure(GstStructure* form, const PictureForm& set, const PictureForm& usual,
-                                            int columns, int rows) {
-  PictureForm fitted = set;
+std::optional<PictureFormat> fit_to_structure(GstStructure* form, const PictureFormat& set,
+                                              const PictureFormat& defaults, int columns, int rows) {
+  PictureFormat fitted = set;
   const bool is_set = columns * rows > 1;
   const bool is_wide_fixed = set.width == 0 && gst_structure_has_field_typed(form, "width", G_TYPE_INT);
   const bool is_high_fixed = set.height == 0 && gst_structure_has_field_typed(form, "height", G_TYPE_INT);
-  PictureForm target = usual;
+  PictureFormat target = defaults;
   if (is_high_fixed && !is_wide_fixed) {
-    fitted.height = choose_side(form, "height", usual.height, rows, is_set);
-    if (fitted.height != usual.height) target.width = scaled(fitted.height, usual.width, usual.height);
+    fitted.height = choose_side(form, "height", defaults.height, rows, is_set);
+    if (fitted.height != defaults.height) target.width = scaled(fitted.height, defaults.width, defaults.height);
   }
   fitted.width = set.width > 0 ? set.width : choose_side(form, "width", target.width, columns, is_set);
-  if (set.width == 0 && !is_high_fixed && fitted.width != usual.width)
-    target.height = scaled(fitted.width, usual.height, usual.width);
+  if (set.width == 0 && !is_high_fixed && fitted.width != defaults.width)
+    target.height = scaled(fitted.width, defaults.height, defaults.width);
   fitted.height = set.height > 0 ? set.height : choose_side(form, "height", target.height, rows, is_set);
   if (fitted.width <= 0 || fitted.height <= 0) return std::nullopt;
-  gst_structure_fixate_field_nearest_fraction(form, "framerate", usual.fps_n, usual.fps_d);
+  gst_structure_fixate_field_nearest_fraction(form, "framerate", defaults.fps_n, defaults.fps_d);
   if (!gst_structure_get_fraction(form, "framerate", &fitted.fps_n, &fitted.fps_d)) return std::nullopt;
   return fitted;
 }
 
 }  // namespace
 
-PictureForm with_usual(const PictureForm& set, const PictureForm& usual) {
-  PictureForm form = set;
-  if (form.width == 0) form.width = usual.width;
-  if (form.height == 0) form.height = usual.height;
-  if (form.fps_n == 0) form.fps_n = usual.fps_n, form.fps_d = usual.fps_d;
+PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults) {
+  PictureFormat form = set;
+  if (form.width == 0) form.width = defaults.width;
+  if (form.height == 0) form.height = defaults.height;
+  if (form.fps_n == 0) form.fps_n = defaults.fps_n, form.fps_d = defaults.fps_d;
   return form;
 }
 
-std::optional<PictureForm> fit_to_caps(const GstCaps* caps, const PictureForm& set, const PictureForm& usual,
-                                       int columns, int rows) {
-  if (gst_caps_is_any(caps)) return with_usual(set, usual);
-  const StructurePtr wanted = wanted_form(set, columns, rows);
+std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureFormat& set, const PictureFormat& defaults,
+                                         int columns, int rows) {
+  if (gst_caps_is_any(caps)) return with_defaults(set, defaults);
+  const StructurePtr wanted = requested_format(set, columns, rows);
   for (guint i = 0; i < gst_caps_get_size(caps); i++) {
     const GstStructure* offered = gst_caps_get_structure(caps, i);
     if (!gst_structure_has_name(offered, "video/x-raw")) continue;
     const StructurePtr sizes = size_and_rate_of(offered);
     const StructurePtr form = structure_ptr(gst_structure_intersect(sizes.get(), wanted.get()));
     if (!form) continue;
-    if (auto fitted = fit_to_structure(form.get(), set, usual, columns, rows)) return fitted;
+    if (auto fitted = fit_to_structure(form.get(), set, defaults, columns, rows)) return fitted;
   }
   return std::nullopt;
 }
 
 }  // namespace lf
 
-// Properties decide on the size and rate of pictures; where properties are not set, the caps behind the view's
-// lfcompositor do.
+// Size and rate of pictures come from properties, or, if unset, from the caps downstream of the view's lfcompositor.
 
-using lf::PictureForm;
+using lf::PictureFormat;
 
-static PictureForm usual_form(const lf::RequestStream& stream) {
-  return {stream.default_width(), stream.default_height(), lf::kUsualFps, 1};
+static PictureFormat default_format(const lf::RequestStream& stream) {
+  return {stream.default_width(), stream.default_height(), lf::kDefaultViewFps, 1};
 }
 
-// Views of a file have sizes of their own, but no rate.
+// Views of a file define their size, but no rate.
 static lf::SharedCaps without_size(const GstCaps* caps) {
   GstCaps* copy = gst_caps_copy(caps);
   for (guint i = 0; i < gst_caps_get_size(copy); i++)
@@ -130,27 +128,27 @@ static lf::SharedCaps without_size(const GstCaps* caps) {
   return lf::share_caps(copy);
 }
 
-void lf_view_request_choose_form(LfViewRequest* self) {
+void lf_view_request_choose_format(LfViewRequest* self) {
   auto& state = *self->state;
   if (!state.stream) return;
   const lf::ViewRequestSettings& settings = state.settings;
-  const PictureForm set{settings.width, settings.height, settings.fps_n, settings.fps_d};
-  const PictureForm usual = usual_form(*state.stream);
+  const PictureFormat set{settings.width, settings.height, settings.fps_n, settings.fps_d};
+  const PictureFormat defaults = default_format(*state.stream);
   const bool from_file = state.stream->from_file();
-  std::optional<PictureForm> fitted;
+  std::optional<PictureFormat> fitted;
   if (state.downstream) {
     const lf::SharedCaps caps = from_file ? without_size(state.downstream.get()) : state.downstream;
-    const lf::PlaceInSet place = settings.place(0);
-    fitted = lf::fit_to_caps(caps.get(), set, usual, place.columns, place.rows);
+    const lf::ViewSetPosition place = settings.place(0);
+    fitted = lf::fit_to_caps(caps.get(), set, defaults, place.columns, place.rows);
   }
-  state.form = fitted.value_or(lf::with_usual(set, usual));
+  state.form = fitted.value_or(lf::with_defaults(set, defaults));
   state.follows_caps = fitted && !from_file;
 }
 
 gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps) {
   const lf::ObjectLock lock(self);
   self->state->downstream = std::move(caps);
-  lf_view_request_choose_form(self);
+  lf_view_request_choose_format(self);
   return self->state->stream && self->state->follows_caps;
 }
 
@@ -160,46 +158,45 @@ void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::Request
   const lf::ViewRequestSettings settings = state.settings;
   auto share = state.control.visible_share();
   lock.unlock();
-  if (stream) share = lf_view_request_visible_share(settings, stream->rig());  // before anything changes: may throw
+  if (stream) share = lf_view_request_visible_share(settings, stream->rig());  // may throw, so before any change
   lf::ObjectLock again(self);
   if (stream) {
-    // GstBaseSrc does not stop an element that could not seek to its beginning.
+    // GstBaseSrc does not stop an element after a failed initial seek.
     state.stream = std::move(stream);
     state.downstream.reset();
-    lf_view_request_choose_form(self);
+    lf_view_request_choose_format(self);
   }
-  const PictureForm form = state.form;
+  const PictureFormat form = state.form;
   const bool from_file = state.stream->from_file();
   lf::Viewpoint home = state.stream->default_viewpoint();
   again.unlock();
   if (share && !from_file) home = share->home(static_cast<double>(form.width) / form.height, 0, settings);
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     control.begin(home);
-    control.keep_visible(share);
+    control.constrain_view(share);
     return TRUE;
   });
 }
 
-static PictureForm form_of(LfViewRequest* self) {
+static PictureFormat format_of(LfViewRequest* self) {
   const lf::ObjectLock lock(self);
   return self->state->form;
 }
 
-// Without an answer, as from a compositor on another host, pictures have the size and rate of the properties.
+// Without an answer, as from a compositor on another host, properties define size and rate.
 static void ask_downstream(LfViewRequest* self) {
-  const PictureForm before = form_of(self);
+  const PictureFormat before = format_of(self);
   lf::SharedCaps caps = lf::query_picture_caps(GST_BASE_SRC_PAD(self), lf_view_request_view_id(self));
   if (!caps) return;
   lf_view_request_follow_caps(self, std::move(caps));
-  const PictureForm now = form_of(self);
+  const PictureFormat now = format_of(self);
   const bool is_other_shape = now.width * before.height != before.width * now.height;
   if (is_other_shape && self->state->stream->next_number == 0) lf_view_request_begin_view(self);
 }
 
-// Makes requests at the rate of the current caps.
-static void use_agreed_rate(LfViewRequest* self) {
+static void use_negotiated_rate(LfViewRequest* self) {
   const lf::SharedCaps caps = lf::share_caps(gst_pad_get_current_caps(GST_BASE_SRC_PAD(self)));
-  PictureForm agreed;
+  PictureFormat agreed;
   if (!caps ||
       !gst_structure_get_fraction(gst_caps_get_structure(caps.get(), 0), "framerate", &agreed.fps_n, &agreed.fps_d))
     return;
@@ -212,8 +209,8 @@ static void use_agreed_rate(LfViewRequest* self) {
   if (!state.stream->schedule.set_rate(lf::Schedule(agreed.fps_n, agreed.fps_d)))
     GST_ELEMENT_WARNING(
         self, STREAM, FAILED,
-        ("location: downstream asks for %d/%d pictures a second, but a list of views keeps the rate that "
-         "it began with: put a videorate in between.",
+        ("location: downstream requires %d/%d pictures per second, but the rate of a list of views can't change: "
+         "insert a videorate.",
          agreed.fps_n, agreed.fps_d),
         (nullptr));
   GST_INFO_OBJECT(self, "%d/%d requests a second", agreed.fps_n, agreed.fps_d);
@@ -221,13 +218,13 @@ static void use_agreed_rate(LfViewRequest* self) {
     gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
 }
 
-// A relay gets its caps with the first request.
+// A relay receives its caps with the first request.
 static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->state->relay.is_on()) return TRUE;
   ask_downstream(self);
   if (!GST_BASE_SRC_CLASS(g_type_class_peek(GST_TYPE_PUSH_SRC))->negotiate(base)) return FALSE;
-  use_agreed_rate(self);
+  use_negotiated_rate(self);
   return TRUE;
 }
 
@@ -248,7 +245,7 @@ static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
 }
 
 static GstCaps* lf_view_request_fixate(GstBaseSrc* base, GstCaps* caps) {
-  const PictureForm form = form_of(LF_VIEW_REQUEST(base));
+  const PictureFormat form = format_of(LF_VIEW_REQUEST(base));
   caps = gst_caps_make_writable(caps);
   for (guint i = 0; i < gst_caps_get_size(caps); i++)
     gst_structure_fixate_field_nearest_fraction(gst_caps_get_structure(caps, i), "framerate", form.fps_n, form.fps_d);
@@ -256,14 +253,14 @@ static GstCaps* lf_view_request_fixate(GstBaseSrc* base, GstCaps* caps) {
 }
 
 GstFlowReturn lf_view_request_follow_rate(LfViewRequest* self) {
-  const PictureForm form = form_of(self);
-  const PictureForm& agreed = self->state->agreed;
+  const PictureFormat form = format_of(self);
+  const PictureFormat& agreed = self->state->agreed;
   if (form.fps_n == agreed.fps_n && form.fps_d == agreed.fps_d) return GST_FLOW_OK;
   if (gst_base_src_negotiate(GST_BASE_SRC(self))) return GST_FLOW_OK;
   return GST_PAD_IS_FLUSHING(GST_BASE_SRC_PAD(self)) ? GST_FLOW_FLUSHING : GST_FLOW_NOT_NEGOTIATED;
 }
 
-void lf_view_request_install_form(GstBaseSrcClass* klass) {
+void lf_view_request_install_format(GstBaseSrcClass* klass) {
   klass->get_caps = lf::callback<lf_view_request_get_caps>;
   klass->fixate = lf::callback<lf_view_request_fixate>;
   klass->negotiate = lf::callback<lf_view_request_negotiate>;
@@ -274,128 +271,118 @@ namespace {
 
 using S = ViewRequestSettings;
 
-constexpr GstClockTime kMostCaptureDelay = 60 * GST_SECOND;
+constexpr gint64 kMaxCaptureDelay = 60 * GST_SECOND;
 constexpr double kMostEyeDistance = 1e6;  // metres
-
-Property<S> capture_delay_property() {
-  Property<S> bounded = property<&S::capture_delay>(
-      kWhileReady, "capture-delay", "Capture delay",
-      "Live: how old, in nanoseconds, the capture time asked for is at least; long enough for frames of that time to "
-      "have reached the nodes. It is told as latency. -1 (GST_CLOCK_TIME_NONE) is automatic: what the nodes of this "
-      "process find that their cameras need, followed by LATENCY messages",
-      guint64{0}, G_MAXUINT64);
-  bounded.set = [](S& settings, const GValue* value) {
-    const GstClockTime delay = g_value_get_uint64(value);
-    settings.capture_delay = GST_CLOCK_TIME_IS_VALID(delay) ? MIN(delay, kMostCaptureDelay) : delay;
-  };
-  return bounded;
-}
 
 Property<S> frame_rate_property() {
   return fraction_property<&S::fps_n, &S::fps_d>(
       kWhileReady, "framerate", "Frame rate",
-      "Requests per second, also the rate of the capture schedule; views of a file that have times keep these (0/1: "
-      "as the caps downstream of the view's lfcompositor say, else 15/1)",
+      "Rate of requests and of the capture schedule, in requests per second; views of a file keep their times (0/1: "
+      "from the caps downstream of the view's lfcompositor, else 15/1)",
       0, 1);
 }
 
 }  // namespace
 
-std::string ViewRequestSettings::without_effect(bool live) const {
+std::string ViewRequestSettings::ignored_settings(bool live) const {
   std::string text;
   const auto say = [&text](bool idle, const char* why) {
     if (idle) text += (text.empty() ? "" : " ") + std::string(why);
   };
   const bool from_file = !location.empty();
-  say(eager && !live, "eager: nothing waits for its turn that is not live.");
-  say(eager && live && from_file, "eager: views of a file (location) come in their own time.");
-  say(capture_delay > 0 && GST_CLOCK_TIME_IS_VALID(capture_delay) && !live,
-      "capture-delay: what is not live waits for no camera.");
-  say(from_file && (width > 0 || height > 0), "width and height: views of a file (location) have sizes of their own.");
-  say(loop && !from_file, "loop: there is no file (location) to begin again.");
+  say(eager && !live, "eager: has an effect on live requests only.");
+  say(eager && live && from_file, "eager: views of a file (location) keep their times.");
+  say(capture_delay > 0 && !live, "capture-delay: has an effect on live requests only.");
+  say(from_file && (width > 0 || height > 0), "width and height: the file (location) defines the sizes of its views.");
+  say(loop && !from_file, "loop: has no effect without a file (location).");
   const S initial;
-  say(layout == SetLayout::kMono && (cone != 0 || eye_distance != initial.eye_distance),
-      "eye-distance and view-cone: one view (views) has no other beside it.");
-  const bool is_row = layout == SetLayout::kRow;
-  say(layout != SetLayout::kQuilt && (rows != initial.rows || (!is_row && columns != initial.columns)),
+  say(layout == ViewSetLayout::kMono && (cone != 0 || eye_distance != initial.eye_distance),
+      "eye-distance and view-cone: have no effect on a single view (views).");
+  const bool is_row = layout == ViewSetLayout::kRow;
+  say(layout != ViewSetLayout::kQuilt && (rows != initial.rows || (!is_row && columns != initial.columns)),
       "columns and rows: only a row has columns, and only a quilt has both (views).");
   return text;
 }
 
 PropertyTable<S>& ViewRequestSettings::properties() {
   static PropertyTable<S> table = {
-      property<&S::location>(
-          kWhileReady, "location", "Location",
-          "A views.json file to ask for, view by view; without it the view is made of the properties"),
+      property<&S::location>(kWhileReady, "location", "Location",
+                             "File with the views to request (views.json); if empty, the properties define the view"),
       property<&S::rig>(
           kWhilePlaying, "rig", "Rig",
-          "The rig.json file the view is of: requests carry its hash, and what is not set of the view is chosen to "
-          "suit it. Set while running, it is read again and its hash is that of the next request"),
-      property<&S::view_id>(kWhileReady, "view-id", "View id", "Id of the view, that of its lfcompositor", 0,
-                            G_MAXUINT),
+          "Rig file (rig.json) of the array: requests carry its hash, and unset view properties are chosen to suit the "
+          "array. If set while running, the file is loaded again and used from the next request on"),
+      property<&S::view_id>(kWhileReady, "view-id", "View id", "Id of the view, as in its lfcompositor", 0, G_MAXUINT),
       property<&S::width>(kWhilePlaying, "width", "Width",
-                          "Width of the view in pixels, without location (0: as the caps downstream of the view's "
-                          "lfcompositor say, else that of the rig's cameras, without rig 640)",
+                          "Width of the view in pixels, ignored with location (0: from the caps downstream of the "
+                          "view's lfcompositor, else width of the rig's cameras, or 640 without rig)",
                           0, kMaxImageSize),
       property<&S::height>(kWhilePlaying, "height", "Height",
-                           "Height of the view in pixels, without location (0: as the caps downstream of the view's "
-                           "lfcompositor say, else that of the rig's cameras, without rig 480)",
+                           "Height of the view in pixels, ignored with location (0: from the caps downstream of the "
+                           "view's lfcompositor, else height of the rig's cameras, or 480 without rig)",
                            0, kMaxImageSize),
       frame_rate_property(),
-      capture_delay_property(),
+      property<&S::capture_delay>(kWhileReady, "capture-delay", "Capture delay",
+                                  "Live: minimum age of the requested capture time, in nanoseconds; must be long "
+                                  "enough for frames to reach the "
+                                  "nodes, and is reported as latency (-1: as measured by the nodes of this process, "
+                                  "with LATENCY messages after "
+                                  "changes)",
+                                  gint64{-1}, kMaxCaptureDelay),
       property<&S::navigation>(kWhilePlaying, "navigation", "Navigation",
-                               "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel "
-                               "zooms, with ctrl it focuses; keys are arrows, w s a d q e, + -, [ ], r"),
-      property<&S::keep_visible>(
-          kWhilePlaying, "keep-visible", "Keep visible",
-          "The view begins inside the array's mesh and no wider than its cameras see, and mouse and keys, but with "
-          "shift, lose sight of no more than a twentieth of that: the view is held back. Needs rig"),
+                               "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel zooms, "
+                               "ctrl-wheel focuses; keys are arrows, w s a d q e, + -, [ ], r"),
+      property<&S::constrain_view>(
+          kWhilePlaying, "constrain-view", "Constrain view",
+          "Start inside the array's mesh with a field of view that the cameras cover, and limit mouse and keys without "
+          "shift so that at most a twentieth of this coverage is lost; requires rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
-                            "Quality of the JPEG in which answers come over links (0: uncompressed)", 0, 100),
+                            "JPEG quality of answers over network links (0: uncompressed)", 0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
-                                   "Ids of cameras that the nodes are to do without, like \"0-3,7\"; needs rig"),
-      property<&S::navigation_from>(kWhileReady, "navigation-from", "Navigation from",
-                                    "Name of an element of this pipeline that the pictures pass: mouse and keys of "
-                                    "their window steer the view, though the pictures come from another host"),
+                                   "Ids of cameras that nodes must not use, such as \"0-3,7\"; requires rig"),
+      property<&S::navigation_element>(
+          kWhileReady, "navigation-element", "Navigation element",
+          "Name of an element of this pipeline in the path of the pictures: mouse and keys "
+          "of the window then move the view even if the pictures come from another host"),
       property<&S::access>(kWhileReady, "access", "Access",
-                           "What the cameras know: behind each request go commands for those that do not find out "
-                           "themselves what they have to give (lffragment access); needs rig",
+                           "Capabilities of the cameras: cameras that cannot plan their own part of a view (lffragment "
+                           "access) receive a command after each request; requires rig",
                            LF_TYPE_ACCESS),
       property<&S::eager>(kWhilePlaying, "eager", "Eager",
-                          "Live, without location: once the view is changed the next request does not wait for its "
-                          "turn, but for a quarter of a frame after the turn before, and asks for the newest capture "
-                          "there is. No more requests are made for it"),
+                          "Live, without location: after a change of the view, send the next request early, a quarter "
+                          "of a frame after the previous instant, for the newest capture; the number of requests stays "
+                          "the same"),
       inherited_property<S, &S::layout>(
           kWhilePlaying, "views", "Views",
-          "Views of one moment from eyes in a row around the view, whose pictures, of width x height each, make one",
+          "Layout of simultaneous views from eyes in a row around the view, combined in one picture; width and height "
+          "apply to each view",
           LF_TYPE_SET_LAYOUT),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
                                          "Views side by side, with views=row and views=quilt", 1,
-                                         PlaceInSet::kMostViews),
+                                         ViewSetPosition::kMaxViews),
       inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows", "Rows of views, with views=quilt", 1,
-                                      PlaceInSet::kMostViews),
+                                      ViewSetPosition::kMaxViews),
       inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
-                                              "Metres between neighbouring eyes of the views", 0.0, kMostEyeDistance),
+                                              "Distance between neighbouring eyes, in metres", 0.0, kMostEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
-          "Degrees between the outermost eyes of the views, as seen from the middle of the focal plane, in place of "
-          "eye-distance (0: eye-distance)",
+          "Angle between the outermost eyes, seen from the middle of the focal plane, in degrees; replaces "
+          "eye-distance (0: use eye-distance)",
           0.0, 179.0),
       inherited_property<S, &S::converged>(
           kWhilePlaying, "converged", "Converged",
-          "Shift the pictures of the views so that what is in the focal plane is in the same place of all, as on a "
-          "screen that stands there; else lines of sight are parallel, as headsets want them"),
+          "Shift the views so that the focal plane has zero disparity, for screens; if false, lines of sight are "
+          "parallel, for headsets"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
-          "Keep the place of the view in focus that a click or focus-at named last (before: the middle), as what is "
-          "seen there moves: from the focal surface of its lfcompositor, or by a sweep of depths, in a small view "
-          "beside one of eight requests"),
+          "Keep the point of the last click or focus-at (initially the middle) in focus while the scene moves: by the "
+          "focal surface of the lfcompositor, or by a sweep of depths in a small view with every eighth request"),
       property<&S::nearest_cameras>(
           kWhilePlaying, "nearest-cameras", "Nearest cameras",
-          "Without aperture: blend about as many cameras a pixel, weighed by angle, resolution and field of view, for "
-          "arrays without structure (0: three cameras, blended by the mesh)",
+          "Without aperture: approximate number of cameras per pixel, weighted by angle, resolution and field of view, "
+          "for unstructured arrays (0: three cameras, blended by the mesh)",
           0, Blending::kMaxNearest),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Begin the file of location again at its end"),
+      property<&S::loop>(kWhileReady, "loop", "Loop", "Restart the file in location at its end"),
   };
   return table;
 }
@@ -403,15 +390,14 @@ PropertyTable<S>& ViewRequestSettings::properties() {
 }  // namespace lf
 
 GType lf_set_layout_get_type(void) {
-  using lf::SetLayout;
-  static const GType type = lf::register_enum<SetLayout>(
+  using lf::ViewSetLayout;
+  static const GType type = lf::register_enum<ViewSetLayout>(
       "LfSetLayout",
-      {{SetLayout::kMono, "One view", "mono"},
-       {SetLayout::kStereo, "Two, side by side", "stereo"},
-       {SetLayout::kCrossEyed, "Two, side by side, the right one on the left: for eyes that cross", "cross-eyed"},
-       {SetLayout::kTopBottom, "Two, the left one on top", "top-bottom"},
-       {SetLayout::kRow, "One row of \"columns\", from left to right", "row"},
-       {SetLayout::kQuilt, "\"rows\" of \"columns\", from the bottom left, as displays of light fields take them",
-        "quilt"}});
+      {{ViewSetLayout::kMono, "One view", "mono"},
+       {ViewSetLayout::kStereo, "Two, side by side", "stereo"},
+       {ViewSetLayout::kCrossEyed, "Two, side by side, swapped for cross-eyed viewing", "cross-eyed"},
+       {ViewSetLayout::kTopBottom, "Two, the left one on top", "top-bottom"},
+       {ViewSetLayout::kRow, "One row of \"columns\", from left to right", "row"},
+       {ViewSetLayout::kQuilt, "\"rows\" of \"columns\", from the bottom left, for light field displays", "quilt"}});
   return type;
 }

@@ -11,47 +11,46 @@
 
 namespace lf {
 
-// The size in pixels of one view's picture, and the frame rate. 0: not set.
-struct PictureForm {
+// Picture size of one view in pixels, and frame rate. 0: not set.
+struct PictureFormat {
   int width = 0, height = 0;
   int fps_n = 0, fps_d = 1;
-  bool operator==(const PictureForm&) const = default;
+  bool operator==(const PictureFormat&) const = default;
 };
 
-// `set`, completed with the values of `usual`.
-PictureForm with_usual(const PictureForm& set, const PictureForm& usual);
+// Returns `set`, with unset values from `defaults`.
+PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults);
 
-// The form of pictures for elements that accept `caps`: numbers in `set` stay, and all others are as near to `usual` as
-// the first suitable structure allows. Where caps fix one side of the picture, the other side keeps the shape of
-// `usual`. A picture of `caps` has columns x rows views; pictures of several views have even sides. Nothing if no
-// structure is suitable. `set` and `usual` are of one view; `usual` is set as a whole.
-std::optional<PictureForm> fit_to_caps(const GstCaps* caps, const PictureForm& set, const PictureForm& usual,
-                                       int columns, int rows);
+// Returns the format for elements that accept `caps`. Numbers in `set` stay. Other numbers are as close to `defaults`
+// as the first suitable structure allows. If caps fix one side, the other side keeps the aspect ratio of `defaults`. A
+// picture of `caps` has columns x rows views; pictures of several views have even sides. Returns nothing if no
+// structure is suitable. `set` and `defaults` describe one view, and `defaults` must be complete.
+std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureFormat& set, const PictureFormat& defaults,
+                                         int columns, int rows);
 
 inline constexpr char kFocusContinuous[] = "focus-continuous";
-inline constexpr int kUsualFps = 15;  // frames per second where neither the property nor caps name a rate
+inline constexpr int kDefaultViewFps = 15;  // frames per second, if neither property nor caps define a rate
 
-// Property "views": lf::SetLayout.
+// Type of the property "views": lf::ViewSetLayout.
 #define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
 
-// lfviewrequest's properties but for the numbers of the view itself (view_control.h).
 struct ViewRequestSettings : ViewSet {
-  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // pixels of views where there is no rig
+  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // pixels; size of views without rig
 
-  std::string location, rig, out_of_service, navigation_from;
+  std::string location, rig, out_of_service, navigation_element;
   guint view_id = 0;
-  gint width = 0, height = 0;                        // 0: as downstream caps say, else as the rig's cameras
-  gint fps_n = 0, fps_d = 1;                         // 0: as downstream caps say, else kUsualFps
-  GstClockTime capture_delay = GST_CLOCK_TIME_NONE;  // NONE: as nodes need it
-  bool navigation = true, keep_visible = true, loop = false, eager = false;
+  gint width = 0, height = 0;  // pixels; 0: from downstream caps, else from the rig
+  gint fps_n = 0, fps_d = 1;   // 0: from downstream caps, else kDefaultViewFps
+  gint64 capture_delay = -1;   // nanoseconds; -1: as the nodes require
+  bool navigation = true, constrain_view = true, loop = false, eager = false;
   guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;
   bool focus_continuous = false;
-  // The property of GstBaseSrc, which would count what goes along with requests, too. -1: no end.
+  // Replaces the property of GstBaseSrc, which would also count commands. -1: unlimited.
   gint num_buffers = -1;
 
-  // What is set and can have no effect beside the other settings, and why, for a person to read; empty if nothing is.
-  std::string without_effect(bool live) const;
+  // Describes settings that have no effect in combination with other settings, and why. Empty if there are none.
+  std::string ignored_settings(bool live) const;
 
   static PropertyTable<ViewRequestSettings>& properties();
 };

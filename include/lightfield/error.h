@@ -5,10 +5,11 @@
 
 namespace lightfield {
 
-// Thrown by every function of this library that is given what it cannot use. The text names the argument, or the file
-// and the place in it ("rig.json: cameras[3].params[0]: must be a finite number"), and is fit to be shown to a person.
-// An object whose method has thrown can be used as before. Compositor::add(), which is given all that comes off a
-// network, does not throw for what it cannot use but says it in its result.
+// Thrown by all functions of this library for invalid input. The text is suitable for users. It names the argument, or
+// the file and the place in it ("rig.json: cameras[3].params[0]: must be a finite number").
+//
+// An object remains usable after one of its methods has thrown. Compositor::add() takes untrusted bytes and reports bad
+// input in its result instead of throwing.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -14,36 +14,35 @@
 
 namespace lightfield {
 
-// A request or a part of an answer: a string of bytes that any transport may carry, whole. The format is that of
-// lib/wire/spec.md, which the GStreamer elements speak, too.
+// A request or one part of an answer, for any transport that delivers messages whole. The format is lib/wire/spec.md,
+// as used by the GStreamer elements.
 using Bytes = std::vector<uint8_t>;
 
-// A time that no frame has: the newest frames are meant.
+// Capture time of a request for the newest frames.
 constexpr uint64_t kNewest = std::numeric_limits<uint64_t>::max();
 
-// The fields of a request that a transport or a frame buffer needs.
 struct RequestInfo {
-  uint32_t view_id = 0;     // the number of the viewer whose request this is
-  uint32_t sequence = 0;    // grows by one with each request of this viewer, and wraps
-  uint64_t time = kNewest;  // when the frames that are asked for were captured, nanoseconds
+  uint32_t view_id = 0;
+  uint32_t sequence = 0;    // increases by one with each request of the viewer; wraps around
+  uint64_t time = kNewest;  // capture time of the frames, nanoseconds; kNewest: newest frames
 };
 
-// Throws Error if the bytes are not exactly one request. They may come from anywhere.
+// Throws Error unless the bytes are exactly one request. The bytes may be untrusted.
 RequestInfo read_request(const Bytes& request);
 
 struct NodeOptions {
-  Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
-  unsigned threads = 0;  // how many work on an answer at most; 0: as many as there are processors
+  Resampling resampling = Resampling::kSharpened;
+  unsigned threads = 0;  // maximum threads per answer; 0: number of processors
 };
 
-// The cameras of one machine: answers the requests of any number of viewers with the sum of what its cameras contribute
-// to their views. Every node knows the whole rig and has images of its own cameras alone.
+// The cameras of one machine. Answers the requests of any number of viewers with the weighted sum of its cameras'
+// pixels. Every node knows the whole rig but only has the images of its cameras.
 //
-// Thread-safe: calls from several threads wait for each other; each of them works with several threads.
+// Thread-safe: concurrent calls are serialised, and each call uses several threads.
 class Node {
  public:
-  // `cameras`: indices of the node's cameras, in any order, none twice; the order is that of frames below. Throws Error
-  // for one that the rig does not have, and for none at all.
+  // `cameras`: indices of the node's cameras, without duplicates, in the order of the frames below. Throws Error if the
+  // list is empty or an index is not in the rig.
   Node(Rig rig, std::vector<uint32_t> cameras, const NodeOptions& options = {});
   ~Node();
   Node(Node&&) noexcept;
@@ -51,14 +50,16 @@ class Node {
 
   const std::vector<uint32_t>& cameras() const;
 
-  // Indices of the node's cameras whose frames are looked at for this request, ascending; frames of others need not be
-  // decoded. Throws Error as answer() does.
+  // Returns the indices of the node's cameras that this request needs, ascending. Other cameras need no decoded frame.
+  // Throws Error like answer().
   std::vector<uint32_t> cameras_for(const Bytes& request) const;
 
-  // The answer: one part or a few, to be carried to the viewer's Compositor, in any order. `frames`: one for each of
-  // cameras(), in that order, all of one format and each of its camera's size; empty where there is none, which the
-  // answer says. They are only read, and only during the call. The same request and frames give the same bytes. Throws
-  // Error for bytes that are no request, for a request that was made for another rig, and for frames that do not fit.
+  // Returns the parts of an answer. Send them to the viewer's Compositor in any order.
+  //
+  // `frames`: one for each of cameras(), in that order, all of the same format and each of its camera's size. An empty
+  // frame means that the camera has no image, and the answer reports that. Frames are only read, and only during the
+  // call. The same request and frames give the same bytes. Throws Error if the request is invalid or was made for
+  // another rig, or if a frame does not fit.
   std::vector<Bytes> answer(const Bytes& request, const std::vector<ImageView>& frames) const;
   std::vector<Bytes> answer(const Bytes& request, const std::vector<Image>& frames) const;
 
@@ -67,67 +68,63 @@ class Node {
   std::unique_ptr<State> state_;
 };
 
-// How a picture is asked for, beside its view.
 struct RequestOptions {
   Focus focus = Focus::kPlane;
-  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows what is found in the
-  // scene.
+  // kAuto: range of surface distances from the array, in metres. If either value is 0, the range follows the scene.
   double nearest = 0, farthest = 0;
-  // With kAuto: whether cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface. Without a value: only where the rig says nothing of its cameras' colours.
+  // kAuto: true to correct brightness differences between the cameras, measured on the surface. Without a value: true
+  // if the rig has no colour calibration.
   std::optional<bool> match_brightness = {};
-  // How answers' pixels travel: 1 to 100: JPEG of this quality; 0: 16 bits a value, by which the picture is, to the
-  // bit, that of a Renderer with all cameras, and large.
+  // Encoding of the pixels. 1 to 100: JPEG of this quality. 0: 16 bits per value, which is large; the picture is then
+  // bit-identical to the picture of a Renderer with all cameras.
   int quality = 90;
-  // When the frames that are asked for were captured, nanoseconds of a clock that all nodes share; kNewest: whichever
-  // are newest.
+  // Capture time of the frames, in nanoseconds of a clock that all nodes share; kNewest: newest frames.
   uint64_t time = kNewest;
-  // Indices of cameras that are known to have no picture, in any order: their neighbours close the gap.
+  // Indices of cameras without images, in any order. Neighbouring cameras fill the gaps.
   std::vector<uint32_t> out_of_service = {};
-  Colour background = {};  // is shown where no camera sees anything
+  Colour background = {};  // colour of pixels that no camera sees
 };
 
-// One viewer of nodes elsewhere: makes requests, and pictures from the answers.
+// Makes the requests of one viewer and combines the answers of remote nodes into pictures.
 //
 //   Compositor compositor(rig, 1);
 //   Bytes request = compositor.request(view, options);     // to every node
-//   for (const Bytes& part : what_came) compositor.add(part);
-//   Image picture = compositor.finish();                   // when all have answered, or time is up
+//   for (const Bytes& part : received_parts) compositor.add(part);
+//   Image picture = compositor.finish();                   // after all answers, or after a timeout
 //
-// It keeps the focal surface that it has found from picture to picture. Compositors may be moved; one call at a time
-// for each.
+// Keeps its focal surface from picture to picture. Movable. One call at a time for each compositor.
 class Compositor {
  public:
-  // `view_id`: different for each viewer of the same nodes.
+  // `view_id`: unique among the viewers of the same nodes.
   Compositor(Rig rig, uint32_t view_id);
   ~Compositor();
   Compositor(Compositor&&) noexcept;
   Compositor& operator=(Compositor&&) noexcept;
 
-  // Begins the next picture. The request in bytes; it holds all that nodes have to know. A picture that was begun and
-  // not finished is given up. Throws Error for a view that is none, and for options out of range.
+  // Begins the next picture and returns its request, which has everything that nodes need to know. Discards an
+  // unfinished picture. Throws Error if the view is invalid or an option is out of range.
   Bytes request(const View& view, const RequestOptions& options = {});
 
-  // Whether a part could be used, and if not, why: it may come from anywhere, damaged, twice or too late.
-  struct Added {
+  // Parts may come from an untrusted source, and may be damaged, duplicate or late.
+  struct AddResult {
     bool added = false;
-    std::string why_not = {};
+    std::string problem = {};
     explicit operator bool() const { return added; }
   };
-  // Adds a part of an answer to the picture that was begun. The bytes may go when the call is over.
-  Added add(const Bytes& part);
+  // Adds a part of an answer to the current picture. The bytes are not used after the call.
+  AddResult add(const Bytes& part);
 
-  // Whether the nodes of all cameras in service have answered.
+  // True if the nodes of all cameras in service have answered.
   bool is_complete() const;
 
-  // The picture of what has been added, of the answers' format (RGB where no camera had a picture). What never came
-  // leaves its weight to the other cameras of a pixel. Throws Error if no picture was begun.
+  // Returns the picture from all parts added so far, in the format of the answers (RGB if no camera had an image). The
+  // remaining cameras of a pixel take over the weight of missing cameras. Throws Error if no picture was begun.
   Image finish();
 
-  // Cameras that the latest picture had to do without, though it needed them.
+  // Number of cameras that the latest picture needed but did not get.
   unsigned missing() const;
 
-  // Forgets the focal surface, as when the scene has become another one. Other options of focus forget it, too.
+  // Discards the focal surface, for example after a scene change. A change of the focus options does the same.
   void reset_focus();
 
  private:

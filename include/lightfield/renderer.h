@@ -12,32 +12,30 @@
 
 namespace lightfield {
 
-// What draws: SIMD on the CPU; OpenGL ES 3.1 without a window, where there is a driver for it; or the faster one of
-// them, as the first pictures tell, and never a driver that computes on the CPU. All give the same picture to 1 of 255.
+// Rendering device. kCpu: SIMD. kGl: offscreen OpenGL ES 3.1, if there is a driver. kAuto: the faster of both in the
+// first pictures, but never a software OpenGL driver. Pictures of different devices differ by at most 1 of 255.
 enum class RendererChoice : uint8_t { kCpu, kGl, kAuto };
 
-// How a picture is made of a view.
 struct RenderOptions {
   Focus focus = Focus::kPlane;
-  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows what is found in the
-  // scene.
+  // kAuto: range of surface distances from the array, in metres. If either value is 0, the range follows the scene.
   double nearest = 0, farthest = 0;
-  // With kAuto: whether cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface. Without a value: only where the rig says nothing of its cameras' colours.
+  // kAuto: true to correct brightness differences between the cameras, measured on the surface. Without a value: true
+  // if the rig has no colour calibration.
   std::optional<bool> match_brightness = {};
-  Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
-  Colour background = {};                          // is shown where no camera sees anything
-  RendererChoice renderer = RendererChoice::kCpu;  // what draws
+  Resampling resampling = Resampling::kSharpened;
+  Colour background = {};  // colour of pixels that no camera sees
+  RendererChoice renderer = RendererChoice::kCpu;
 };
 
-// Pictures of one viewer from the images of all cameras, in this process: what Node and Compositor do between them, in
-// one call. It keeps memory, and the focal surface that it has found, from call to call: one renderer for each viewer.
+// Renders the pictures of one viewer from images of all cameras in this process, like a Node and a Compositor in one
+// call. Keeps memory and the focal surface from call to call: use one renderer per viewer.
 //
-// Renderers may be moved. One call at a time for each; different ones may be used by different threads, and all of a
-// process share their working threads. Rendering depends on neither: the same input gives the same bits.
+// Movable. One call at a time for each renderer. Renderers may run in different threads; all renderers of a process
+// share worker threads. The same input gives bit-identical pictures, independent of threads.
 class Renderer {
  public:
-  // `threads`: how many work on a picture at most; 0: as many as there are processors.
+  // `threads`: maximum threads per picture; 0: number of processors.
   explicit Renderer(Rig rig, unsigned threads = 0);
   ~Renderer();
   Renderer(Renderer&&) noexcept;
@@ -45,22 +43,24 @@ class Renderer {
 
   const Rig& rig() const;
 
-  // The cameras that make this view, ascending: for pictures of it others need no image. With Focus::kAuto others are
-  // looked at, too, where they have one, which is what tells whether a camera is darker than the rest.
+  // Returns the cameras that this view needs, ascending. Other cameras need no image. With Focus::kAuto, images of
+  // other cameras are used if available, to compare the brightness of the cameras.
   std::vector<uint32_t> cameras(const View& view) const;
 
-  // The view as a picture of the images' format. `images`: one for each camera of the rig, in its order, all of one
-  // format and each of its camera's size; they are only read, and only during the call. Where a camera that the view
-  // needs has none its neighbours close the gap. With Focus::kAuto every call improves the surface: images of one time
-  // together, from call to call those of a scene that moves as films do. Throws Error for a view that is none and for
-  // images that do not fit.
+  // Returns the picture in the format of the images.
+  //
+  // `images`: one for each camera of the rig, in its order, all of the same format and each of its camera's size.
+  // Images are only read, and only during the call. Neighbouring cameras fill in for a camera without an image. With
+  // Focus::kAuto every call improves the focal surface: the images of one call must show the same moment, and
+  // successive calls may show successive frames. Throws Error if the view is invalid or an image does not fit.
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
 
-  // What draws, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: ...". As of the latest picture.
+  // Returns the device of the latest picture and the reason: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other:
+  // ...".
   std::string drawn_by() const;
 
-  // Forgets the focal surface, as when the scene has become another one. Other options of focus forget it, too.
+  // Discards the focal surface, for example after a scene change. A change of the focus options does the same.
   void reset_focus();
 
  private:

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// The array's rig comes in and goes out as the text of its file: this library knows the other one by its public API
-// alone.
+// Rigs are passed as the text of rig files, because this library uses only the public API of lightfield.
 #include <lightfield/calibration.h>
 
 #include <algorithm>
@@ -43,7 +42,7 @@ Tracks from_tracks(const lf::Tracks& tracks) {
   return out;
 }
 
-// Takes the prior rig into the options; what its file says.
+// Fills in the options for the prior rig. Returns its JSON.
 json take_prior(const Rig& prior, lf::SolveOptions& options) {
   const std::string text = prior.json(), name = "prior";
   json original = lf::parse_json(text, name);

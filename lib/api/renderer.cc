@@ -22,14 +22,14 @@
 #include "base/worker_pool.h"
 #include "composite/assembly.h"
 #include "focus/focus_array.h"
-#include "focus/view_focus.h"
-#include "node/card.h"
+#include "focus/view_depths.h"
+#include "node/renderer_selector.h"
 #include "node/request_renderer.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view_request.h"
 #include "wire/answer_codec.h"
-#include "wire/moments_codec.h"
+#include "wire/consistency_codec.h"
 #include "wire/request_codec.h"
 
 namespace lf::api {
@@ -40,7 +40,7 @@ Resampling to_resampling(lightfield::Resampling resampling) {
     case lightfield::Resampling::kBilinear: return Resampling::kBilinear;
     case lightfield::Resampling::kSharpened: return Resampling::kSharpened;
   }
-  throw Error("resampling: is none of the values that there are");
+  throw Error("resampling: unknown value");
 }
 
 void check(RendererChoice renderer) {
@@ -49,43 +49,42 @@ void check(RendererChoice renderer) {
     case RendererChoice::kGl:
     case RendererChoice::kAuto: return;
   }
-  throw Error("renderer: is none of the values that there are");
+  throw Error("renderer: unknown value");
 }
 
 }  // namespace
 
-// The cameras of one node whose frames come with each request. Not thread-safe.
+// The cameras of one node. Each request comes with their frames. Not thread-safe.
 class LocalNode {
  public:
-  // `cameras`: indices in the order of frames. Throws Error for one that the rig does not have, one twice, and none.
-  // `threads` 0: as many as there are processors.
+  // `cameras`: indices in the order of frames. Throws Error if the list is empty, or if an index is unknown or a
+  // duplicate. `threads` 0: number of processors.
   LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, unsigned threads);
 
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
-  // Plans the request. Throws Error for a request that was made for another rig or does not fit this rig.
+  // Throws Error if the request was made for another rig or does not fit this rig.
   RequestPlan plan(const ViewRequest& request);
-  // The answer. `frames`: one for each of cameras(). `in_process`: as RenderOptions has it. `memory` is recycled.
-  // Throws Error as plan() does, and for frames that do not fit.
+  // Renders an answer. `frames`: one for each of cameras(). `in_process`: see RenderOptions. `memory` is reused. Throws
+  // Error like plan(), or if a frame does not fit.
   RenderedAnswer answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
                         lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {},
                         RendererChoice renderer = RendererChoice::kCpu);
-  // See Card::explain(); of the latest answer.
-  std::string drawn_by() const { return card_.explain(choice_); }
+  std::string drawn_by() const { return gpu_.explain(choice_); }
 
  private:
   const std::shared_ptr<const Rig> rig_;
   const uint64_t rig_hash_;
   const std::vector<CameraIndex> cameras_;
   std::vector<CameraIndex> own_;  // cameras_ in ascending order
-  std::vector<size_t> frame_of_;  // for each of own_ its place in cameras_
+  std::vector<size_t> frame_of_;  // index into cameras_ for each of own_
   const unsigned threads_;
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
-  const CameraColours colours_{*rig_};
+  const RigColourCorrections colours_{*rig_};
   MeshCache mesh_;
   RequestRenderer renderer_;
   ImageMemory scratch_;
-  Card card_;
-  RendererChoice choice_ = RendererChoice::kCpu;  // of the latest answer
+  RendererSelector gpu_;
+  RendererChoice choice_ = RendererChoice::kCpu;
 };
 
 LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras,
@@ -94,7 +93,7 @@ LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vec
       rig_hash_(rig_hash),
       cameras_(std::move(cameras)),
       threads_(threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1u)) {
-  if (cameras_.empty()) throw Error("cameras: a node needs at least one");
+  if (cameras_.empty()) throw Error("cameras: a node needs at least one camera");
   frame_of_.resize(cameras_.size());
   std::iota(frame_of_.begin(), frame_of_.end(), 0);
   std::ranges::sort(frame_of_, {}, [this](size_t i) { return cameras_[i]; });
@@ -131,7 +130,7 @@ RenderedAnswer LocalNode::answer(const ViewRequest& request, const std::vector<l
   options.resampling = to_resampling(resampling);
   options.in_process = in_process;
   options.colours = &colours_;
-  // Where no JPEG is asked for the picture is as if all cameras were on one node.
+  // Raw answers must give the same picture, bit for bit, as one node with all cameras.
   if (request.quality == 0) options.codec = CodecChoice::kRaw16;
   options.parallel = [this](size_t count, const std::function<void(size_t)>& task) {
     workers_->run(threads_, count, task);
@@ -146,12 +145,12 @@ RenderedAnswer LocalNode::answer(const ViewRequest& request, const std::vector<l
       const auto place = static_cast<size_t>(std::ranges::lower_bound(own_, camera) - own_.begin());
       sources.push_back({camera, &rig_->cameras[camera], images[place]});
     }
-  std::string news;  // is in drawn_by(), too
-  options.card = card_.open(choice_, news);
-  options.trial_card = card_.open_for_trials(choice_);
+  std::string news;
+  options.gpu = gpu_.open(choice_, news);
+  options.depth_gpu = gpu_.open_for_depth(choice_);
   RenderedAnswer answer = renderer_.render({&plan, std::move(header)}, sources, options, scratch_, std::move(memory));
-  card_.rendered(choice_, answer);
-  card_.tried(choice_, answer.trials);
+  gpu_.rendered(choice_, answer);
+  gpu_.tried(choice_, answer.trials);
   return answer;
 }
 
@@ -226,28 +225,25 @@ CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
 
 }  // namespace
 
-// One viewer: its requests, one at a time, and the pictures that come of the answers. Not thread-safe.
+// One viewer: one request at a time, and the picture from its answers. Not thread-safe.
 class ViewComposer {
  public:
-  using Added = lightfield::Compositor::Added;
+  using AddResult = lightfield::Compositor::AddResult;
 
   ViewComposer(std::shared_ptr<const Rig> rig, uint64_t rig_hash, uint32_t view_id);
 
-  // Begins the next picture and returns the request that nodes are to answer. Throws Error for a view or an option that
-  // is none.
   const ViewRequest& begin(const lightfield::View& view, const lightfield::RequestOptions& options);
-  // Adds a unit of an answer. `owner`: what keeps the bytes where they are; with it they may be used there until
+  // Adds a unit of an answer. If `owner` is set, it keeps the bytes alive and they are used without a copy until
   // finish().
-  Added add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner = nullptr);
+  AddResult add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner = nullptr);
   bool is_complete() const;
-  // Throws Error without a picture that was begun.
   lightfield::Image finish();
 
   unsigned missing() const { return missing_; }
   void reset_focus();
 
  private:
-  std::string add_moments(std::span<const uint8_t> unit);
+  std::string add_consistency(std::span<const uint8_t> unit);
   std::string add_answer(std::span<const uint8_t> unit, std::shared_ptr<const void> owner);
 
   const std::shared_ptr<const Rig> rig_;
@@ -257,12 +253,12 @@ class ViewComposer {
   std::optional<ViewRequest> current_;
   Background background_;
   Assembly assembly_;
-  // Nodes whose answers are there, by their cameras; and units of moments that are, by a hash of their bytes.
+  // Nodes that have answered, by their cameras, and hashes of the photo-consistency units received.
   std::set<CameraRanges> answered_;
   std::set<size_t> tried_;
-  ViewFocus::Answers answers_;
-  ViewFocus focus_;
-  std::optional<FocusArray> array_;  // made when a surface is first looked for
+  ViewDepths::Answers answers_;
+  ViewDepths focus_;
+  std::optional<FocusArray> array_;
   unsigned missing_ = 0;
 };
 
@@ -282,9 +278,9 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
   request.quality = static_cast<uint8_t>(options.quality);
   request.rig_hash = rig_hash_;
   request.out_of_service = to_camera_set(options.out_of_service, rig_->cameras.size());
-  const FocusControl::Settings settings = to_settings(options.focus, options.nearest, options.farthest);
+  const DepthEstimator::Settings settings = to_settings(options.focus, options.nearest, options.farthest);
   const bool match = options.match_brightness.value_or(!rig_->has_colour());
-  if (settings != focus_.settings() || match != focus_.matches_gains()) focus_ = ViewFocus(settings, match);
+  if (settings != focus_.settings() || match != focus_.matches_gains()) focus_ = ViewDepths(settings, match);
   if (settings.mode != FocusMode::kPlane) focus_.apply(request);
 
   current_.reset();
@@ -297,23 +293,23 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
   return current_.emplace(std::move(request));
 }
 
-ViewComposer::Added ViewComposer::add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner) {
+ViewComposer::AddResult ViewComposer::add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner) {
   if (!current_) return {false, "no picture was begun"};
-  const std::string why_not = wire::is_moments(unit) ? add_moments(unit) : add_answer(unit, std::move(owner));
-  return {why_not.empty(), why_not};
+  const std::string problem = wire::is_consistency(unit) ? add_consistency(unit) : add_answer(unit, std::move(owner));
+  return {problem.empty(), problem};
 }
 
-// Why not; empty: they were added.
-std::string ViewComposer::add_moments(std::span<const uint8_t> unit) {
+// Returns the problem, or "" if the unit was added.
+std::string ViewComposer::add_consistency(std::span<const uint8_t> unit) {
   std::string reason;
-  const std::optional<wire::MomentsHeader> header = wire::parse_moments_header(unit, nullptr, &reason);
+  const std::optional<wire::ConsistencyHeader> header = wire::parse_consistency_header(unit, nullptr, &reason);
   if (!header) return "damaged: " + reason;
   if (header->view_id != view_id_ || header->sequence != current_->sequence) return "of another request";
-  // What is the same to the last byte has come twice: no two nodes see the same.
+  // Identical bytes are a duplicate: no two nodes have the same sums.
   const size_t hash = std::hash<std::string_view>()({reinterpret_cast<const char*>(unit.data()), unit.size()});
-  if (tried_.contains(hash)) return "is there already";
-  const std::string why_not = lf::add_moments(unit, *header, *current_, answers_);
-  if (!why_not.empty()) return "damaged, or not asked for: " + why_not;
+  if (tried_.contains(hash)) return "duplicate";
+  const std::string problem = lf::add_consistency(unit, *header, *current_, answers_);
+  if (!problem.empty()) return "damaged, or not requested: " + problem;
   tried_.insert(hash);
   return {};
 }
@@ -326,12 +322,11 @@ std::string ViewComposer::add_answer(std::span<const uint8_t> unit, std::shared_
   switch (assembly_.add(*answer, std::move(owner))) {
     case Assembly::Verdict::kOtherRequest: return "of another request";
     case Assembly::Verdict::kOtherRig: return "of another rig";
-    case Assembly::Verdict::kBadFragment:
-      return "is there already, or does not fit the view or the parts before: some of it was left out";
+    case Assembly::Verdict::kBadFragment: return "duplicate, or does not fit the view or earlier parts: partly ignored";
     default: break;
   }
   answered_.insert(answer->cameras);
-  return assembly_.damaged() > damaged ? "damaged: some of it was left out" : "";
+  return assembly_.damaged() > damaged ? "damaged: partly ignored" : "";
 }
 
 bool ViewComposer::is_complete() const {
@@ -340,7 +335,8 @@ bool ViewComposer::is_complete() const {
   std::iota(all.begin(), all.end(), 0);
   CameraRanges awaited(all);
   awaited.remove(CameraRanges(current_->out_of_service));
-  const size_t units = static_cast<size_t>(!current_->trials.empty()) + current_->gains.ask;  // of each node's moments
+  // photo-consistency units per node
+  const size_t units = static_cast<size_t>(!current_->trials.empty()) + current_->gains.ask;
   return assembly_.cameras().contains(awaited) && tried_.size() >= units * answered_.size();
 }
 
@@ -359,7 +355,7 @@ lightfield::Image ViewComposer::finish() {
   return picture;
 }
 
-void ViewComposer::reset_focus() { focus_ = ViewFocus(focus_.settings(), focus_.matches_gains()); }
+void ViewComposer::reset_focus() { focus_ = ViewDepths(focus_.settings(), focus_.matches_gains()); }
 
 }  // namespace lf::api
 
@@ -379,7 +375,7 @@ Bytes Compositor::request(const View& view, const RequestOptions& options) {
   return lf::wire::encode_request(state_->composer.begin(view, options));
 }
 
-Compositor::Added Compositor::add(const Bytes& part) { return state_->composer.add(part); }
+Compositor::AddResult Compositor::add(const Bytes& part) { return state_->composer.add(part); }
 
 bool Compositor::is_complete() const { return state_->composer.is_complete(); }
 
@@ -406,14 +402,15 @@ struct [[gnu::visibility("hidden")]] Renderer::State {
   const Rig rig;
   lf::api::LocalNode node;
   lf::api::ViewComposer composer;
-  lf::ByteBuffer memory;  // of the latest answer
+  lf::ByteBuffer memory;
 
   std::vector<uint32_t> cameras(const View& view) {
     lf::ViewRequest request;
     request.view = lf::api::to_view(view);
     return node.plan(request).cameras();
   }
-  // Those without an image, if the view needs one of them: for the others nobody has to have one.
+  // Returns all cameras without an image if the view needs any of them, else none: cameras that the view does not need
+  // may have no image.
   std::vector<uint32_t> missing(const View& view, const std::vector<ImageView>& images) {
     std::vector<uint32_t> missing;
     for (uint32_t i = 0; i < images.size(); i++)

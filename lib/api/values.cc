@@ -51,17 +51,16 @@ View to_view(const lightfield::View& view) {
   out.lens = view.lens ? to_lens(*view.lens) : Lens::from_fov_y(view.fov_y, view.width, view.height);
   out.pose = to_pose(view.world_from_view);
   if (is_finite(out.pose.orientation)) out.focus.plane = focal_plane_at(out.pose, view.focus_distance);
-  out.blending = blending_of(view.aperture, 0);
+  out.blending = make_blending(view.aperture, 0);
   validate(out);
   return out;
 }
 
-FocusControl::Settings to_settings(lightfield::Focus focus, double nearest, double farthest) {
-  if (focus != lightfield::Focus::kPlane && focus != lightfield::Focus::kAuto)
-    throw Error("focus: is none of the values that there are");
+DepthEstimator::Settings to_settings(lightfield::Focus focus, double nearest, double farthest) {
+  if (focus != lightfield::Focus::kPlane && focus != lightfield::Focus::kAuto) throw Error("focus: unknown value");
   const bool far_enough = nearest == 0 || farthest == 0 || farthest > nearest;
   if (!(nearest >= 0) || !(farthest >= 0) || !std::isfinite(nearest) || !far_enough)
-    throw Error("nearest, farthest: must be distances in metres, the farther one second");
+    throw Error("nearest, farthest: must be 0 or distances in metres, nearest below farthest");
   return {focus == lightfield::Focus::kAuto ? FocusMode::kAuto : FocusMode::kPlane, nearest, farthest};
 }
 
@@ -82,7 +81,7 @@ ImageView to_image(const lightfield::ImageView& image, const Camera& camera, Cam
   ImageView out;
   if (image.format == lightfield::PixelFormat::kNone) return out;
   if (image.format != lightfield::PixelFormat::kRgb && image.format != lightfield::PixelFormat::kI420)
-    throw Error(name_of(camera, index) + " has a format that there is not");
+    throw Error(name_of(camera, index) + " has an unknown format");
   if (image.width != camera.width || image.height != camera.height)
     throw Error(name_of(camera, index) + " has " + size_text(image.width, image.height) + " pixels, the rig says " +
                 size_text(camera.width, camera.height));
@@ -114,7 +113,8 @@ PixelFamily family_of(std::span<const lightfield::ImageView> images) {
 
 void check_count(size_t images, size_t count) {
   if (images != count)
-    throw Error("images: must be one for each of " + std::to_string(count) + " cameras, are " + std::to_string(images));
+    throw Error("images: expected one for each of " + std::to_string(count) + " cameras, got " +
+                std::to_string(images));
 }
 
 }  // namespace lf::api
@@ -177,7 +177,7 @@ std::string json_of(const Rig::Data& data, const lf::Rig& rig) {
   return lf::rig_to_json(rig, &original);
 }
 
-// Written and read again, so that a rig from values is checked as one from a file is.
+// Serialises and parses the rig, so that rigs from values pass the same checks as rig files.
 std::shared_ptr<const Rig::Data> checked(const lf::Rig& rig) {
   return data_of(lf::parse_rig(lf::rig_to_json(rig), "rig"));
 }
@@ -192,7 +192,7 @@ Image make_image(PixelFormat format, int width, int height) {
   lf::validate_size("width", width);
   lf::validate_size("height", height);
   lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
-  if (format == PixelFormat::kI420)  // chroma has its zero in the middle
+  if (format == PixelFormat::kI420)  // neutral chroma
     std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
   return {format, width, height, std::move(image.data())};
 }
@@ -203,7 +203,7 @@ ImageView::ImageView(const Image& image) : format(image.format), width(image.wid
   const bool known = format == PixelFormat::kRgb || format == PixelFormat::kI420;
   if (!known || width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize ||
       image.pixels.size() != lf::packed_size(family, width, height))
-    throw Error("image: " + std::to_string(image.pixels.size()) + " bytes are not those of an image of " +
+    throw Error("image: " + std::to_string(image.pixels.size()) + " bytes do not match an image of " +
                 lf::size_text(width, height) + " pixels in its format");
   plane[0] = image.pixels.data();
   stride[0] = format == PixelFormat::kRgb ? ptrdiff_t{3} * width : width;
@@ -230,7 +230,7 @@ View home_view(const Rig& rig, int width, int height) {
 Pose look_at(const Vec3& eye, const Vec3& target) {
   const lf::Vec3 from(eye.x, eye.y, eye.z), to(target.x, target.y, target.z), down(0, 1, 0);
   const double away = glm::length(to - from);
-  if (!(away > 0) || !std::isfinite(away)) throw Error("look_at: eye and target must be two places");
+  if (!(away > 0) || !std::isfinite(away)) throw Error("look_at: eye and target must differ");
   if (!(glm::length(glm::cross(to - from, down)) > 1e-9 * away)) throw Error("look_at: the line of sight is vertical");
   return lf::api::from_pose(lf::look_at(from, to, down));
 }
@@ -268,7 +268,7 @@ Rig parse_rig(const std::string& json, const std::string& name) { return Rig(par
 
 void save_rig(const Rig& rig, const std::string& path) {
   lf::Rig moved = *rig.data().rig;
-  lf::relocate(moved, std::filesystem::path(path).parent_path().string());
+  lf::rebase_paths(moved, std::filesystem::path(path).parent_path().string());
   lf::write_text_file(json_of(rig.data(), moved), path);
 }
 

@@ -51,14 +51,14 @@ std::string folder_of(const std::string& path) {
 // belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting refuses to open
 // such links, but readlink() ignores it.
 std::string follow_links(const std::string& named) {
-  constexpr int kMostLinks = 40;  // as Linux has it
+  constexpr int kMaxLinks = 40;
   std::string path = named;
-  for (int i = 0; i < kMostLinks; i++) {
+  for (int i = 0; i < kMaxLinks; i++) {
     struct stat link, folder;
     if (lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
     if (stat(folder_of(path).c_str(), &folder) == 0 && (folder.st_mode & S_IWOTH) && link.st_uid != geteuid() &&
         link.st_uid != folder.st_uid)
-      throw Error(named + ": can't be written: it is a symbolic link of another user, in a folder of everybody");
+      throw Error(named + ": can't be written: it is a symbolic link of another user in a world-writable folder");
     std::error_code error;
     const fs::path target = fs::read_symlink(path, error);
     if (error) return path;
@@ -74,13 +74,14 @@ std::string random_name(const std::string& beginning, const std::string& ending)
   return beginning + digits + ending;
 }
 
-// Makes a rename in the folder survive a loss of power. Some file systems cannot; then there is nothing to do.
+// Makes a rename in the folder survive a power failure. Ignores errors, because some file systems do not support
+// fsync() on folders.
 void sync_folder(const std::string& folder) {
   const Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (opened >= 0) fsync(opened);
 }
 
-// Gives the new file the owner and the mode of the old one. A group that cannot be kept gets no rights from the mode.
+// Gives the new file the owner and mode of the old file. If the group cannot be kept, it gets no permissions.
 void copy_owner_and_mode(int descriptor, const struct stat& old) {
   mode_t mode = old.st_mode & 07777;
   if (fchown(descriptor, old.st_uid, old.st_gid) != 0 && fchown(descriptor, static_cast<uid_t>(-1), old.st_gid) != 0) {
@@ -92,8 +93,8 @@ void copy_owner_and_mode(int descriptor, const struct stat& old) {
 
 constexpr char kStaging[] = ".new-";
 
-// Removes staging folders whose program has ended without removing them: nobody holds their lock. A new one is not
-// locked for an instant.
+// Removes staging folders of programs that ended without cleaning up: their lock is free. A new folder is unlocked for
+// an instant, so young folders are kept.
 void remove_old_staging(const std::string& folder) {
   constexpr time_t kYoung = 60;  // seconds
   std::error_code ignored;
@@ -106,9 +107,7 @@ void remove_old_staging(const std::string& folder) {
   }
 }
 
-// Opens a regular file. `size` becomes that of the file, in bytes. Throws Error.
 int open_regular(const std::string& path, uint64_t& size) {
-  // O_NONBLOCK: opening a FIFO without a writer must not wait.
   const int file = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
   struct stat status;
   if (file < 0 || fstat(file, &status) != 0) {
@@ -122,7 +121,6 @@ int open_regular(const std::string& path, uint64_t& size) {
   fail_to_read(path, S_ISDIR(status.st_mode) ? "it is a folder" : "it is not a regular file");
 }
 
-// Whether other users can read or change a secret.
 bool is_exposed(const struct stat& status) {
   const mode_t group = status.st_uid == geteuid() ? S_IRWXG : S_IWGRP | S_IXGRP;
   return status.st_mode & (group | S_IRWXO);
@@ -139,7 +137,7 @@ std::string read_file(const std::string& path, size_t most_bytes) {
   std::string text(static_cast<size_t>(file_size), '\0');
   size_t size = 0;
   for (;;) {
-    // Files of /proc say that they are empty, and others may grow while they are read.
+    // Files of /proc report size 0, and other files may grow during reading.
     if (size == text.size()) text.resize(std::min(most_bytes + 1, size + 4096));
     const ssize_t count = read(file, text.data() + size, text.size() - size);
     if (count < 0 && errno == EINTR) continue;
@@ -155,7 +153,7 @@ std::string read_file(const std::string& path, size_t most_bytes) {
 void copy_file(const std::string& from, const std::string& to) {
   uint64_t size = 0;
   const Descriptor file(open_regular(from, size));
-  FileReplacement copy(to);
+  AtomicFileWriter copy(to);
   std::string bytes(size_t{1} << 20, '\0');
   for (;;) {
     const ssize_t count = read(file, bytes.data(), bytes.size());
@@ -167,11 +165,11 @@ void copy_file(const std::string& from, const std::string& to) {
   copy.commit();
 }
 
-void FileReplacement::fail(int error) const {
+void AtomicFileWriter::fail(int error) const {
   throw Error(path_ + ": can't be written: " + std::strerror(error == 0 ? EIO : error));
 }
 
-FileReplacement::FileReplacement(const std::string& path) : path_(path), target_(follow_links(path)) {
+AtomicFileWriter::AtomicFileWriter(const std::string& path) : path_(path), target_(follow_links(path)) {
   struct stat old;
   const bool exists = lstat(target_.c_str(), &old) == 0;
   if (!exists && errno != ENOENT) fail(errno);
@@ -181,8 +179,8 @@ FileReplacement::FileReplacement(const std::string& path) : path_(path), target_
     if (descriptor_ < 0) fail(errno);
     return;
   }
-  constexpr size_t kMostOfName = 200;  // of 255 bytes
-  const std::string name = fs::path(target_).filename().string().substr(0, kMostOfName);
+  constexpr size_t kMaxNameBytes = 200;
+  const std::string name = fs::path(target_).filename().string().substr(0, kMaxNameBytes);
   if (name.empty()) fail(EISDIR);
   std::string temporary;
   do {
@@ -194,14 +192,14 @@ FileReplacement::FileReplacement(const std::string& path) : path_(path), target_
   if (exists) copy_owner_and_mode(descriptor_, old);
 }
 
-FileReplacement::~FileReplacement() { discard(); }
+AtomicFileWriter::~AtomicFileWriter() { discard(); }
 
-void FileReplacement::discard() {
+void AtomicFileWriter::discard() {
   if (descriptor_ >= 0) close(std::exchange(descriptor_, -1));
   if (!temporary_.empty()) unlink(std::exchange(temporary_, "").c_str());
 }
 
-void FileReplacement::write(std::string_view bytes) {
+void AtomicFileWriter::write(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t count = ::write(descriptor_, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
@@ -210,7 +208,7 @@ void FileReplacement::write(std::string_view bytes) {
   }
 }
 
-void FileReplacement::commit() {
+void AtomicFileWriter::commit() {
   if (!temporary_.empty() && fsync(descriptor_) != 0) fail(errno);
   if (close(std::exchange(descriptor_, -1)) != 0) fail(errno);
   if (temporary_.empty()) return;
@@ -228,7 +226,7 @@ std::string without_staging(std::string text) {
   return text;
 }
 
-FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
+AtomicFolderUpdate::AtomicFolderUpdate(const std::string& folder) : folder_(folder) {
   const auto fail = [&](const std::string& reason) { throw Error(folder + ": can't be made: " + reason); };
   std::error_code error;
   created_ = fs::create_directories(folder, error);
@@ -247,14 +245,14 @@ FolderUpdate::FolderUpdate(const std::string& folder) : folder_(folder) {
   fail(std::strerror(reason));
 }
 
-FolderUpdate::~FolderUpdate() {
+AtomicFolderUpdate::~AtomicFolderUpdate() {
   std::error_code ignored;
   if (!staging_.empty()) fs::remove_all(staging_, ignored);
   if (lock_ >= 0) close(lock_);
   if (created_) fs::remove(folder_, ignored);  // fails unless it is empty
 }
 
-void FolderUpdate::commit() {
+void AtomicFolderUpdate::commit() {
   const auto fail = [&](const fs::path& path, const std::string& reason) {
     throw Error((fs::path(folder_) / path).string() + ": can't be written: " + reason);
   };
@@ -270,7 +268,7 @@ void FolderUpdate::commit() {
       if (error) fail(name, error.message());
     }
     std::ranges::sort(files);
-    // The most likely failure is found before the first file is replaced.
+    // Detects the most likely failure before the first file is replaced.
     for (const fs::path& name : files)
       if (fs::is_directory(fs::path(folder_) / name)) fail(name, "it is a folder");
     for (const fs::path& name : files) {
@@ -315,7 +313,7 @@ std::string read_secret_file(const std::string& path, size_t most) {
 }
 
 void wipe(std::string& secret) {
-  explicit_bzero(secret.data(), secret.size());  // a compiler may leave out a plain memset
+  explicit_bzero(secret.data(), secret.size());  // a compiler may remove a plain memset
   secret.clear();
 }
 

@@ -13,8 +13,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Calls step(d, i) until all of 0..n are done, d being the tag of as many values of T as it is to handle from i on: of
-// the longest vectors, of 16 bytes, then of one value. Rows of fragments are short: their ends count.
+// Calls step(d, i) for consecutive blocks that cover 0..n. `d` is the Highway tag of the block at i: full vectors
+// first, then vectors of 16 bytes, then single values. The tail matters because rows of fragments are short.
 template <typename T, typename Step>
 HWY_INLINE void for_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;
@@ -27,8 +27,8 @@ HWY_INLINE void for_lanes(int n, const Step& step) {
   for (; i < n; i++) step(one, i);
 }
 
-// Calls step(d, i) as for_lanes() does, for steps that may do a value twice, as those that do not change what they
-// read: the last vector begins before the others end.
+// A variant of for_lanes(): the last vector may overlap the previous vector, so step() may process a value twice. It
+// must not modify its input.
 template <typename T, typename Step>
 HWY_INLINE void map_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;

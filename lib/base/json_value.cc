@@ -14,13 +14,13 @@ namespace {
 
 using nlohmann::json;
 
-constexpr size_t kMaxJsonDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
+constexpr size_t kMaxJsonDepth = 64;  // deeper than all our formats; limits the recursion of printing
 
 std::string join(const std::string& place, const std::string& key) { return place.empty() ? key : place + "." + key; }
 std::string join(const std::string& place, size_t index) { return place + "[" + std::to_string(index) + "]"; }
 
-// nlohmann's messages begin with "[json.exception.parse_error.101] ".
-// They repeat the token that they stopped at, which may have megabytes.
+// Removes the prefix "[json.exception.parse_error.101] " of nlohmann's messages and truncates the rest, which repeats
+// the offending token and may have megabytes.
 std::string without_tag(const std::string& what) {
   constexpr size_t kMost = 300;
   const size_t end = what.find("] ");
@@ -28,9 +28,8 @@ std::string without_tag(const std::string& what) {
   return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
 }
 
-// Builds the value as the parser walks the text, and throws Error with the place where the parser stopped. Takes time
-// in proportion to the text. json::parse() with a callback does not: it looks at a whole array after each of its
-// elements.
+// Builds the value while the parser reads the text, and throws Error with the place where the parser stopped. Takes
+// linear time, unlike json::parse() with a callback, which visits a whole array after each element.
 class JsonBuilder : public nlohmann::json_sax<json> {
  public:
   explicit JsonBuilder(const std::string& name) : name_(name) {}
@@ -42,7 +41,7 @@ class JsonBuilder : public nlohmann::json_sax<json> {
   bool number_unsigned(uint64_t value) override { return put(value); }
   bool number_float(double value, const std::string&) override { return put(value); }
   bool string(std::string& value) override { return put(std::move(value)); }
-  bool binary(json::binary_t& value) override { return put(std::move(value)); }  // no JSON text has one
+  bool binary(json::binary_t& value) override { return put(std::move(value)); }
   bool start_object(size_t) override { return open(json::object()); }
   bool start_array(size_t) override { return open(json::array()); }
   bool end_object() override { return close(); }
@@ -58,15 +57,15 @@ class JsonBuilder : public nlohmann::json_sax<json> {
  private:
   struct Level {
     json* value;
-    std::string key = {};  // of the member that is being read
+    std::string key = {};
   };
 
-  // "a[2].b: ", or nothing at the top.
+  // Returns "a[2].b: ", or "" at the top level.
   std::string place() const {
     std::string place;
     for (size_t i = 0; i < levels_.size(); i++) {
       const Level& level = levels_[i];
-      const bool is_open = i + 1 < levels_.size();  // an element of it is being read, and is in it already
+      const bool is_open = i + 1 < levels_.size();  // a child is open and already in the array
       if (level.value->is_array())
         place = join(place, level.value->size() - is_open);
       else if (!level.key.empty())
@@ -108,7 +107,7 @@ class JsonBuilder : public nlohmann::json_sax<json> {
 std::string read_text_file(const std::string& path) { return read_file(path); }
 
 void write_text_file(const std::string& text, const std::string& path) {
-  FileReplacement file(path);
+  AtomicFileWriter file(path);
   file.write(text);
   file.commit();
 }
@@ -181,7 +180,7 @@ double JsonValue::number() const {
 
 int64_t JsonValue::integer(int64_t least, int64_t most) const {
   // Many programs write whole numbers as floats (1080.0).
-  constexpr double kExact = 9007199254740992;  // 2^53: beyond it a double may stand for several integers
+  constexpr double kExact = 9007199254740992;  // 2^53: larger doubles may represent several integers
   const auto out_of_range = [&] {
     fail("must be " + std::to_string(least) + " to " + std::to_string(most) + ", is " + value_->dump());
   };
@@ -209,7 +208,7 @@ std::string JsonValue::text() const {
 }
 
 std::string JsonValue::name() const {
-  constexpr size_t kMost = 200;  // of 255 bytes that a file's name can have
+  constexpr size_t kMost = 200;  // file names have at most 255 bytes
   std::string name = text();
   if (name.size() > kMost)
     fail("must have at most " + std::to_string(kMost) + " bytes, has " + std::to_string(name.size()));

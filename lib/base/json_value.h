@@ -13,20 +13,20 @@
 
 namespace lf {
 
-// Reads the whole of a file. Throws Error naming it.
+// Reads a whole file. Throws Error naming the file.
 std::string read_text_file(const std::string& path);
-// Replaces the file as a whole: a reader sees the old text or the new one. Throws Error naming it.
+// Atomically replaces a file. Throws Error naming the file.
 void write_text_file(const std::string& text, const std::string& path);
 
-// Whether the text is valid UTF-8: JSON can hold no other.
+// True if the text is valid UTF-8, which JSON requires.
 bool is_utf8(const std::string& text);
 
-// Parses JSON; `name` stands for the file in messages. Throws Error with line and column, and with the place
-// ("cameras[3].params[0]") where the error is inside a value, such as a number that no double can hold.
+// Parses JSON; `name` is the file name in error texts. Throws Error with line and column, and with the place
+// ("cameras[3].params[0]") if a value is invalid, such as a number beyond the range of double.
 nlohmann::json parse_json(const std::string& text, const std::string& name);
 
-// A value inside a JSON file that knows its place there, so that every wrong one is reported as "FILE: PLACE: what".
-// Refers to the parsed file: valid as long as that is. All functions throw Error where the value is not as asked for.
+// A value in a JSON file that knows its place, so that errors read "FILE: PLACE: what". Refers to the parsed file,
+// which must outlive this object. All functions throw Error if the value has another type or is out of range.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& root, const std::string& file) : value_(&root), file_(&file) {}
@@ -38,22 +38,22 @@ class JsonValue {
   [[noreturn]] void fail_inside(const std::string& place_and_what) const;
   const std::string& file() const { return *file_; }
 
-  // The value must be an object: at() gives a member that must be there, find() one that may be.
+  // Return a member of an object. at() requires the member, find() does not.
   JsonValue at(const char* key) const;
   std::optional<JsonValue> find(const char* key) const;
-  // The value must be an array, of exactly `count` elements where that is given.
+  // Return the elements of an array, which must have exactly `count` elements if given.
   std::vector<JsonValue> elements() const;
   std::vector<JsonValue> elements(size_t count) const;
 
   bool flag() const;
   double number() const;  // finite
   int64_t integer(int64_t least, int64_t most) const;
-  std::string text() const;  // no NUL: C functions would cut paths and properties there
+  std::string text() const;  // no NUL, which would truncate paths and properties in C functions
   std::string name() const;  // at most 200 bytes and no control characters, for file names and messages
   Vec3 vec3() const;
-  Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; kept as it is
+  Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; not normalised
 
-  // The value must be an object whose "format" and "version" are these.
+  // Throws Error unless the value is an object with this "format" and "version".
   void require_format(const std::string& format, int version) const;
 
  private:

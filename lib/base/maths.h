@@ -15,13 +15,13 @@
 
 namespace lf {
 
-// Everything geometric is double precision; floats appear only in weights and pixels (see render/).
+// Geometry is in double precision. Weights and pixels are floats (see render/).
 using Vec2 = glm::dvec2;
 using Vec3 = glm::dvec3;
 using Mat3 = glm::dmat3;  // column-major: m[column][row]
 using Quat = glm::dquat;  // constructor order w, x, y, z
 
-// A rotation's quaternion in files and on the wire has a norm that is so near to 1.
+// Maximum deviation of quaternion norms from 1, in files and on the wire.
 inline constexpr double kUnitTolerance = 1e-6;
 
 inline bool is_finite(double v) { return std::isfinite(v); }
@@ -41,15 +41,14 @@ inline Rect intersect(const Rect& a, const Rect& b) {
   return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
 }
 
-// The smallest rectangle that holds both; an empty one adds nothing.
 inline Rect unite(const Rect& a, const Rect& b) {
   if (a.empty()) return b;
   if (b.empty()) return a;
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
-// The median: the upper one of the two in the middle where the number of values is even. `values` must not be empty,
-// nor hold NaN.
+// Returns the median; the upper middle value if the number of values is even. `values` must not be empty or contain
+// NaN.
 template <typename T>
 T median(std::vector<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -73,7 +72,7 @@ class Percentiles {
     values_.clear();
     next_ = 0;
   }
-  // Nearest-rank percentile, p in (0, 100]; 0 without samples.
+  // Returns the nearest-rank percentile, p in (0, 100]; 0 without samples.
   uint64_t at(double p) const {
     if (values_.empty()) return 0;
     std::vector<uint64_t> sorted = values_;

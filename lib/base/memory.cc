@@ -8,16 +8,17 @@
 namespace lf {
 namespace {
 
-// Compressed frames differ a little in size: in steps of this their buffers serve each other.
+// Capacities are rounded up, so that compressed frames of similar size can reuse each other's buffers.
 constexpr size_t kStep = size_t{64} << 10;
 
 struct Pool {
   std::mutex mutex;
-  std::map<size_t, std::vector<std::unique_ptr<uint8_t[]>>> unused;  // by capacity, the latest last: warm in the cache
+  // by capacity; the last is the latest and probably still in the cache
+  std::map<size_t, std::vector<std::unique_ptr<uint8_t[]>>> unused;
   size_t bytes = 0;
 };
 
-// Never destroyed: frames may outlive every static object.
+// Never destroyed, because frames may outlive static objects.
 Pool& pool() {
   static Pool* const the_pool = new Pool;
   return *the_pool;
@@ -35,13 +36,13 @@ PooledBuffer take_buffer(size_t size) {
       uint8_t* const memory = found->second.back().release();
       found->second.pop_back();
       p.bytes -= capacity;
-      return {memory, GiveBack{capacity}};
+      return {memory, PoolDeleter{capacity}};
     }
   }
-  return {new uint8_t[capacity], GiveBack{capacity}};
+  return {new uint8_t[capacity], PoolDeleter{capacity}};
 }
 
-void GiveBack::operator()(uint8_t* memory) const {
+void PoolDeleter::operator()(uint8_t* memory) const {
   std::unique_ptr<uint8_t[]> owned(memory);
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);

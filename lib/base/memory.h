@@ -15,7 +15,7 @@
 
 namespace lf {
 
-// An allocator for memory that is written before it is read: what resize() adds is left as it is. Zeros first would be
+// Allocator for memory that is written before it is read: resize() leaves new elements uninitialised. Zeroing would be
 // one more pass over every answer (1.5 ms for the sums of a 1080p view on fresh pages).
 template <typename T>
 struct UninitializedAllocator : std::allocator<T> {
@@ -43,9 +43,9 @@ inline void append(ByteBuffer& out, std::span<const uint8_t> bytes) {
   std::memcpy(out.data() + out.size() - bytes.size(), bytes.data(), bytes.size());
 }
 
-// The largest of the sizes that were needed within the last minute, a minute more at most: memory that is kept for what
-// comes next need not be larger. Times in nanoseconds of any one clock. Not thread-safe.
-class PeakNeed {
+// Tracks the largest size needed within the last minute, two minutes at most. Times are in nanoseconds of any clock.
+// Not thread-safe.
+class PeakTracker {
  public:
   static constexpr uint64_t kMinute = 60'000'000'000;
 
@@ -67,20 +67,19 @@ class PeakNeed {
   }
 
   uint64_t began_ = 0;
-  size_t latest_ = 0, before_ = 0;  // largest sizes in the minute that began at began_, and in the one before
+  size_t latest_ = 0, before_ = 0;  // largest sizes in the minute since began_ and in the minute before
 };
 
-// Memory that is used again and again for the same purpose: megabytes cost more to get from the system anew each time
-// than to fill. What is much larger than was needed within the last minute is given back to the system. `Memory` has
-// size(), the bytes that were needed, capacity(), those that are there, and clear(), which leaves them there, as
-// ByteBuffer has. Thread-safe.
+// Buffers for repeated use, because allocating megabytes costs more than filling the memory. Frees buffers with more
+// than twice the size needed within the last minute. `Memory` must have size() (bytes needed), capacity() (bytes
+// allocated) and clear(), which keeps the allocation, like ByteBuffer. Thread-safe.
 template <typename Memory>
-class KeptMemory {
+class MemoryPool {
  public:
-  static constexpr size_t kMostKept = 4;
+  static constexpr size_t kMaxPooled = 4;
 
-  KeptMemory() { unused_.reserve(kMostKept); }  // to give some back takes none
-  // What was given back last, cleared, or an empty one.
+  MemoryPool() { unused_.reserve(kMaxPooled); }  // give_back() then never allocates
+  // Returns the most recently used buffer, cleared, or an empty buffer.
   Memory take() {
     const std::lock_guard lock(mutex_);
     if (unused_.empty()) return {};
@@ -89,19 +88,19 @@ class KeptMemory {
     memory.clear();
     return memory;
   }
-  // `now`: now_ns(), or of any one clock.
+  // `now`: nanoseconds of any clock, the same for all calls.
   void give_back(Memory memory, uint64_t now = now_ns()) {
     const std::lock_guard lock(mutex_);
     need_.see(memory.size(), now);
-    if (unused_.size() < kMostKept) unused_.push_back(std::move(memory));
+    if (unused_.size() < kMaxPooled) unused_.push_back(std::move(memory));
     drop_large(now);
   }
-  // The minute passes: what was last needed before it goes. To be called now and then where nothing may come back.
+  // Frees buffers that have become too large. Call from time to time if no buffer may be returned for long.
   void trim(uint64_t now = now_ns()) {
     const std::lock_guard lock(mutex_);
     drop_large(now);
   }
-  size_t kept_bytes() const {
+  size_t pooled_bytes() const {
     const std::lock_guard lock(mutex_);
     size_t bytes = 0;
     for (const Memory& memory : unused_) bytes += memory.capacity();
@@ -115,20 +114,19 @@ class KeptMemory {
   }
 
   mutable std::mutex mutex_;
-  PeakNeed need_;
+  PeakTracker need_;
   std::vector<Memory> unused_;
 };
 
-// Memory that goes back to the pool when its owner lets go of it.
-struct GiveBack {
+struct PoolDeleter {
   size_t capacity = 0;
   void operator()(uint8_t* memory) const;
 };
-using PooledBuffer = std::unique_ptr<uint8_t[], GiveBack>;
+using PooledBuffer = std::unique_ptr<uint8_t[], PoolDeleter>;
 
-// A buffer of at least `size` bytes, not initialised: it holds whatever its last owner left there. Every frame of every
-// camera needs a few hundred kB for a moment; fresh pages each time would cost more than decoding a small region. The
-// process keeps up to kPooledBytes of unused memory. Thread-safe.
+// Returns an uninitialised buffer of at least `size` bytes. Every camera frame needs a few hundred kB for a moment;
+// fresh pages would cost more than decoding a small region. The process keeps up to kPooledBytes of unused memory.
+// Thread-safe.
 PooledBuffer take_buffer(size_t size);
 
 inline constexpr size_t kPooledBytes = size_t{256} << 20;

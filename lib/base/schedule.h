@@ -6,21 +6,20 @@
 
 namespace lf {
 
-// Nanoseconds of a clock that never jumps, for measuring how long something takes.
+// Returns nanoseconds of a monotonic clock.
 inline uint64_t now_ns() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
 }
 
-// The instants a rate of `numerator`/`denominator` frames per second stands for: instant k is k periods after time 0,
-// rounded down to whole nanoseconds from the exact fraction, so that nothing drifts. In absolute clock time this is the
-// capture schedule all cameras and viewers of that rate agree on without a word.
+// Capture schedule of a frame rate: instant k is k periods after time 0, rounded down to whole nanoseconds from the
+// exact fraction, so there is no drift. In absolute clock time, all cameras and viewers of the same rate agree on the
+// schedule without communication.
 class Schedule {
  public:
-  // The rate as a fraction, frames per second; both numbers are positive.
+  // Frames per second as a fraction of two positive numbers.
   Schedule(int numerator, int denominator) : numerator_(numerator), denominator_(denominator) {}
 
-  // Nanoseconds.
   uint64_t instant(uint64_t k) const { return static_cast<uint64_t>(Wide{k} * denominator_ * kSecond / numerator_); }
   // The largest k with instant(k) <= nanoseconds.
   uint64_t index_at(uint64_t nanoseconds) const {
@@ -33,7 +32,7 @@ class Schedule {
 
  private:
   static constexpr uint64_t kSecond = 1'000'000'000;
-  __extension__ typedef unsigned __int128 Wide;  // clock time times a fraction's part does not fit 64 bits
+  __extension__ typedef unsigned __int128 Wide;  // clock time times a numerator exceeds 64 bits
 
   uint64_t numerator_, denominator_;
 };

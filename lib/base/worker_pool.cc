@@ -8,8 +8,8 @@
 
 namespace lf {
 
-// The tasks of one run(). Helpers may come to it when all is done; they find nothing left then, and `task` is not
-// touched any more.
+// The tasks of one run(). A helper that arrives late finds no task left and does not access `task`, which may no longer
+// exist.
 class WorkerPool::Batch {
  public:
   Batch(size_t count, const std::function<void(size_t)>& task) : count_(count), task_(task) {}
@@ -47,7 +47,7 @@ class WorkerPool::Batch {
 void WorkerPool::help() {
   std::unique_lock lock(mutex_);
   while (true) {
-    come_.wait(lock, [this] { return ended_ || !waiting_.empty(); });
+    work_available_.wait(lock, [this] { return ended_ || !waiting_.empty(); });
     if (ended_) return;
     const std::shared_ptr<Batch> batch = std::move(waiting_.front());
     waiting_.pop_front();
@@ -71,7 +71,7 @@ WorkerPool::~WorkerPool() {
     const std::lock_guard lock(mutex_);
     ended_ = true;
   }
-  come_.notify_all();
+  work_available_.notify_all();
   for (std::thread& thread : threads_) thread.join();
 }
 
@@ -87,11 +87,11 @@ void WorkerPool::run(unsigned threads, size_t count, const std::function<void(si
     try {
       while (threads_.size() + 1 < threads) threads_.emplace_back([this] { help(); });
     } catch (const std::system_error&) {
-      // No thread to be had: those that are there do it, and the caller.
+      // Too many threads: continue with the existing threads and the caller.
     }
     waiting_.insert(waiting_.end(), helpers, batch);
   }
-  for (size_t i = 0; i < helpers; i++) come_.notify_one();
+  for (size_t i = 0; i < helpers; i++) work_available_.notify_one();
   batch->work();
   {
     const std::lock_guard lock(mutex_);

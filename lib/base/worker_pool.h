@@ -12,19 +12,19 @@
 
 namespace lf {
 
-// Calls task(0) .. task(count - 1), each once, in any order and from any threads, and returns when all are done. An
-// exception of one of them is thrown again in the caller, after the others.
+// Calls task(0) .. task(count - 1) once each, in any order and on any threads, and returns after the last task.
+// Rethrows an exception of a task in the caller, after all tasks have run.
 using ParallelFor = std::function<void(size_t count, const std::function<void(size_t)>& task)>;
 
 inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
   for (size_t i = 0; i < count; i++) task(i);
 }
 
-// The threads that the nodes of a process share: as many nodes as there are don't take more processors than there are.
-// Thread-safe.
+// Threads shared by all nodes of a process, so that many nodes use no more processors than available. Thread-safe.
 class WorkerPool {
  public:
-  // The pool of this process, made by the first who asks; it goes when nobody holds it any more.
+  // Returns the pool of this process. The first call creates the pool, and releasing the last reference destroys the
+  // pool.
   static std::shared_ptr<WorkerPool> shared();
 
   WorkerPool() = default;
@@ -32,8 +32,8 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // A ParallelFor of at most `threads`, of which the calling one is one: it never waits for a
-  // thread of the pool to come free, only for those that have taken up some of its tasks.
+  // A ParallelFor with at most `threads` threads, including the calling thread. Does not wait for an idle thread of the
+  // pool, only for threads that have already taken some of these tasks.
   void run(unsigned threads, size_t count, const std::function<void(size_t)>& task);
 
  private:
@@ -41,8 +41,8 @@ class WorkerPool {
   void help();
 
   std::mutex mutex_;
-  std::condition_variable come_;                // signalled when a batch waits, or the pool ends
-  std::deque<std::shared_ptr<Batch>> waiting_;  // each batch as often as threads are to help with it
+  std::condition_variable work_available_;      // signalled when a batch waits, or the pool ends
+  std::deque<std::shared_ptr<Batch>> waiting_;  // each batch once per missing helper
   std::vector<std::thread> threads_;
   bool ended_ = false;
 };

@@ -66,8 +66,9 @@ double spread(const std::vector<Vec3>& points) {
 }
 
 Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fixed_scale) {
-  if (a.size() != b.size() || a.size() < 2) throw Error("alignment needs two cameras at least");
-  // Each camera is its centre and, near it, the ends of its axes. Relative to the first: nothing is lost far away.
+  if (a.size() != b.size() || a.size() < 2) throw Error("alignment needs at least two cameras");
+  // Each camera contributes its centre and three points on its axes near the centre. Coordinates are relative to the
+  // first camera, to keep precision far from the origin.
   const auto points = [](const std::vector<Pose>& poses, double reach) {
     Eigen::Matrix3Xd m(3, 4 * poses.size());
     for (size_t i = 0; i < poses.size(); i++) {
@@ -85,9 +86,9 @@ Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fi
     return spread(centres);
   };
   const double size_a = spread_of(a), size_b = spread_of(b);
-  if (!(size_a > 0 && size_b > 0)) throw Error("cameras at one place have no scale to be aligned by");
-  const Eigen::Matrix4d t = Eigen::umeyama(points(a, kTurnWeight * size_a),
-                                           points(b, kTurnWeight * (fixed_scale ? size_a : size_b)), !fixed_scale);
+  if (!(size_a > 0 && size_b > 0)) throw Error("cannot align: all cameras are at the same position");
+  const Eigen::Matrix4d t = Eigen::umeyama(points(a, kRotationWeight * size_a),
+                                           points(b, kRotationWeight * (fixed_scale ? size_a : size_b)), !fixed_scale);
   Similarity s;
   const Eigen::Matrix3d m = t.topLeftCorner<3, 3>();
   s.scale = fixed_scale ? 1 : std::cbrt(m.determinant());
@@ -114,7 +115,6 @@ std::unique_ptr<ceres::LossFunction> make_loss(const AdjustmentOptions& options)
   return std::make_unique<ceres::HuberLoss>(options.robust);
 }
 
-// Blocks of one kind, which no cost joins with each other: either can be eliminated.
 struct Blocks {
   std::vector<double*> cameras, targets;
 };
@@ -232,7 +232,7 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
   solver.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
   solver.initial_trust_region_radius = options.trust;
   solver.logging_type = ceres::SILENT;
-  // The larger of the two groups is eliminated.
+  // Eliminates the larger group: no cost joins two blocks of the same group, so either one can be eliminated.
   auto* ordering = new ceres::ParameterBlockOrdering;
   const bool cameras_first =
       blocks.cameras.size() * camera_manifold.TangentSize() > blocks.targets.size() * (scene.targets[0].v.size() / 2);
@@ -253,18 +253,18 @@ namespace {
 using Eigen::MatrixXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr double kSolid = 1e-13;  // relative information that keeps what nothing tells finite
+constexpr double kSolid = 1e-13;  // relative damping that keeps unobserved parameters finite
 
-constexpr Eigen::Index kPanel = 64;  // columns at a time
+constexpr Eigen::Index kPanel = 64;  // columns per block
 constexpr Eigen::Index kStack = 512;
 
 struct TargetInformation {
   MatrixXd own;
-  std::vector<int> rows;          // of the cameras that see it
-  std::vector<MatrixXd> crosses;  // information between each camera's steps and the target's
+  std::vector<int> rows;  // first rows of the cameras that see the target
+  std::vector<MatrixXd> crosses;
 };
 
-// The inverse of L L'. A general solver would multiply all the zeros of a unit matrix.
+// Returns the inverse of L L'. A general solver would multiply all zeros of the identity matrix.
 MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
   const MatrixXd& l = llt.matrixLLT();
   const Eigen::Index n = l.rows();
@@ -293,7 +293,7 @@ class Builder {
       result_.camera_row.push_back(camera.used ? rows : -1);
       if (camera.used) rows += result_.camera_size;
     }
-    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);  // the batch's mean and the metres
+    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);  // batch mean and metres
     targets_.resize(scene.targets.size());
     for (const CameraState& camera : scene.cameras) {
       RowMajor j(CameraState::kSize, result_.camera_size);
@@ -335,7 +335,7 @@ class Builder {
     }
   }
 
-  // information -= cross own^-1 cross', many targets at a time.
+  // information -= cross own^-1 cross', for many targets at a time.
   void eliminate_targets() {
     MatrixXd stack = MatrixXd::Zero(information_.rows(), kStack);
     Eigen::Index columns = 0;
@@ -358,7 +358,7 @@ class Builder {
     information_ = MatrixXd(information_.selfadjointView<Eigen::Lower>());
   }
 
-  // Adds what was known of the lenses to `information`, whose camera i has its lens terms from lens_row(i) on.
+  // Adds the lens priors to `information`; the lens terms of camera i start at lens_row(i).
   template <class LensRow>
   void add_priors(MatrixXd& information, int batch_row, const LensRow& lens_row) const {
     for (size_t i = 0; i < scene_.cameras.size(); i++) {
@@ -388,7 +388,7 @@ class Builder {
     }
   }
 
-  // A turn, a shift: in this order steps come.
+  // Parameters are in the order rotation, translation.
   void add_pose_priors(int metres_row) {
     const bool bars = has_bars();
     for (size_t i = 0; i < scene_.pose_priors.size(); i++) {
@@ -418,7 +418,6 @@ class Builder {
     add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
     invert();
     result_.covariance.conservativeResize(rows, rows);
-    // As known before.
     std::vector<int> rank(scene_.cameras.size());
     int used = 0;
     for (size_t i = 0; i < rank.size(); i++) rank[i] = scene_.cameras[i].used ? used++ : -1;
@@ -435,8 +434,8 @@ class Builder {
                        [](const TargetState& t) { return t.kind == TargetState::Kind::kBar; });
   }
 
-  // With the similarities that the observations leave open taken out: P (S + K K')^-1 P', P the projection onto steps
-  // that need no further alignment.
+  // Inverts the information with the unobserved similarities removed: P (S + K K')^-1 P', P the projection onto
+  // parameter changes that are already aligned.
   void invert() {
     std::vector<Vec3> centres;
     Vec3 mean(0, 0, 0);
@@ -445,7 +444,7 @@ class Builder {
     for (const Vec3& c : centres) mean += c;
     mean /= static_cast<double>(centres.size());
     const double turn_weight =
-        std::pow(kTurnWeight * spread(centres), 2) * 2;  // align() has three axes: each turn moves two
+        std::pow(kRotationWeight * spread(centres), 2) * 2;  // align() has three axes; each rotation moves two
     const Eigen::Index size = information_.rows();
     MatrixXd gauge = MatrixXd::Zero(size, 7), weighted = MatrixXd::Zero(size, 7);
     for (size_t i = 0; i < scene_.cameras.size(); i++) {
@@ -465,9 +464,9 @@ class Builder {
       weighted.middleRows(row + 3, 3) = gauge.middleRows(row + 3, 3);
     }
     const MatrixXd overlap = gauge.transpose() * weighted;
-    // A bar of unit length is a scale: no observation leaves it open. Known poses leave nothing open.
+    // A bar of unit length fixes the scale. Pose priors leave no gauge freedom.
     for (int g = 0; g < (pose_priors_ ? 0 : has_bars() ? 6 : 7); g++) {
-      // As firm as the observations hold the steps that it is made of.
+      // Constrains the gauge direction as strongly as observations constrain its parameters.
       const Eigen::VectorXd k = weighted.col(g) / weighted.col(g).norm();
       const double firm = k.cwiseAbs2().dot(information_.diagonal());
       information_ += firm * k * k.transpose();

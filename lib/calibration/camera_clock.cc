@@ -21,7 +21,6 @@ double CameraClock::true_time(double stamp) const {
 
 double CameraClock::stamp_of(double true_time) const {
   double late = 0;
-  // Steps are in the order of time: those that end before this one begins.
   for (const Step& step : steps) {
     const double begins = step.stamp + offset + drift * (step.stamp - middle) + late + step.seconds;
     if (true_time < begins) break;
@@ -35,13 +34,13 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-constexpr double kStep = 1.0 / 30;         // seconds between samples of a velocity
-constexpr double kFast = 3;                // times the median speed: more counts as that
-constexpr size_t kLeastClockSamples = 20;  // that two cameras have in common
-constexpr double kCorrelated = 0.5;        // of at most 2
-constexpr double kBest = 1e-4;             // of a variance, that is left where two motions are alike
+constexpr double kStep = 1.0 / 30;  // seconds between samples of a velocity
+constexpr double kFast = 3;         // limit of the speed, as a multiple of the median
+constexpr size_t kMinClockSamples = 20;
+constexpr double kCorrelated = 0.5;  // minimum sum of squared correlations, of at most 2
+constexpr double kBest = 1e-4;       // minimum share of unexplained variance
 
-// Velocities of what is brightest, at multiples of kStep by the camera's clock.
+// Mean velocities of the brightest lights, at multiples of kStep on the camera's clock.
 struct Motion {
   int64_t first = 0;
   std::vector<Vector2d> velocity;
@@ -61,7 +60,7 @@ Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t 
     std::vector<std::pair<double, Vec2>> lights;
     for (const LightPath& path : paths)
       if (!path.still)
-        if (const auto place = place_at(path, static_cast<double>(k) * kStep, frame_time))
+        if (const auto place = interpolate_path(path, static_cast<double>(k) * kStep, frame_time))
           lights.emplace_back(path.brightness, place->velocity);
     std::sort(lights.begin(), lights.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     motion.known.push_back(lights.size() >= num_lights);
@@ -81,8 +80,8 @@ Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t 
   return motion;
 }
 
-// How much likelier it is that both saw one motion than that they did not, where b's stamps are `lag` steps behind a's:
-// the logarithm, from the canonical correlations; 0 where these are weak.
+// Returns the log likelihood ratio of a common motion to independent motions, if b's stamps are `lag` steps behind a's.
+// It follows from the canonical correlations; 0 if the correlations are weak.
 double likelihood(const Motion& a, const Motion& b, int64_t lag) {
   Matrix2d aa = Matrix2d::Zero(), bb = aa, ab = aa;
   size_t n = 0;
@@ -95,7 +94,7 @@ double likelihood(const Motion& a, const Motion& b, int64_t lag) {
     aa += u * u.transpose(), bb += v * v.transpose(), ab += u * v.transpose();
     n++;
   }
-  if (n < kLeastClockSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
+  if (n < kMinClockSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
   const Matrix2d squares = aa.inverse() * ab * bb.inverse() * ab.transpose();
   if (squares.trace() < kCorrelated) return 0;
   const double left = (Matrix2d::Identity() - squares).determinant();
@@ -122,7 +121,7 @@ size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std
     const double best = scores[at + furthest];
     if (!(best > 0)) continue;
     clocks[i].known = true;
-    double fine = 0;  // the parabola through three
+    double fine = 0;
     if (std::abs(at) < furthest) {
       const double before = scores[at - 1 + furthest], next = scores[at + 1 + furthest];
       if (const double bend = before - 2 * best + next; bend < 0)
@@ -136,19 +135,19 @@ size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std
 namespace {
 
 constexpr int kClockRounds = 5;
-constexpr double kClockRobust = 3;    // sigmas where a sample counts less
-constexpr double kWholeFrame = 0.25;  // of a frame, that a step may differ from whole ones
-constexpr double kChangeGain = 60;    // of the sum of squared errors in sigmas, that a step or a drift is worth
-constexpr double kHint = 25;          // the same, of a step that is worth a try
+constexpr double kClockRobust = 3;    // sigmas beyond which samples are down-weighted
+constexpr double kWholeFrame = 0.25;  // allowed deviation of a step from whole frames, in frames
+constexpr double kChangeGain = 60;    // minimum decrease of the robust cost for a step or a drift
+constexpr double kHint = 25;          // the same, for a suspected step
 constexpr double kDriftSigmas = 6;
-constexpr size_t kLeastSide = 8;  // samples on both sides of a step
+constexpr size_t kLeastSide = 8;  // samples on each side of a step
 
 struct ClockLine {
   double value = 0, slope = 0;  // at `middle`
   double variance = 0, slope_variance = 0;
 };
 
-// Weighted least squares, reweighted; a slope only where asked for.
+// Iteratively reweighted least squares; `sloped` frees the slope.
 ClockLine fit_line(const std::vector<ClockSample>& samples, double middle, double scale, bool sloped) {
   std::vector<double> values;
   for (const ClockSample& s : samples) values.push_back(s.seconds);
@@ -173,10 +172,10 @@ ClockLine fit_line(const std::vector<ClockSample>& samples, double middle, doubl
 
 double error_of(const ClockSample& s, double value, double scale) {
   const double e = std::abs(s.seconds - value) / (scale * s.sigma);
-  return e < kClockRobust ? e * e : kClockRobust * (2 * e - kClockRobust);  // Huber
+  return e < kClockRobust ? e * e : kClockRobust * (2 * e - kClockRobust);
 }
 
-// What samples are off by over what their sigmas say, in the median, after a running median took slow changes away.
+// Returns the median ratio of errors to their sigmas, at least 1. A running median removes slow changes first.
 double scale_of(const std::vector<ClockSample>& samples) {
   std::vector<double> errors;
   constexpr size_t kAround = 5;
@@ -195,7 +194,7 @@ double value_of(const std::vector<ClockSample>& samples, size_t from, size_t to)
   return median(std::move(values));
 }
 
-// The index that splits samples [from, to) where that is worth most, `least` at least; 0: nowhere.
+// Returns the index that splits samples [from, to) with the largest gain above `least`, or 0 if there is none.
 size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double least) {
   if (to - from < 2 * kLeastSide) return 0;
   const auto cost = [&](size_t a, size_t b) {
@@ -214,7 +213,6 @@ size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t t
   return at;
 }
 
-// Splits samples [from, to) where that is worth most, then both sides.
 void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double frame_time,
                 std::vector<CameraClock::Step>& steps) {
   const size_t at = best_split(samples, from, to, scale, kChangeGain);
@@ -229,11 +227,11 @@ void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to,
 
 }  // namespace
 
-double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown) {
+double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown) {
   if (samples.size() < kLeastSide) return 0;
   std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   clock.known = true;
-  // What is there already is taken off, and found again with the rest.
+  // Removes the current steps and drift from the samples; they are estimated again.
   const auto late = [](const std::vector<CameraClock::Step>& steps, double stamp) {
     double sum = 0;
     for (const CameraClock::Step& step : steps) sum += stamp >= step.stamp ? step.seconds : 0;

@@ -25,7 +25,7 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
     middle += corner / 4.0;
   }
   if (!(low.x >= 0 && low.y >= 0 && high.x <= rgb.width() - 1 && high.y <= rgb.height() - 1)) return std::nullopt;
-  double turn = 0;  // which way round the corners go
+  double turn = 0;
   for (size_t i = 0; i < 4; i++) {
     const Vec2 a = corners[i], b = corners[(i + 1) % 4];
     turn += a.x * b.y - b.x * a.y;
@@ -58,19 +58,19 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
     sample.usable[static_cast<size_t>(c)] = static_cast<double>(clipped[c]) <= 0.01 * n;
     variance = std::max(variance, squares[c] / n - sample.level[c] * sample.level[c]);
   }
-  // Beside the noise there is what levels are rounded to, and what is not quite the same place in all cameras.
+  // In addition to noise: rounding of levels, and position errors between cameras.
   sample.sigma = std::sqrt(0.1 + variance / n + 0.001 * variance);
   return sample;
 }
 
 namespace {
 
-// Of a patch: its border is blurred, and the chart is not found to a pixel.
+// Sampled share of a patch's side; patch borders are blurred, and the chart position is inexact.
 constexpr double kInner = 0.5;
 
-// The chart's corners in the image, from beside the first patch on, clockwise as it is read; empty: not found.
+// Returns the chart's corners in the image, clockwise in reading order from the first patch; empty if not found.
 std::vector<cv::Point2f> corners_of(const cv::Mat& bgr) {
-  // What the module looks for is larger than charts are in small images.
+  // The detector misses charts in small images.
   const double scale = std::max(1.0, 640.0 / std::min(bgr.cols, bgr.rows));
   cv::Mat large = bgr;
   if (scale > 1) cv::resize(bgr, large, {}, scale, scale, cv::INTER_LINEAR);
@@ -87,8 +87,8 @@ std::vector<cv::Point2f> corners_of(const cv::Mat& bgr) {
   return box;
 }
 
-// How well levels follow those of the chart, patch by patch: the correlation of the channel where it is the least,
-// since each may have a gain of its own.
+// Returns the correlation of the levels with the chart's nominal colours in the channel with the lowest correlation.
+// Channels are separate because each may have its own gain.
 double likeness(std::span<const ColourSample> chart) {
   const auto n = static_cast<double>(chart.size());
   double least = 1;
@@ -107,8 +107,8 @@ double likeness(std::span<const ColourSample> chart) {
   return least;
 }
 
-// A chart that the image's edge cuts off is found turned by a quarter at times, or a part of a patch beside its place.
-constexpr double kLeastLikeness = 0.8;
+// Charts that the image border cuts off are sometimes found rotated by 90 degrees, or displaced by part of a patch.
+constexpr double kMinCorrelation = 0.8;
 
 }  // namespace
 
@@ -116,13 +116,13 @@ std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex came
   const cv::Mat from(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
   cv::Mat bgr;
   cv::cvtColor(from, bgr, cv::COLOR_RGB2BGR);
-  // The search draws random numbers. Without a seed the result would depend on the images before this one.
+  // The detector draws random numbers. Without a seed, the result would depend on previous images.
   cv::setRNGSeed(1);
   std::vector<cv::Point2f> box;
   try {
     box = corners_of(bgr);
   } catch (const cv::Exception&) {
-    return {};  // the module does not take every image
+    return {};  // the module rejects some images
   }
   if (box.empty() || cv::norm(box[1] - box[0]) < 60 || cv::contourArea(box) < 60 * 40) return {};
   constexpr auto kWidth = static_cast<float>(checker::kWidth), kHeight = static_cast<float>(checker::kHeight);
@@ -145,16 +145,16 @@ std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex came
       samples.push_back(*sample);
     }
   }
-  if (likeness(samples) < kLeastLikeness) samples.clear();
+  if (likeness(samples) < kMinCorrelation) samples.clear();
   return samples;
 }
 
-void leave_out_misread_charts(std::vector<ColourSample>& samples) {
-  // With the faults of scene/calibration_targets.h charts of one camera are alike to 0.01, and those that are read beside
-  // their places are less alike by 0.03 and more.
+void remove_misread_charts(std::vector<ColourSample>& samples) {
+  // With the faults of scene/calibration_targets.h, correlations of one camera's charts differ by up to 0.01; misread
+  // charts are lower by 0.03 and more.
   constexpr double kLess = 0.02;
   const auto chart_of = [](const ColourSample& sample) { return sample.patch / checker::kPatches; };
-  std::vector<double> all, likenesses;  // of each chart; of the chart that each sample is of
+  std::vector<double> all, likenesses;  // per chart; per sample, of its chart
   for (auto begin = samples.begin(), end = begin; begin != samples.end(); begin = end) {
     end = std::find_if(begin, samples.end(), [&](const ColourSample& s) { return chart_of(s) != chart_of(*begin); });
     all.push_back(likeness({begin, end}));
@@ -170,18 +170,18 @@ namespace {
 
 constexpr int kRadius = 4, kPatchPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
 constexpr int kViewDepths = 64;
-constexpr size_t kSearched = 6;      // cameras that a distance is looked for with
-constexpr double kLeastTexture = 3;  // standard deviation of a window, levels: above the noise of cameras
-constexpr double kAgrees = 0.9;      // correlation of windows
-constexpr double kMostOff = 5;       // levels that pixels of windows differ by that agree, but for brightness
-constexpr size_t kLeastViewCameras = 3;
-constexpr size_t kReferences = 16;  // cameras whose images places are taken from
-constexpr int kAcross = 16;         // places along a row of such an image
+constexpr size_t kSearched = 6;      // neighbours for the depth search
+constexpr double kLeastTexture = 3;  // standard deviation of a window, levels; above camera noise
+constexpr double kAgrees = 0.9;
+constexpr double kMaxDeviation = 5;  // levels; RMS difference of matching windows after brightness correction
+constexpr size_t kMinViewCameras = 3;
+constexpr size_t kReferences = 16;
+constexpr int kAcross = 16;  // windows per image row
 
 // A window of luma, of zero mean and unit length.
 struct Window {
   std::array<float, kPatchPixels> of;
-  double texture;  // standard deviation before, levels
+  double texture;  // standard deviation before normalisation, levels
 };
 
 class Luma {
@@ -194,7 +194,7 @@ class Luma {
         values_.push_back(0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2]);
       }
   }
-  // False where the window leaves the image, or has less texture than `least`.
+  // Returns false if the window leaves the image, or has less texture than `least`.
   bool window(const Vec2& middle, double least, Window& out) const {
     const int x0 = static_cast<int>(std::floor(middle.x)), y0 = static_cast<int>(std::floor(middle.y));
     if (!(middle.x >= kRadius && middle.y >= kRadius) || x0 + kRadius + 1 >= width_ || y0 + kRadius + 1 >= height_)
@@ -224,8 +224,8 @@ class Luma {
   std::vector<float> values_;
 };
 
-// What a camera shows around a place: pixels count less towards the edge of a window, and where they are between
-// pixels' middles, so that a place that is a little off is of nearly the same colour.
+// Samples the image around a position. Weights decrease towards the border of the window, so that a small position
+// error changes the colour little.
 std::optional<ColourSample> sample_around(const Image& rgb, const Vec2& at) {
   constexpr int kReach = 6;
   const int x0 = static_cast<int>(std::lround(at.x)), y0 = static_cast<int>(std::lround(at.y));
@@ -262,10 +262,10 @@ double correlation(const Window& a, const Window& b) {
   return std::inner_product(a.of.begin(), a.of.end(), b.of.begin(), 0.f);
 }
 
-// Whether windows show the same. What has little texture hides in noise, and strong edges do not bear to be off.
+// True if the windows match. Weak textures must correlate despite noise; strong edges also need a small difference.
 bool agree(const Window& a, const Window& b) {
   const double like = correlation(a, b), texture = std::max(a.texture, b.texture);
-  return like >= kAgrees && texture * std::sqrt(2 * (1 - std::min(like, 1.0))) <= kMostOff;
+  return like >= kAgrees && texture * std::sqrt(2 * (1 - std::min(like, 1.0))) <= kMaxDeviation;
 }
 
 std::optional<Vec2> seen_at(const Camera& camera, const Vec3& x_world) {
@@ -309,7 +309,7 @@ class Sampler {
       black_ = Image(PixelFamily::kRgb, rig_.cameras[i].width, rig_.cameras[i].height);
       return black_;
     });
-    if (!range) throw Error("the views have too little in common, or too little texture, to be compared");
+    if (!range) throw Error("the views overlap too little, or have too little texture, to compare colours");
     nearest_ = 0.6 * range->near;
     farthest_ = 2 * range->far;
   }
@@ -348,7 +348,6 @@ class Sampler {
     }
     const auto best = static_cast<int>(std::ranges::max_element(like) - like.begin());
     if (like[static_cast<size_t>(best)] < kAgrees - 0.1) return;
-    // Between the depths that were tried, where a parabola through three has its top.
     double k = best;
     if (best > 0 && best + 1 < kViewDepths) {
       const double a = like[static_cast<size_t>(best - 1)], b = like[static_cast<size_t>(best)],
@@ -371,14 +370,14 @@ class Sampler {
       sample->patch = samples.patches;
       seen.push_back(*sample);
     }
-    if (seen.size() < kLeastViewCameras) return;
+    if (seen.size() < kMinViewCameras) return;
     samples.all.insert(samples.all.end(), seen.begin(), seen.end());
     samples.patches++;
   }
 
   const Rig& rig_;
   const std::span<const Image> images_;
-  double nearest_ = 0, farthest_ = 0;  // metres from the cameras: where places are looked for
+  double nearest_ = 0, farthest_ = 0;  // search range, metres from the cameras
   std::vector<Luma> luma_;
   Image black_;
 };
@@ -386,7 +385,7 @@ class Sampler {
 }  // namespace
 
 ColourSamples sample_views(const Rig& rig, std::span<const Image> images) {
-  if (images.size() != rig.cameras.size()) throw Error("there must be an image for each camera of the rig");
+  if (images.size() != rig.cameras.size()) throw Error("an image for each camera of the rig is required");
   return Sampler(rig, images).run();
 }
 

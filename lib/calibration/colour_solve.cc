@@ -16,8 +16,8 @@
 namespace lf {
 namespace {
 
-// Parameters of a camera, all 0 without faults.
-enum Place {
+// Parameters of a camera; all are 0 for a camera without faults.
+enum CameraParameter {
   kExposure = 0,
   kRed = 1,
   kBlue = 2,
@@ -30,11 +30,10 @@ enum Place {
 using Parameters = std::array<double, kCount>;
 
 constexpr double kBlackUnit = 10;  // levels
-// What cameras are likely to be off by: next to nothing beside samples that say more.
+// Prior sigmas of the parameters; weak compared with the samples.
 constexpr std::array<double, kCount> kPrior{1.0, 0.5, 0.5, 1.0, 1.0, 1.0, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5};
 
-// The matrix that takes light of the scene to light that the camera takes for its own: gains of rows, and crosstalk
-// under which grey stays grey.
+// The matrix from scene light to camera light: a gain per row, and crosstalk that preserves greys.
 template <typename T>
 void own_from_scene(const T* p, T (&out)[3][3]) {
   using std::exp;
@@ -50,7 +49,7 @@ void own_from_scene(const T* p, T (&out)[3][3]) {
   }
 }
 
-// light_of() and level_of() for the solver's numbers.
+// decode_gamma() and encode_gamma() for automatic differentiation.
 template <typename T>
 T power_light(const T& level, const T& gamma) {
   using std::pow;
@@ -68,7 +67,7 @@ T power_level(const T& light, const T& gamma) {
   return below ? -level : level;
 }
 
-// What a sample is off the levels that the camera gives for the patch, by the inverse of ColourModel.
+// Difference between a sample and the predicted level of its patch, by the inverse of ColourModel.
 struct SampleCost {
   ColourSample sample;
   double r2;
@@ -89,7 +88,7 @@ struct SampleCost {
         residual[c] = T(0);
         continue;
       }
-      // What cameras make of the darkest levels is less certain.
+      // The darkest levels are less certain.
       const double dark = 1.5 * std::max(0.0, 1 - sample.level[c] / 45), sigma = std::hypot(sample.sigma, dark);
       const T sum = own[c][0] * light[0] + own[c][1] * light[1] + own[c][2] * light[2];
       residual[c] = (power_level(sum, gamma) + kBlackUnit * camera[kBlack + c] - sample.level[c]) / sigma;
@@ -98,12 +97,12 @@ struct SampleCost {
   }
 };
 
-// A chart somewhere: how bright it is, and how much brighter to its right and its lower side.
+// Light of a chart position: brightness, and gradients to the right and downwards.
 constexpr int kLight = 3;
 constexpr double kSlope = 0.05;
-constexpr double kChartSigma = 1;  // levels: a chart is not all matt, and not all flat
+constexpr double kChartSigma = 1;  // levels; charts are neither fully matt nor fully flat
 
-// How far a patch is from the colour that the chart has there, in the light that the chart is in.
+// Difference between a patch and the chart's colour under the light of its position.
 struct ChartCost {
   double u, v;  // -1 to 1 along the chart
 
@@ -118,7 +117,7 @@ struct ChartCost {
 struct LightPrior {
   template <typename T>
   bool operator()(const T* light, T* residual) const {
-    residual[0] = light[0] - 1.0;  // since a lighter chart in less light would look the same
+    residual[0] = light[0] - 1.0;  // fixes the ambiguity between a lighter chart and more light
     for (int i = 1; i < kLight; i++) residual[i] = light[i] / kSlope;
     return true;
   }
@@ -132,7 +131,7 @@ struct PriorCost {
   }
 };
 
-// How far the mean of the cameras is from a camera without faults, but for vignetting, which is no matter of taste.
+// Constrains the mean of the cameras to a camera without faults. Vignetting is absolute, and therefore left out.
 class MeanCost : public ceres::CostFunction {
  public:
   explicit MeanCost(int cameras) : weight_(1 / (kSigma * cameras)) {
@@ -190,24 +189,23 @@ ColourModel model_of(const Parameters& p) {
 
 VignettingField field_of(const Camera& camera) { return {camera.width, camera.height, camera.principal_point()}; }
 
-// The nearest model without a fault on the way from the parameters to none.
 ColourModel sound_model(Parameters p, const Camera& camera) {
   const double most = field_of(camera).most();
   ColourModel model = model_of(p);
-  for (int i = 0; i < 60 && fault_of(model, most); i++) {
+  for (int i = 0; i < 60 && model_error(model, most); i++) {
     for (double& value : p) value *= 0.9;
     model = model_of(p);
   }
-  return fault_of(model, most) ? ColourModel() : model;
+  return model_error(model, most) ? ColourModel() : model;
 }
 
 bool is_in(const std::vector<bool>& list, size_t i) { return list.empty() || list[i]; }
 
-// Order of elimination. Ceres sorts a group by address, which differs between runs for blocks of several vectors: then
-// the last digits of the result differ, too. So each vector has a group of its own.
+// Elimination order. Ceres sorts a group by address, which differs between runs for blocks of several vectors and
+// changes the last digits of the result. Therefore each vector has its own group.
 enum EliminationGroup { kColourGroup, kCameraGroup, kLightGroup, kReflectanceGroup };
 
-// What the places of a chart have in common, for patches that the problem has.
+// Adds the constraints between positions of a chart, for patches in the problem.
 void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::ParameterBlockOrdering& order,
                std::vector<std::array<double, 3>>& colours, std::vector<std::array<double, kLight>>& lights,
                std::vector<std::array<double, 3>>& reflectances) {
@@ -253,7 +251,7 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
                       const std::vector<bool>& apart, const std::vector<bool>& patches, const ColourFit* start) {
   std::vector<Parameters> cameras(samples.cameras, Parameters{});
   if (start) cameras = start->parameters;
-  // A patch begins as what the camera in the middle of those that see it shows.
+  // The initial colour of a patch is its median over cameras.
   std::vector<std::array<std::vector<double>, 3>> seen(samples.patches);
   for (const ColourSample& sample : samples.all)
     for (size_t c = 0; c < 3; c++)
@@ -306,7 +304,7 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
     options.linear_solver_ordering.reset(order);
     options.max_num_iterations = 40;
     options.function_tolerance = 1e-6;
-    options.num_threads = 1;  // more threads add in another order each time: the last digits would differ
+    options.num_threads = 1;  // reproducible results: the order of sums depends on the number of threads
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
@@ -324,14 +322,14 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
 
 Vec3 corrected_level(const Camera& camera, const ColourModel& model, const ColourSample& sample) {
   const double r2 = field_of(camera).square(sample.place.x, sample.place.y);
-  return corrected(model, sample.level) * level_factor(light_share(model, r2));
+  return corrected(model, sample.level) * level_factor(vignetting_factor(model, r2));
 }
 
 ColourDifferences colour_differences(const Rig& rig, const ColourSamples& samples,
                                      const std::vector<ColourModel>& models, const std::vector<bool>& patches,
                                      const std::vector<bool>& cameras) {
   constexpr double kMost = 12;
-  constexpr size_t kPartners = 12;  // that a sample is compared with
+  constexpr size_t kPartners = 12;
   std::vector<std::vector<std::pair<Vec3, std::array<bool, 3>>>> of_patch(samples.patches);
   for (const ColourSample& sample : samples.all)
     if (is_in(patches, sample.patch) && is_in(cameras, sample.camera))
@@ -362,10 +360,11 @@ ColourDifferences colour_differences(const Rig& rig, const ColourSamples& sample
 
 namespace {
 
-constexpr size_t kLeastColourSamples = 12;                  // of a camera
-constexpr size_t kFitSamples = 8000;                        // that terms are chosen by
-constexpr double kLeastBetter = 0.03, kLeastLevels = 0.05;  // of the held-out differences, for one more term
-constexpr double kStuck = 0.4;  // logarithm of light: a camera's exposure is another one from a half more on
+constexpr size_t kMinColourSamples = 12;
+constexpr size_t kFitSamples = 8000;
+// required reduction of the held-out RMS for one more term: share, levels
+constexpr double kMinImprovement = 0.03, kMinLevels = 0.05;
+constexpr double kStuck = 0.4;  // logarithm of light; an exposure that differs by about half or more
 
 std::string name_of(const Camera& camera) {
   return "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
@@ -373,7 +372,7 @@ std::string name_of(const Camera& camera) {
 
 std::string number(double value, int digits) { return format_text("%.*f", digits, value); }
 
-// The same patches on every machine: every fourth, but not in step with the rows of a chart.
+// A fixed selection of every fourth patch, not aligned with the rows of a chart.
 bool is_held_out(uint32_t patch) { return (patch * 2654435761u >> 16) % 4 == 0; }
 
 class ColourSolver {
@@ -384,7 +383,6 @@ class ColourSolver {
       held_out_.push_back(is_held_out(i));
       training_.push_back(!held_out_.back());
     }
-    // Where there are more samples than a choice needs some patches are left to the last fit.
     const size_t every = (samples.all.size() + kFitSamples - 1) / kFitSamples;
     for (uint32_t i = 0, n = 0; every > 1 && i < samples.patches; i++)
       if (training_[i] && n++ % every != 0) training_[i] = false;
@@ -394,7 +392,7 @@ class ColourSolver {
     look_at_cameras();
     find_stuck();
     choose_terms();
-    progress("fitting " + solution_.terms.name() + " to all");
+    progress("fitting " + solution_.terms.name() + " to all patches");
     const ColourFit fit = fit_colours(rig_, samples_, solution_.terms, apart_, {}, &best_);
     for (size_t i = 0; i < rig_.cameras.size(); i++)
       solution_.models.push_back(enough_[i] ? std::optional(fit.models[i]) : std::nullopt);
@@ -428,28 +426,29 @@ class ColourSolver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) {
       ColourSolution::Camera& camera = solution_.cameras[i];
       if (all[i] > 0) camera.clipped = static_cast<double>(clipped[i]) / static_cast<double>(all[i]);
-      enough_.push_back(camera.samples >= kLeastColourSamples);
+      enough_.push_back(camera.samples >= kMinColourSamples);
       good += enough_.back();
       if (enough_.back()) continue;
-      if (all[i] >= kLeastColourSamples)
+      if (all[i] >= kMinColourSamples)
         find(Finding::Severity::kWarning, brightest[i] < 20 ? "black-camera" : "clipped-camera",
              name_of(rig_.cameras[i]) +
-                 (brightest[i] < 20 ? ": is black: is its lens covered, or its exposure far too short?"
-                                    : ": is clipped wherever it was looked at: shorten its exposure") +
-                 " It gets no colour");
+                 (brightest[i] < 20 ? ": is black: is the lens covered, or the exposure far too short?"
+                                    : ": all of its samples are clipped: shorten its exposure.") +
+                 " No colour model was estimated");
       else
-        find(Finding::Severity::kWarning, "few-samples",
-             name_of(rig_.cameras[i]) + ": only " + std::to_string(camera.samples) +
-                 " places are seen that others see, too: show it the chart at more places, nearer to where it looks. "
-                 "It gets no colour");
+        find(
+            Finding::Severity::kWarning, "few-samples",
+            name_of(rig_.cameras[i]) + ": only " + std::to_string(camera.samples) +
+                " places are also seen by other cameras: show it the chart at more places, closer to the middle of its "
+                "image. No colour model was estimated");
     }
     if (good < 2)
-      throw Error("colours can only be compared where two cameras or more see the same: " + std::to_string(good) +
-                  " of " + std::to_string(rig_.cameras.size()) +
-                  " cameras see enough. Show the chart where all of them see it, large, in even light");
+      throw Error("comparing colours requires two cameras with common samples: " + std::to_string(good) + " of " +
+                  std::to_string(rig_.cameras.size()) +
+                  " cameras have enough. Show the chart, large and in even light, where all cameras see it");
   }
 
-  // An exposure that is not the others' spoils the mean: it is found first, by brightness alone.
+  // A camera with a wrong exposure would bias the mean, so exposures are compared first, by brightness alone.
   void find_stuck() {
     progress("comparing brightness");
     const ColourFit fit = fit_colours(rig_, samples_, {}, {}, training_);
@@ -489,7 +488,7 @@ class ColourSolver {
       better = false;
       ColourTerms next = solution_.terms;
       const ColourFit start = best_;
-      const double limit = best.rms - std::max(kLeastBetter * best.rms, kLeastLevels);
+      const double limit = best.rms - std::max(kMinImprovement * best.rms, kMinLevels);
       for (const auto term : kTerms) {
         ColourTerms terms = solution_.terms;
         if (terms.*term) continue;
@@ -508,7 +507,7 @@ class ColourSolver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) solution_.cameras[i].rms = rms_of(i, best_.models);
   }
 
-  // Of a camera's held-out samples, from the mean of the others' that see the same.
+  // Returns the RMS difference between a camera's held-out samples and the median of other cameras.
   double rms_of(size_t camera, const std::vector<ColourModel>& models) const {
     std::vector<std::array<std::vector<double>, 3>> seen(samples_.patches);
     for (const ColourSample& sample : samples_.all) {
@@ -522,7 +521,7 @@ class ColourSolver {
     for (const ColourSample& sample : samples_.all) {
       if (sample.camera != camera || !held_out_[sample.patch]) continue;
       const Vec3 level = corrected_level(rig_.cameras[camera], models[camera], sample);
-      // What is clipped counts here: it is shown.
+      // Clipped samples count here because they are visible in rendered views.
       for (size_t c = 0; c < 3; c++)
         if (!seen[sample.patch][c].empty()) {
           const double d = level[static_cast<int>(c)] - median(seen[sample.patch][c]);
@@ -545,15 +544,16 @@ class ColourSolver {
         const double light = std::pow(camera.gain, kPictureGamma);
         find(Finding::Severity::kWarning, "stuck-exposure",
              name_of(rig_.cameras[i]) + ": its exposure is stuck: it takes " + number(light, 2) +
-                 " times the light of the others. Corrected, its levels are " + number(camera.rms, 1) +
-                 " off theirs (the others': " + number(others, 1) + "), " + number(100 * camera.clipped, 0) +
-                 " % of what it sees is clipped and lost" +
+                 " times the light of the median camera. After correction its levels differ by " +
+                 number(camera.rms, 1) + " (typical: " + number(others, 1) + "), " + number(100 * camera.clipped, 0) +
+                 " % of its samples are clipped" +
                  (camera.gain < 1 ? ", and its noise is " + number(1 / camera.gain, 1) + " times as strong" : "") +
-                 ". Set its exposure by hand, as the others', and measure again; or leave it out of service");
+                 ". Set its exposure to that of the other cameras and calibrate again, or exclude the camera");
       } else if (camera.rms > std::max(3.0, 3 * others)) {
         find(Finding::Severity::kWarning, "other-colours",
-             name_of(rig_.cameras[i]) + ": stays " + number(camera.rms, 1) + " levels off the others (theirs: " +
-                 number(others, 1) + "): was something in its way, or is a control of it still automatic?");
+             name_of(rig_.cameras[i]) + ": differs by " + number(camera.rms, 1) +
+                 " levels after correction (typical: " + number(others, 1) +
+                 "): was its view blocked, or is one of its controls still automatic?");
       }
     }
   }
@@ -562,21 +562,22 @@ class ColourSolver {
     if (solution_.after.pairs < 50)
       find(Finding::Severity::kWarning, "few-patches",
            "only " + std::to_string(solution_.after.pairs) +
-               " comparisons were held out: show the chart at more places for the figures to mean something");
+               " comparisons were held out, so the figures are unreliable: show the chart at more places");
     if (solution_.after.p95 > 3)
       find(Finding::Severity::kWarning, "differences",
            "cameras still differ by " + number(solution_.after.p95, 1) +
-               " levels at one place of 20: is the light even and steady, and nothing but the chart moving?");
+               " levels (95th percentile): the light must be even and steady, and only the chart may move");
     if (solution_.after.rms > solution_.before.rms)
-      find(Finding::Severity::kWarning, "no-gain", "the cameras were as alike before: leave them as they are");
+      find(Finding::Severity::kWarning, "no-gain",
+           "the correction does not reduce the differences: keep the rig without it");
   }
 
   const Rig& rig_;
   const ColourSamples& samples_;
   const ColourSolveOptions& options_;
-  std::vector<bool> held_out_, training_;      // of patches
-  std::vector<bool> enough_, others_, apart_;  // of cameras; others: enough is seen of them and they are not stuck
-  ColourFit best_;                             // to the training patches, by the terms that were taken
+  std::vector<bool> held_out_, training_;      // per patch
+  std::vector<bool> enough_, others_, apart_;  // per camera; others_: enough samples, and not stuck
+  ColourFit best_;
   ColourSolution solution_;
 };
 

@@ -12,9 +12,9 @@
 
 namespace lf::projection {
 
-// These take parameters to pixels: for the solver, which differentiates them, and for residuals.
+// Projection of parameters to pixels, for the solver and for residuals.
 
-// v = conjugate(q) * x * q: from the world's axes to the camera's.
+// v = conjugate(q) * x * q: from world axes to camera axes.
 inline void rotate_to_camera(const double* q, const double* x, double* v) {
   const double w = q[0], a = -q[1], b = -q[2], c = -q[3];
   const double tx = 2 * (b * x[2] - c * x[1]), ty = 2 * (c * x[0] - a * x[2]), tz = 2 * (a * x[1] - b * x[0]);
@@ -23,14 +23,14 @@ inline void rotate_to_camera(const double* q, const double* x, double* v) {
   v[2] = x[2] + w * tz + a * ty - b * tx;
 }
 
-// A point in the camera's axes to a pixel, by the lens terms of a CameraState's block; false behind the camera. The
-// lens is that of geometry/lens.h. Where they are asked for, the derivatives by the point and by the terms, too.
-struct PixelSlopes {
+// Projects a point in camera axes to a pixel with the lens terms of a CameraState block (model of geometry/lens.h).
+// Returns false if the point is behind the camera. `slopes`: optional derivatives.
+struct PixelJacobian {
   Eigen::Matrix<double, 2, 3> by_point;
   Eigen::Matrix<double, 2, kNumLensTerms> by_lens;
 };
 inline bool project_in_camera(const double* x, const double* lens, double aspect, double* pixel,
-                              PixelSlopes* slopes = nullptr) {
+                              PixelJacobian* slopes = nullptr) {
   if (!(x[2] > 1e-9)) return false;
   const double f = lens[kF], g = f * aspect, k1 = lens[kK1], k2 = lens[kK2], p1 = lens[kP1], p2 = lens[kP2];
   const double u = x[0] / x[2], v = x[1] / x[2], uu = u * u, uv = u * v, vv = v * v, r2 = uu + vv;
@@ -40,7 +40,7 @@ inline bool project_in_camera(const double* x, const double* lens, double aspect
   pixel[0] = f * du + lens[kCx];
   pixel[1] = g * dv + lens[kCy];
   if (!slopes) return true;
-  const double bend = 2 * (k1 + 2 * k2 * r2);  // twice the slope of the radial factor over r^2
+  const double bend = 2 * (k1 + 2 * k2 * r2);  // twice the derivative of the radial factor by r^2
   const double across = uv * bend + 2 * (p1 * u + p2 * v);
   const double uu_slope = radial + uu * bend + 2 * p1 * v + 6 * p2 * u;
   const double vv_slope = radial + vv * bend + 6 * p1 * v + 2 * p2 * u;
@@ -53,7 +53,7 @@ inline bool project_in_camera(const double* x, const double* lens, double aspect
   return true;
 }
 
-// A point of the world to a pixel of a CameraState's block; false behind the camera.
+// Projects a world point to a pixel of a CameraState block; returns false if the point is behind the camera.
 inline bool project(const double* camera, double aspect, const double* point, double* pixel) {
   const double from_centre[3] = {point[0] - camera[4], point[1] - camera[5], point[2] - camera[6]};
   double x[3];
@@ -61,7 +61,7 @@ inline bool project(const double* camera, double aspect, const double* point, do
   return project_in_camera(x, camera + 7, aspect, pixel);
 }
 
-// The end of a bar of unit length: light 0 at -1/2, light 1 at +1/2.
+// The ends of a bar of unit length: light 0 at -1/2, light 1 at +1/2.
 inline double bar_side(unsigned light) { return light == 0 ? -0.5 : 0.5; }
 inline void bar_end(const double* bar, unsigned light, double* point) {
   for (int i = 0; i < 3; i++) point[i] = bar[i] + bar_side(light) * bar[3 + i];
@@ -70,9 +70,9 @@ inline void bar_end(const double* bar, unsigned light, double* point) {
 
 namespace lf {
 
-// Ceres' headers are heavy: include this only where the problem is built.
+// The Ceres headers are slow to compile: include this file only where a problem is built.
 
-// Steps of a camera: a rotation about the world's axes (radians), a shift, then those lens terms that are free.
+// Tangent space of a camera: rotation about the world axes (radians), translation, then the free lens terms.
 class CameraManifold : public ceres::Manifold {
  public:
   CameraManifold(const std::array<bool, kNumLensTerms>& free, bool free_pose) : pose_(free_pose ? 6 : 0) {
@@ -108,13 +108,13 @@ class CameraManifold : public ceres::Manifold {
     for (int i = 0; i < num_lens_; i++) j(lens_[i], pose_ + i) = 1;
     return true;
   }
-  // How the quaternion at `x` moves with small turns about the world's axes.
+  // Returns the derivative of the quaternion at `x` by small rotations about the world axes.
   static Eigen::Matrix<double, 4, 3> quaternion_steps(const double* x) {
     Eigen::Matrix<double, 4, 3> steps;
     steps << -x[1], -x[2], -x[3], x[0], x[3], -x[2], -x[3], x[0], x[1], x[2], -x[1], x[0];
     return steps / 2;
   }
-  // Differences of states are never asked for by the minimiser.
+  // The minimiser never calls Minus.
   bool Minus(const double*, const double*, double*) const override { return false; }
   bool MinusJacobian(const double*, double*) const override { return false; }
 
@@ -123,7 +123,8 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
-// An observation of a point or of one end of a bar, in sigmas. Differentiated by hand: it is what adjustments do most.
+// Reprojection error of a point or of one end of a bar, in sigmas. The derivatives are analytic because adjustments
+// spend most of their time here.
 template <bool kBar>
 class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
  public:
@@ -143,7 +144,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     const Eigen::Vector3d from_centre(point[0] - state[4], point[1] - state[5], point[2] - state[6]);
     Eigen::Vector3d in_camera;
     projection::rotate_to_camera(state, from_centre.data(), in_camera.data());
-    projection::PixelSlopes slopes;
+    projection::PixelJacobian slopes;
     if (!projection::project_in_camera(in_camera.data(), state + 7, camera_.aspect, pixel,
                                        jacobians ? &slopes : nullptr))
       return false;
@@ -154,7 +155,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
   }
 
  private:
-  void differentiate(const double* state, const Eigen::Vector3d& from_centre, const projection::PixelSlopes& slopes,
+  void differentiate(const double* state, const Eigen::Vector3d& from_centre, const projection::PixelJacobian& slopes,
                      double** jacobians) const {
     const Eigen::Matrix<double, 2, 3> by_camera_axes = weight_ * slopes.by_point;
     const Eigen::Matrix3d world_from_camera =
@@ -162,8 +163,8 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     const Eigen::Matrix<double, 2, 3> by_point = by_camera_axes * world_from_camera.transpose();
     if (jacobians[0]) {
       Eigen::Map<Eigen::Matrix<double, 2, CameraState::kSize, Eigen::RowMajor>> j(jacobians[0]);
-      // A turn d about the world's axes moves the point by from_centre x d. Of the quaternion's derivatives those are
-      // taken that the manifold, whose columns are orthogonal and of length 1/2, leads back to this.
+      // A rotation d about the world axes moves the point by from_centre x d. The manifold's columns are orthogonal
+      // with length 1/2, so these quaternion derivatives map to by_turn.
       Eigen::Matrix<double, 2, 3> by_turn;
       for (int r = 0; r < 2; r++) by_turn.row(r) = by_point.row(r).cross(from_centre);
       j.leftCols<4>() = 4 * by_turn * CameraManifold::quaternion_steps(state).transpose();
@@ -183,8 +184,8 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
   double weight_;
 };
 
-// A ReprojectionCost where the light moves and the camera's clock is not known: for each second that is added to the
-// clock the picture that belongs to an instant is an earlier one, and the light is by `velocity` less far.
+// A ReprojectionCost for a moving light and an unknown clock. Each second added to the clock means that an earlier
+// image belongs to an instant, so the light is displaced by -velocity.
 inline constexpr int kNumClockTerms = 3;
 template <bool kBar>
 class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3, kNumClockTerms> {
@@ -211,12 +212,11 @@ class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar 
   Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
 };
 
-// A weak prior of a clock's terms: it keeps where they are what all clocks have in common, and a step that no
-// observation is behind.
+// Weak prior of a clock's terms: fixes the common part of all clocks, and steps without observations.
 struct ClockPriorCost {
   template <class T>
   bool operator()(const T* terms, T* error) const {
-    constexpr double kSigmas[kNumClockTerms] = {0.1, 3e-4, 0.2};  // seconds, seconds a second, seconds
+    constexpr double kSigmas[kNumClockTerms] = {0.1, 3e-4, 0.2};  // seconds, seconds per second, seconds
     for (int k = 0; k < kNumClockTerms; k++) error[k] = terms[k] / kSigmas[k];
     return true;
   }
@@ -235,7 +235,7 @@ struct LensPriorCost {
   }
 };
 
-// A pose near what was known of it; `metres` of its frame make a unit of the scene.
+// Prior of a pose; `metres` is the number of prior-frame metres per scene unit.
 struct PosePriorCost {
   const PosePrior* prior;
   template <class T>
@@ -258,7 +258,6 @@ struct PosePriorCost {
   }
 };
 
-// A lens near its batch's mean.
 struct BatchSpreadCost {
   std::array<double, kNumLensTerms> weight;
   template <class T>
@@ -268,7 +267,6 @@ struct BatchSpreadCost {
   }
 };
 
-// The batch's mean near what is usual.
 struct BatchMeanCost {
   const BatchPrior* prior;
   template <class T>

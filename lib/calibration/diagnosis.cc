@@ -16,20 +16,21 @@
 namespace lf {
 namespace {
 
-constexpr size_t kLeastTrackSights = 5;  // of a track, two of whose numbers its place and its motion take
-constexpr double kMost = 30;             // sigmas that a residual counts as at most
-constexpr double kAlike = 0.7;           // share of a track's squared residuals that a motion must explain
-constexpr double kSure = 25;             // squared sigmas that it explains
-constexpr double kAlone = 0.5;           // share of the squared times that is one camera's: it is wrong, not late
+constexpr size_t kMinTrackDetections = 5;  // per track; its position and motion absorb some residuals
+constexpr double kMost = 30;               // sigmas; upper limit of a residual
+constexpr double kAlike = 0.7;             // minimum explained share of a track's squared residuals
+constexpr double kSure = 25;               // minimum explained squared residuals, in squared sigmas
+// A camera with a larger share of the squared times has a pose error, not a time offset.
+constexpr double kAlone = 0.5;
 constexpr int kMostLeftOut = 4;
 
-struct MovingSight {
+struct MovingObservation {
   Eigen::Index camera;
   Vec2 error;  // pixels
 };
 struct MovingTrack {
-  std::vector<MovingSight> sights;
-  bool good = false;  // the solution relies on it
+  std::vector<MovingObservation> sights;
+  bool good = false;  // true if the solution relies on the track
 };
 
 std::vector<MovingTrack> tracks_of(const Solution& solution, const Tracks& tracks) {
@@ -50,18 +51,18 @@ std::vector<MovingTrack> tracks_of(const Solution& solution, const Tracks& track
       good += solution.inliers[index];
     }
     track.good = 2 * good > track.sights.size();
-    if (track.sights.size() >= kLeastTrackSights) list.push_back(std::move(track));
+    if (track.sights.size() >= kMinTrackDetections) list.push_back(std::move(track));
   }
   return list;
 }
 
-// What the cameras' residuals have in common; nothing where each errs by itself.
+// Returns the common component of the cameras' residuals, one number per camera; empty if errors are independent.
 Eigen::VectorXd times_of(const std::vector<MovingTrack>& tracks, size_t cameras) {
   const auto n = static_cast<Eigen::Index>(cameras);
   Eigen::MatrixXd common = Eigen::MatrixXd::Zero(n, n);
   for (const MovingTrack& track : tracks)
-    for (const MovingSight& a : track.sights)
-      for (const MovingSight& b : track.sights) common(a.camera, b.camera) += glm::dot(a.error, b.error);
+    for (const MovingObservation& a : track.sights)
+      for (const MovingObservation& b : track.sights) common(a.camera, b.camera) += glm::dot(a.error, b.error);
   for (int left_out = 0; left_out <= kMostLeftOut; left_out++) {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(common);
     const Eigen::VectorXd times = eigen.eigenvectors().col(n - 1);
@@ -84,7 +85,7 @@ MovingScene find_motion(const Solution& solution, const Tracks& tracks) {
   for (const MovingTrack& track : list) {
     Vec2 along(0, 0);
     double all = 0, weight = 0;
-    for (const MovingSight& s : track.sights) {
+    for (const MovingObservation& s : track.sights) {
       along += s.error * times[s.camera];
       weight += times[s.camera] * times[s.camera], all += glm::dot(s.error, s.error);
     }
@@ -96,7 +97,7 @@ MovingScene find_motion(const Solution& solution, const Tracks& tracks) {
     squares += explained, sights += static_cast<double>(track.sights.size());
   }
   found.share = moved / static_cast<double>(list.size());
-  found.taken_in = good > 0 ? good_moved / good : 0;
+  found.used_share = good > 0 ? good_moved / good : 0;
   found.shift_px = sights > 0 ? std::sqrt(squares / sights) : 0;
   return found;
 }
@@ -105,17 +106,17 @@ namespace {
 
 using Severity = Finding::Severity;
 
-constexpr double kNothingLearnt = 0.8;           // of the sigma known before
-constexpr double kSoftDepth = 0.01;              // of the depth
-constexpr double kSoftPosition = 0.1;            // of the distance of neighbours
-constexpr double kSoftRotation = 0.01;           // radians
-constexpr double kManyOutliers = 0.2;            // share of a camera's observations
-constexpr int kMostFrames = 5;                   // that a camera may be late or early
-constexpr double kBatchContradiction = 4;        // sigmas of a batch's mean
-constexpr double kAgreement = 1.2;               // of halves of the tracks: below, it may be chance
+constexpr double kNothingLearnt = 0.8;  // ratio to the prior sigma
+constexpr double kSoftDepth = 0.01;     // share of the depth
+constexpr double kSoftPosition = 0.1;   // in units of the distance between neighbours
+constexpr double kSoftRotation = 0.01;  // radians
+constexpr double kManyOutliers = 0.2;   // share of a camera's observations
+constexpr int kMaxFrames = 5;
+constexpr double kBatchContradiction = 4;        // sigmas of the batch mean
+constexpr double kAgreement = 1.2;               // disagreement of halves of the tracks below which it may be chance
 constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
-constexpr double kMoved = 0.04;                  // share of the tracks: fewer are mistakes
-constexpr size_t kMostNamed = 12;                // cameras in the wrong order, one circle after the other
+constexpr double kMoved = 0.04;                  // share of the tracks; fewer are mismatches
+constexpr size_t kMaxNamed = 12;
 
 class Diagnosis {
  public:
@@ -160,23 +161,22 @@ class Diagnosis {
     if (found && share <= kManyOutliers && noise <= 1) return;
     if (const int frames = frames_late(i); frames != 0) {
       add(Severity::kError, "late-camera",
-          format_text("camera %u is %d frame%s %s: its tracks fit the others' when they are moved by that", id(i),
+          format_text("camera %u is %d frame%s %s: its tracks fit after a shift by that number of frames", id(i),
                       std::abs(frames), std::abs(frames) == 1 ? "" : "s", frames > 0 ? "late" : "early"));
       return;
     }
     if (!found)
       add(Severity::kError, "camera-not-found",
-          format_text("camera %u fits nowhere (%zu observations): it is not in the rig. %s", id(i), list.size(),
-                      options_.prior
-                          ? "Is it another camera's id, a moved camera, or another lens than in the prior rig?"
-                          : "Is it another camera's recording, or a camera that was moved?"));
+          format_text("camera %u could not be placed (%zu observations): it is not in the rig. %s", id(i), list.size(),
+                      options_.prior ? "Is its id correct, was it moved, or does its lens differ from the prior rig?"
+                                     : "Is it another camera's recording, or was the camera moved?"));
     else if (share <= kManyOutliers)
       add(Severity::kWarning, "noisy-camera",
-          format_text("camera %u errs %.1f times as much as the others: is it out of focus, or was it touched?", id(i),
+          format_text("camera %u: its residuals are %.1f times the median: is it out of focus, or was it moved?", id(i),
                       noise));
     else if (share > 2 * typical_outliers())
       add(Severity::kWarning, "many-outliers",
-          format_text("camera %u: %.0f %% of its observations do not fit", id(i), share * 100));
+          format_text("camera %u: %.0f %% of its observations are outliers", id(i), share * 100));
   }
 
   double typical_outliers() const {
@@ -184,13 +184,13 @@ class Diagnosis {
     return static_cast<double>(bad) / static_cast<double>(std::max<size_t>(1, solution_.inliers.size()));
   }
 
-  // How many frames a camera's tracks must be moved back by to fit; 0 where that does not help. Its pose must be found
-  // again for each: that of a camera in between its neighbours does for a look at the same places.
+  // Returns the shift of a camera's tracks, in frames, that makes them fit, or 0. The pose is estimated again for each
+  // shift, because a pose between the neighbours could fit the same positions.
   int frames_late(size_t i) const {
     if (!tracks_.ordered) return 0;
     int best = 0;
     double most = 0, now = 0;
-    for (int frames = -kMostFrames; frames <= kMostFrames; frames++) {
+    for (int frames = -kMaxFrames; frames <= kMaxFrames; frames++) {
       Tracks moved = tracks_;
       for (const uint32_t index : by_camera_[i]) {
         const int64_t position = int64_t{moved.observations[index].position} - frames;
@@ -213,7 +213,6 @@ class Diagnosis {
     return most > 1.5 * now + 4 ? best : 0;
   }
 
-  // Cameras that see the light together, directly or through others.
   void find_groups() {
     std::vector<size_t> group(tracks_.cameras.size());
     std::iota(group.begin(), group.end(), 0);
@@ -236,24 +235,22 @@ class Diagnosis {
       names += members.size() > 8 ? " ...}" : "}";
     }
     add(Severity::kError, "disconnected-groups",
-        "these groups of cameras never see the light at the same time, so that nothing tells where they are to each "
-        "other: " +
-            names);
+        "these groups of cameras never see the light at the same time, so their relative poses are unknown: " + names);
   }
 
-  // Cameras at places that the prior rig has others for: who goes round in one circle is one finding.
+  // Cameras at another camera's place in the prior rig. Each permutation cycle is one finding.
   void find_swaps() {
-    std::map<unsigned, unsigned> at;  // the place of each camera that is not at its own
+    std::map<unsigned, unsigned> at;  // occupied place, for each camera that is not at its own place
     for (size_t i = 0; i < placement_.stands_at.size(); i++)
       if (scene().cameras[i].used && placement_.stands_at[i] != id(i)) at[id(i)] = placement_.stands_at[i];
-    if (at.size() > kMostNamed) {
+    if (at.size() > kMaxNamed) {
       std::string all;
       for (const auto& [camera, place] : at) all += format_text("%s%u at %u", all.empty() ? "" : ", ", camera, place);
       add(Severity::kError, "swapped-cameras",
           format_text(
-              "%zu cameras are not where the prior rig has them; the rig that is written has them in the order of "
-              "their places%s. Each with the place that it stands at: ",
-              at.size(), 4 * at.size() > 3 * scene().cameras.size() ? " (or are they mounted upside down?)" : "") +
+              "%zu cameras are not at their places in the prior rig%s. The new rig lists cameras in the order of their "
+              "actual places. Cameras and their places: ",
+              at.size(), 4 * at.size() > 3 * scene().cameras.size() ? " (is the array mounted upside down?)" : "") +
               all);
       return;
     }
@@ -268,8 +265,8 @@ class Diagnosis {
       if (circle.size() == 3 && circle[2] == first) {
         add(Severity::kError, "swapped-cameras",
             format_text(
-                "cameras %u and %u are where the prior rig has each other: their ids, or their cables, are swapped. "
-                "The rig that is written has them in the order of their places",
+                "cameras %u and %u have swapped places in the prior rig: check their ids and cables. The new rig lists "
+                "cameras in the order of their places",
                 circle[0], circle[1]));
         continue;
       }
@@ -277,12 +274,12 @@ class Diagnosis {
       for (size_t k = 0; k + 1 < circle.size(); k++)
         names += format_text("%s%u at %u", k ? ", " : "", circle[k], circle[k + 1]);
       add(Severity::kError, "swapped-cameras",
-          "cameras stand at others' places in the prior rig: " + names +
-              ". The rig that is written has them in the order of their places");
+          "cameras are at each other's places in the prior rig: " + names +
+              ". The new rig lists cameras in the order of their places");
     }
   }
 
-  // A parameter that is no better known than before is not calibrated, in any camera or in all of them alike.
+  // A parameter with unchanged uncertainty is not calibrated, either in one camera or in the mean over all cameras.
   void judge_lenses() {
     static constexpr const char* kCodes[] = {"unknown-focal-length",
                                              "unknown-principal-point",
@@ -319,24 +316,26 @@ class Diagnosis {
       const std::string size = k == kF ? format_text("+-%.2g %%", after / f * 100) : format_text("+-%.2g", after);
       if (after > kNothingLearnt * before)
         add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
-            format_text("%s, common to all cameras: %s, as before: these tracks tell nothing of it%s", kNames[k],
-                        size.c_str(), k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
+            format_text("%s, mean of all cameras: %s, not constrained by the tracks%s", kNames[k], size.c_str(),
+                        k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
       else if (alone > 0)
         add(Severity::kNote, kCodes[k],
-            format_text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
+            format_text("%s: the tracks do not improve on the prior in %zu of %zu cameras", kNames[k], alone,
+                        used.size()));
       const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
       if (scene().measured(k) && std::abs(offset) > kBatchContradiction * surprise &&
           std::abs(offset) > kBatchContradiction * after)
         add(Severity::kError, "prior-contradicted",
-            format_text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows",
-                        kNames[k], offset, std::abs(offset) / surprise));
+            format_text(
+                "%s: the tracks differ from the prior rig by %+.3g on average, %.0f times the expected deviation",
+                kNames[k], offset, std::abs(offset) / surprise));
     }
   }
 
   void judge_poses() {
     for (const size_t i : solution_.contradicted_poses)
       add(Severity::kError, "prior-contradicted",
-          format_text("camera %u is not where the prior rig's covariance allows: that was not used", id(i)));
+          format_text("camera %u: its pose contradicts the prior rig's covariance, which was ignored", id(i)));
   }
 
   void judge_modes() {
@@ -354,49 +353,46 @@ class Diagnosis {
       poses.push_back(scene().cameras[i].pose());
     }
     const double depth = u.sigma_of(mean) / f, pitch = neighbour_distance(poses);
-    const char* cure = tracks_.bar ? "move the bar nearer, through more depths"
+    const char* cure = tracks_.bar ? "move the bar closer, and through a larger range of depths"
                                    : "use a bar with two lights, or measure the lenses first";
     if (!(depth < kSoftDepth))
       add(Severity::kWarning, "soft-depth",
-          format_text("depth scale +-%.2g %%, with the focal lengths: %s", depth * 100, cure));
+          format_text("depth scale and focal lengths are uncertain by %.2g %%: %s", depth * 100, cure));
     const double shift = std::sqrt(position / n) / pitch, turn = std::sqrt(rotation / n);
     if (!(shift < kSoftPosition))
       add(Severity::kError, "soft-positions",
-          format_text(
-              "positions +-%.2g of the distance of neighbours: the light must be moved nearer, and through a volume, "
-              "not along a plane or a line",
-              shift));
+          format_text("positions are uncertain by %.2g of the distance between neighbours: move the light closer, and "
+                      "through a volume, not along a plane or a line",
+                      shift));
     if (!(turn < kSoftRotation))
       add(Severity::kWarning, "soft-rotations",
-          format_text("orientations +-%.2g degrees: %s", turn * 180 / M_PI, cure));
+          format_text("orientations are uncertain by %.2g degrees: %s", turn * 180 / M_PI, cure));
   }
 
   void judge_halves() {
     if (solution_.disagreement > kAgreement)
       add(Severity::kNote, "halves-disagree",
-          format_text(
-              "two halves of the tracks disagree by %.1f times what independent errors of %.2g px would do: what "
-              "tracks "
-              "have in common errs, too. All uncertainties are enlarged by that",
-              solution_.disagreement, solution_.sigma));
+          format_text("two halves of the tracks disagree %.1f times more than independent errors of %.2g px explain: "
+                      "errors are correlated. All uncertainties are scaled by this factor",
+                      solution_.disagreement, solution_.sigma));
   }
 
-  // Tracks of a light move by nature; those of features must not.
+  // Tracks of a light always move; tracks of features must not.
   void judge_motion() {
     if (tracks_.ordered) return;
     const MovingScene motion = find_motion(solution_, tracks_);
     if (motion.share < kMoved) return;
-    const bool harms = motion.taken_in > kMoved / 2;
+    const bool harms = motion.used_share > kMoved / 2;
     add(harms ? Severity::kWarning : Severity::kNote, "moving-scene",
-        format_text(
-            "the scene moved while it was filmed: %.0f %% of the tracks shift from camera to camera, by %.2g px, as "
-            "things do that move between pictures of different times. ",
-            100 * motion.share, motion.shift_px) +
-            (harms ? format_text(
-                         "%.0f %% of what the cameras were placed by does, and pulls them along: take pictures of one "
-                         "instant (lf-rig snapshot says how far they are apart), or of what stands still",
-                         100 * motion.taken_in)
-                   : std::string("They are left out, and do no harm")));
+        format_text("the scene moved during the recording: %.0f %% of the tracks shift between cameras, by %.2g px, as "
+                    "if images were taken at different times. ",
+                    100 * motion.share, motion.shift_px) +
+            (harms
+                 ? format_text(
+                       "%.0f %% of the tracks in the solution move and bias the cameras: capture images of one instant "
+                       "(lf-rig snapshot reports time differences), or of a static scene",
+                       100 * motion.used_share)
+                 : std::string("These tracks are left out of the solution")));
   }
 
   void judge_scale() {
@@ -405,14 +401,16 @@ class Diagnosis {
       if (camera.used) poses.push_back(placement_.world_from_scene(camera.pose()));
     if (placement_.scale_from.empty()) {
       add(Severity::kWarning, "no-scale",
-          "nothing gives the scale: neighbours are 1 apart. Give --bar, --pitch, --distance or --prior");
+          "the scale is unknown: the distance between neighbours is set to 1. Give --bar, --pitch, --distance or "
+          "--prior");
       return;
     }
     const double pitch = neighbour_distance(poses);
     if (pitch < kClosest || pitch > kWidest)
       add(Severity::kError, "odd-scale",
-          format_text("neighbouring cameras are %.3g m apart, from %s: millimetres for metres?", pitch,
-                      placement_.scale_from.c_str()));
+          format_text(
+              "neighbouring cameras are %.3g m apart according to %s: was it given in millimetres instead of metres?",
+              pitch, placement_.scale_from.c_str()));
   }
 
   static constexpr double kResection = 8;  // pixels

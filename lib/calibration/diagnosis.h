@@ -7,23 +7,23 @@
 
 namespace lf {
 
-// Whether things moved between the pictures that feature tracks are of.
+// Scene motion between the images that feature tracks come from.
 struct MovingScene {
-  double share = 0;     // the share, of tracks that five cameras see, of those that moved
-  double taken_in = 0;  // the share that moved of the tracks that the solution relies on
-  double shift_px = 0;  // root of the mean square of what cameras see them off by
+  double share = 0;       // moving share of the tracks in at least five cameras
+  double used_share = 0;  // moving share of the tracks that the solution relies on
+  double shift_px = 0;    // RMS displacement of the moving tracks, pixels
 };
 
-// What moves is seen the farther along its way the later a camera's picture was taken: residuals of a track are one
-// direction times one number a camera, and these numbers are the same for all tracks. They are the first eigenvector of
-// what the cameras' residuals have in common; a camera that is wrong by itself is no such number, and is left out.
+// Detects tracks that move. The displacement of a moving point grows with a camera's capture time: its residuals are
+// one direction times one number per camera, and these numbers are the same for all tracks. They form the first
+// eigenvector of the residual products of all cameras. Cameras with large independent errors are excluded.
 MovingScene find_motion(const Solution& solution, const Tracks& tracks);
 
-// What a person must know before trusting a solution, each finding by a name of its own:
+// Returns the problems of a solution. Codes:
 //   dead-camera, camera-not-found, disconnected-groups, late-camera (its tracks fit when moved by whole frames),
 //   swapped-cameras (against the prior rig's layout), many-outliers, noisy-camera,
-//   unknown-focal-length, unknown-principal-point, unknown-k1, unknown-k2, unknown-p1, unknown-p2 (no better known than
-//   before), soft-depth, soft-positions, soft-rotations, halves-disagree, moving-scene, prior-contradicted, no-scale,
+//   unknown-focal-length, unknown-principal-point, unknown-k1, unknown-k2, unknown-p1, unknown-p2 (uncertainty not
+//   reduced), soft-depth, soft-positions, soft-rotations, halves-disagree, moving-scene, prior-contradicted, no-scale,
 //   odd-scale.
 std::vector<Finding> diagnose(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                               const Placement& placement);

@@ -16,14 +16,15 @@
 namespace lf {
 namespace {
 
-constexpr double kSoftEdge = 6;          // pixels: sigma of the weights
-constexpr float kLeastContrast = 2;      // grey levels: below it is noise
-constexpr int kMostSteps = 12;           // most need four
-constexpr float kSmallStep = 2e-3;       // pixels
-constexpr double kFarthest = 2;          // pixels from the guess
-constexpr double kMostWarp = 0.6;        // of the identity
-constexpr double kLeastScale = 0.2;      // of the area: a patch does not shrink to nothing in a step
-constexpr float kLeastCondition = 1e-4;  // of the information: an edge does not tell its place along itself
+constexpr double kSoftEdge = 6;    // pixels: sigma of the weights
+constexpr float kMinContrast = 2;  // grey levels, above noise
+constexpr int kMaxSteps = 12;
+constexpr float kSmallStep = 2e-3;  // pixels
+constexpr double kFarthest = 2;
+constexpr double kMaxWarp = 0.6;   // difference from the identity
+constexpr double kMinScale = 0.2;  // minimum scale of the area per step, so that the patch does not collapse
+// Minimum condition of the information matrix. Rejects edges, because a position along an edge is ambiguous.
+constexpr float kMinCondition = 1e-4;
 
 }  // namespace
 
@@ -42,7 +43,7 @@ const Patch::Values& Patch::weights() {
 bool Patch::normalise(Values& values) {
   values.array() -= weights().dot(values);
   const float contrast = std::sqrt(weights().dot(values.cwiseAbs2()));
-  if (!(contrast > kLeastContrast)) return false;
+  if (!(contrast > kMinContrast)) return false;
   values /= contrast;
   return true;
 }
@@ -51,7 +52,7 @@ std::optional<Patch> Patch::cut(const SplineImage& image, const Vec2& point) {
   if (!image.has(point.x - kRadius, point.y - kRadius) || !image.has(point.x + kRadius, point.y + kRadius))
     return std::nullopt;
   Patch patch;
-  Eigen::Matrix<float, kSize, kTerms> slopes;  // by a step
+  Eigen::Matrix<float, kSize, kTerms> slopes;  // derivatives by the terms
   int k = 0;
   for (int y = -kRadius; y <= kRadius; y++)
     for (int x = -kRadius; x <= kRadius; x++, k++) {
@@ -62,7 +63,7 @@ std::optional<Patch> Patch::cut(const SplineImage& image, const Vec2& point) {
     }
   const Values original = patch.values_;
   if (!normalise(patch.values_)) return std::nullopt;
-  // What changes brightness or contrast alone tells nothing of a step.
+  // Removes the components that only change brightness or contrast.
   const float contrast = weights().cwiseProduct(original).dot(patch.values_);
   slopes /= contrast;
   const Eigen::Matrix<float, 1, kTerms> brightness = weights().transpose() * slopes;
@@ -71,7 +72,7 @@ std::optional<Patch> Patch::cut(const SplineImage& image, const Vec2& point) {
   slopes -= patch.values_ * same;
   const Eigen::Matrix<float, kTerms, kTerms> information = slopes.transpose() * weights().asDiagonal() * slopes;
   const Eigen::LDLT<Eigen::Matrix<float, kTerms, kTerms>> ldlt(information);
-  if (!(ldlt.vectorD().minCoeff() > kLeastCondition * ldlt.vectorD().maxCoeff())) return std::nullopt;
+  if (!(ldlt.vectorD().minCoeff() > kMinCondition * ldlt.vectorD().maxCoeff())) return std::nullopt;
   patch.step_ = ldlt.solve(slopes.transpose() * weights().asDiagonal());
   return patch;
 }
@@ -80,7 +81,7 @@ std::optional<Patch::Match> Patch::find(const SplineImage& image, const Vec2& gu
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
   Match match{guess};
   Values seen;
-  for (int step = 0; step < kMostSteps; step++) {
+  for (int step = 0; step < kMaxSteps; step++) {
     int k = 0;
     for (int y = -kRadius; y <= kRadius; y++)
       for (int x = -kRadius; x <= kRadius; x++, k++) {
@@ -94,11 +95,11 @@ std::optional<Patch::Match> Patch::find(const SplineImage& image, const Vec2& gu
     const Eigen::Matrix<float, kTerms, 1> change = step_ * (seen - values_);
     Eigen::Matrix2d back;
     back << 1 + change[2] / kRadius, change[3] / kRadius, change[4] / kRadius, 1 + change[5] / kRadius;
-    if (!(back.determinant() > kLeastScale)) return std::nullopt;
+    if (!(back.determinant() > kMinScale)) return std::nullopt;
     warp = warp * back.inverse();
     const Eigen::Vector2d shift = warp * change.head<2>().cast<double>();
     match.point -= Vec2(shift.x(), shift.y());
-    if (!(glm::length(match.point - guess) < kFarthest) || !((warp - Eigen::Matrix2d::Identity()).norm() < kMostWarp))
+    if (!(glm::length(match.point - guess) < kFarthest) || !((warp - Eigen::Matrix2d::Identity()).norm() < kMaxWarp))
       return std::nullopt;
     if (change.norm() < kSmallStep) break;
   }
@@ -107,7 +108,7 @@ std::optional<Patch::Match> Patch::find(const SplineImage& image, const Vec2& gu
 
 namespace {
 
-// The filter that makes a spline pass through its samples, forth and back over one row or column.
+// Recursive prefilter of spline interpolation, forward and backward over one row or column.
 void prefilter(float* p, int count, int stride) {
   const float pole = std::sqrt(3.0f) - 2;
   constexpr int kReach = 12;  // pole^12 is 1e-7
@@ -174,14 +175,15 @@ SplineImage::Sample SplineImage::sample(double x, double y) const {
 
 namespace {
 
-constexpr int kFlowWindow = 15;        // pixels: larger ones straddle depths, smaller ones are noisier
-constexpr int kLevels = 3;             // of the pyramid: halvings
-constexpr double kQuality = 0.01;      // of the best corner: what still counts as one
+constexpr int kFlowWindow = 15;        // pixels; larger windows span several depths, smaller ones are noisier
+constexpr int kLevels = 3;             // pyramid levels below full resolution
+constexpr double kQuality = 0.01;      // minimum corner quality, relative to the best corner
 constexpr double kSpacing = 6;         // pixels between corners
-constexpr double kMaxDifference = 12;  // mean over a window, grey levels: beyond, something else is seen
-constexpr double kCorrelation = 0.95;  // of the patches of a track: below, an edge of something else moves through them
+constexpr double kMaxDifference = 12;  // mean difference over a window, grey levels; larger: a different point
+// Minimum correlation of a track's patches. Lower values indicate an occlusion edge in the patch.
+constexpr double kCorrelation = 0.95;
 constexpr size_t kLeastForEpipolar = 20;
-constexpr size_t kLeastTracks = 20;
+constexpr size_t kMinTracks = 20;
 
 using Pyramid = std::vector<cv::Mat>;
 
@@ -192,7 +194,7 @@ cv::Mat grey_of(const Image& image) {
   return grey;
 }
 
-// The camera nearest to the middle, then always the one farthest from those chosen.
+// Returns the camera nearest to the centre, then repeatedly the camera farthest from all chosen cameras.
 std::vector<size_t> cameras_far_apart(const Rig& rig, size_t count) {
   Vec3 middle(0, 0, 0);
   for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
@@ -210,13 +212,12 @@ std::vector<size_t> cameras_far_apart(const Rig& rig, size_t count) {
   return chosen;
 }
 
-// One corner of a reference image on its way through the others.
 struct FeatureTrack {
   cv::Point2f start;
-  std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera, where; the reference first
+  std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera and position; the reference first
 
-  // Where the camera at `at` should see it: displacements go with the distance between cameras (one over depth). From
-  // the nearest camera that saw it, which shares most of what this does not model.
+  // Predicts the position in a camera: displacements are proportional to the distance between cameras. The prediction
+  // starts from the nearest camera in the track, which has similar model errors.
   cv::Point2f foretell(const Rig& rig, size_t camera) const {
     const Camera& reference = rig.cameras[seen[0].first];
     const Mat3 axes = glm::transpose(reference.pose.rotation());
@@ -250,7 +251,6 @@ class Tracker {
     }
   }
 
-  // Corners of camera `reference`, away from places `taken`, followed into all other cameras, the nearest first.
   std::vector<FeatureTrack> follow(size_t reference, const std::vector<cv::Point2f>& taken) const {
     const cv::Mat grey = pyramids_[reference][0];
     cv::Mat mask(grey.size(), CV_8U, cv::Scalar(255));
@@ -310,8 +310,8 @@ class Tracker {
       if (k < agrees.size() && agrees[k]) tracks[kept[k]].seen.emplace_back(camera, to[k]);
   }
 
-  // Optical flow takes windows for shifted by the same everywhere: good to find a corner, a few tenths of a pixel off
-  // where the surface is slanted or the lens bends.
+  // Optical flow assumes a pure translation of the window. This finds the corner, but is off by a few tenths of a pixel
+  // on slanted surfaces and with lens distortion.
   void refine(FeatureTrack& track) const {
     const auto& [reference, start] = track.seen[0];
     const auto patch = Patch::cut(smooth_[reference], Vec2(start.x, start.y));
@@ -342,7 +342,7 @@ class Tracker {
 
 Tracks track_features(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options) {
   if (rig.cameras.size() < 2 || images.size() != rig.cameras.size())
-    throw Error("features: at least two cameras with an image each are needed");
+    throw Error("features: at least two cameras with images are required");
   const Tracker tracker(rig, images, options);
   Tracks tracks;
   tracks.ordered = false;
@@ -359,10 +359,10 @@ Tracks track_features(const Rig& rig, const std::vector<Image>& images, const Fe
       tracks.num_positions++;
     }
   }
-  if (tracks.num_positions < kLeastTracks)
+  if (tracks.num_positions < kMinTracks)
     throw Error("features: only " + std::to_string(tracks.num_positions) +
                 " corners were found again in other cameras: the scene needs more texture, or the cameras are too far "
-                "apart for it");
+                "apart");
   return tracks;
 }
 

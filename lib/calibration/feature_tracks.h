@@ -15,16 +15,15 @@
 
 namespace lf {
 
-// The luma of an RGB image as a smooth function of the place: the cubic B-spline through its pixels (Unser, "Splines: a
-// perfect fit for signal and image processing", 1999). Bilinear interpolation is blunter half-way between pixels than
-// on them, which pulls what is located by it towards them by hundredths of a pixel.
+// Luma of an RGB image as a cubic B-spline through its pixels (Unser, "Splines: a perfect fit for signal and image
+// processing", 1999). Bilinear interpolation blurs more between pixels than at pixels, which biases positions towards
+// pixel centres by hundredths of a pixel.
 class SplineImage {
  public:
   explicit SplineImage(const Image& rgb);
 
-  // Whether the four pixels to each side that a sample needs are there.
+  // True if the four pixels on each side that a sample needs are inside the image.
   bool has(double x, double y) const { return x >= 1 && y >= 1 && x < width_ - 2 && y < height_ - 2; }
-  // The value at a place, for which has(x, y).
   float value(double x, double y) const;
   struct Sample {
     float value, dx, dy;
@@ -36,56 +35,53 @@ class SplineImage {
   std::vector<float> coefficients_;
 };
 
-// What surrounds a point of one image, to be found again in others to a few hundredths of a pixel. The patch may be
-// stretched, sheared and turned there (a slanted surface, another part of the lens), brighter and of another contrast:
-// matched without these, the middle of what it shows would be found instead of the point, off by as much as the two
-// differ, and in the same way in all images. Pixels near the point count more (a Gaussian).
+// The surroundings of a point in one image, for matching in other images to a few hundredths of a pixel. The match
+// estimates an affine warp (slanted surfaces, lens distortion), brightness and contrast. Without them, the match would
+// be biased in the same way in all images. Pixels near the point have more weight (Gaussian).
 class Patch {
  public:
-  // Nothing where the image ends, or has too little in it to tell the point's place and the warp.
+  // Returns nullopt near the border of the image, or if the texture does not determine position and warp.
   static std::optional<Patch> cut(const SplineImage& image, const Vec2& point);
 
   struct Match {
     Vec2 point;
-    double correlation = 0;  // correlation of the patch with what is seen there; 1: the same
+    double correlation = 0;  // correlation with the image at `point`; 1: identical
   };
-  // Finds the patch near `guess` (within 2 pixels) by inverse compositional Gauss-Newton steps (Baker and Matthews,
-  // "Lucas-Kanade 20 years on", 2004). Nothing where these leave the image, or go astray.
+  // Finds the patch within 2 pixels of `guess` by inverse compositional Gauss-Newton steps (Baker and Matthews,
+  // "Lucas-Kanade 20 years on", 2004). Returns nullopt if the search leaves the image or diverges.
   std::optional<Match> find(const SplineImage& image, const Vec2& guess) const;
 
  private:
   static constexpr int kRadius = 9, kSize = (2 * kRadius + 1) * (2 * kRadius + 1);
-  static constexpr int kTerms = 6;  // a shift and a linear warp
+  static constexpr int kTerms = 6;  // translation and linear warp
   using Values = Eigen::Matrix<float, kSize, 1>;
 
   Patch() = default;
   static const Values& weights();
-  // Brings values to zero mean and unit variance; false where all of them is noise.
+  // Normalises values to zero mean and unit variance; returns false if they are only noise.
   static bool normalise(Values& values);
 
   Values values_;
-  Eigen::Matrix<float, kTerms, kSize> step_;  // what takes differences of values to steps of the terms
+  Eigen::Matrix<float, kTerms, kSize> step_;  // maps differences of values to a step of the terms
 };
 
 struct FeatureOptions {
-  int references = 16;      // cameras whose corners are followed into all others, spread over the array
-  int features = 400;       // corners a reference camera
-  int least_cameras = 4;    // cameras that have to see a track
-  double round_trip = 0.3;  // pixels: how far a corner may come back from where it started
-  double epipolar = 1;      // pixels: how far a corner may lie from what a pair of cameras agrees on
+  int references = 16;                                    // cameras, spread over the array, that provide the corners
+  int features = 400;                                     // corners per reference camera
+  int least_cameras = 4;                                  // minimum number of cameras in a track
+  double round_trip = 0.3;                                // maximum error of forward and backward tracking, pixels
+  double epipolar = 1;                                    // maximum distance from the epipolar line, pixels
   std::function<void(const std::string& step)> progress;  // called before each reference; may throw to cancel
 };
 
-// Tracks of a still scene's corners through the images of an array: for arrays that one can't darken a room for.
+// Tracks corners of a static scene through the images of an array, for rooms that cannot be darkened.
 //
-// A corner is always matched with its reference image, so that errors do not add up from camera to camera; where it
-// should be is foretold from the cameras nearer to the reference. It is found by optical flow, then placed with its
-// surroundings stretched and sheared as they appear there (Patch). Of the rig, only the cameras' order in space is
-// used: the nominal layout will do. Neighbours may be about 50 pixels apart (for images of 320x240; more for larger
-// ones).
+// A corner is always matched with its reference image, so that errors do not accumulate from camera to camera. Cameras
+// nearer to the reference predict its position. Optical flow finds the corner, then Patch refines its position. The rig
+// provides only the spatial order of the cameras, so a nominal layout is enough. Neighbours may be about 50 pixels
+// apart in images of 320x240, and more in larger ones.
 //
-// `images` are RGB, one a camera. The result is not `ordered`. Throws Error where there are too few tracks to be of
-// use.
+// `images` are RGB, one per camera. The result is not `ordered`. Throws Error if there are too few tracks.
 Tracks track_features(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options = {});
 
 }  // namespace lf

@@ -17,17 +17,17 @@ namespace {
 
 constexpr int kDisparitySamples = 200;
 constexpr int kDisparityRounds = 12;
-constexpr int kLeastCommon = 6;  // sights that two cameras must share
+constexpr int kLeastCommon = 6;  // detections that two cameras must share
 
 double weight_of(double squared_error, double threshold) {
   const double w = threshold * threshold / (threshold * threshold + squared_error);
-  return w * w;  // Geman-McClure: what is far off counts nothing
+  return w * w;  // Geman-McClure weight; large errors have no influence
 }
 
-// y = offset + slope t, for points of the plane.
+// y = offset + slope t, for 2D points y.
 struct DisparityLine {
   Vec2 offset{0, 0}, slope{0, 0};
-  double score = 0;  // how many agree, softly
+  double score = 0;
 };
 
 struct LinePoint {
@@ -45,7 +45,6 @@ double line_score(const std::vector<LinePoint>& points, const DisparityLine& lin
   return score;
 }
 
-// Weighted least squares, reweighted from where `line` is.
 void refine_line(const std::vector<LinePoint>& points, double threshold, int rounds, DisparityLine& line) {
   for (int round = 0; round < rounds; round++) {
     double s = 0, st = 0, stt = 0;
@@ -81,9 +80,9 @@ DisparityLine fit_line(const std::vector<LinePoint>& points, double threshold, s
 
 class Factorisation {
  public:
-  Factorisation(const std::vector<ColumnSight>& sights, size_t num_cameras, size_t num_columns, double threshold)
+  Factorisation(const std::vector<ColumnDetection>& sights, size_t num_cameras, size_t num_columns, double threshold)
       : threshold_(threshold), by_camera_(num_cameras), by_column_(num_columns) {
-    for (const ColumnSight& s : sights) {
+    for (const ColumnDetection& s : sights) {
       by_camera_[s.camera].push_back(s);
       by_column_[s.column].push_back(s);
     }
@@ -103,21 +102,22 @@ class Factorisation {
   }
 
  private:
-  // Differences against one camera lie on a line, each camera its own, and the place on it is the disparity.
+  // Initialisation: the differences to one reference camera lie on a line per camera, and the position along the line
+  // is the disparity.
   bool start() {
     const auto reference =
         static_cast<uint32_t>(std::max_element(by_camera_.begin(), by_camera_.end(),
                                                [](const auto& a, const auto& b) { return a.size() < b.size(); }) -
                               by_camera_.begin());
     std::vector<std::optional<Vec2>> at(by_column_.size());
-    for (const ColumnSight& s : by_camera_[reference]) at[s.column] = s.uv;
+    for (const ColumnDetection& s : by_camera_[reference]) at[s.column] = s.uv;
     const auto differences = [&](size_t i) {
       std::vector<std::pair<size_t, Vec2>> list;
-      for (const ColumnSight& s : by_camera_[i])
+      for (const ColumnDetection& s : by_camera_[i])
         if (at[s.column]) list.push_back({s.column, s.uv - *at[s.column]});
       return list;
     };
-    // The camera whose differences spread most along a line that most agree with.
+    // Takes disparities from the camera with many inliers and a long line.
     double best_score = 0;
     std::vector<std::optional<double>> t(by_column_.size());
     for (size_t i = 0; i < by_camera_.size(); i++) {
@@ -139,7 +139,7 @@ class Factorisation {
           places.push_back(glm::dot(u, y - a));
         }
         if (places.size() < kLeastCommon) continue;
-        // Mistaken ones on the line do not widen it.
+        // Measures the length between quantiles, to ignore outliers.
         std::sort(places.begin(), places.end());
         const double range = places[places.size() - 1 - places.size() / 5] - places[places.size() / 5];
         const double s = agree * std::min(range, 20 * threshold_);
@@ -170,11 +170,11 @@ class Factorisation {
     return true;
   }
 
-  // direction - C d = uv - o. From pairs of cameras where nothing is known of it.
+  // Solves direction - C d = uv - o. Samples pairs of cameras if there is no estimate yet.
   void solve_column(size_t j, bool search) {
     DisparityFactors::ColumnFactor& column = factors_.columns[j];
-    const std::vector<ColumnSight>& sights = by_column_[j];
-    const auto error = [&](const ColumnSight& s, const Vec2& direction, double d) {
+    const std::vector<ColumnDetection>& sights = by_column_[j];
+    const auto error = [&](const ColumnDetection& s, const Vec2& direction, double d) {
       const auto& camera = factors_.cameras[s.camera];
       const Vec2 e = direction - camera.centre * d + camera.turn - s.uv;
       return glm::dot(e, e);
@@ -184,8 +184,8 @@ class Factorisation {
       if (sights.empty()) return;
       double best = 0;
       for (int sample = 0; sample < kDisparitySamples; sample++) {
-        const ColumnSight& a = sights[random_() % sights.size()];
-        const ColumnSight& b = sights[random_() % sights.size()];
+        const ColumnDetection& a = sights[random_() % sights.size()];
+        const ColumnDetection& b = sights[random_() % sights.size()];
         if (!known_[a.camera] || !known_[b.camera]) continue;
         const auto &ca = factors_.cameras[a.camera], &cb = factors_.cameras[b.camera];
         const Vec2 base = ca.centre - cb.centre;
@@ -194,7 +194,7 @@ class Factorisation {
         const double d = -glm::dot(base, (a.uv - ca.turn) - (b.uv - cb.turn)) / squared;
         const Vec2 direction = a.uv - ca.turn + ca.centre * d;
         double score = 0;
-        for (const ColumnSight& s : sights)
+        for (const ColumnDetection& s : sights)
           if (known_[s.camera]) score += std::max(0.0, 1 - error(s, direction, d) / (threshold_ * threshold_));
         if (score > best) best = score, column.direction = direction, column.disparity = d;
       }
@@ -205,7 +205,7 @@ class Factorisation {
     for (int round = 0; round < (search ? 5 : 1); round++) {
       double s = 0, cc = 0, cy = 0;
       Vec2 c(0, 0), y(0, 0);
-      for (const ColumnSight& sight : sights) {
+      for (const ColumnDetection& sight : sights) {
         if (!known_[sight.camera]) continue;
         const auto& camera = factors_.cameras[sight.camera];
         const double w = weight_of(error(sight, column.direction, column.disparity), threshold_);
@@ -223,7 +223,7 @@ class Factorisation {
   void solve_camera(size_t i, bool search) {
     DisparityFactors::CameraFactor& camera = factors_.cameras[i];
     std::vector<LinePoint> points;
-    for (const ColumnSight& s : by_camera_[i]) {
+    for (const ColumnDetection& s : by_camera_[i]) {
       const auto& column = factors_.columns[s.column];
       if (column.known) points.push_back({column.disparity, s.uv - column.direction});
     }
@@ -239,7 +239,7 @@ class Factorisation {
     camera.turn = line.offset;
   }
 
-  // Chooses among the equal: centred, turns without a part along C, disparities positive, C of unit spread.
+  // Fixes the gauge: C centred with unit spread, rotations without a component along C, positive disparities.
   void upgrade() {
     double n = 0;
     Vec2 mean_c(0, 0), mean_o(0, 0);
@@ -275,7 +275,7 @@ class Factorisation {
     double all = 0, agree = 0;
     for (size_t i = 0; i < by_camera_.size(); i++) {
       double fit = 0;
-      for (const ColumnSight& s : by_camera_[i]) {
+      for (const ColumnDetection& s : by_camera_[i]) {
         const auto& column = factors_.columns[s.column];
         const Vec2 e =
             column.direction - factors_.cameras[i].centre * column.disparity + factors_.cameras[i].turn - s.uv;
@@ -288,7 +288,7 @@ class Factorisation {
   }
 
   double threshold_;
-  std::vector<std::vector<ColumnSight>> by_camera_, by_column_;
+  std::vector<std::vector<ColumnDetection>> by_camera_, by_column_;
   std::vector<char> known_;
   DisparityFactors factors_;
   std::mt19937 random_{1};
@@ -296,19 +296,19 @@ class Factorisation {
 
 }  // namespace
 
-DisparityFactors factorise_disparities(const std::vector<ColumnSight>& sights, size_t num_cameras, size_t num_columns,
-                                       double threshold) {
+DisparityFactors factorise_disparities(const std::vector<ColumnDetection>& sights, size_t num_cameras,
+                                       size_t num_columns, double threshold) {
   return Factorisation(sights, num_cameras, num_columns, threshold).run();
 }
 
 namespace {
 
-// Lens errors, rolled cameras and differences of depth among the cameras: 8 pixels of 400.
+// Allows for lens errors, rolled cameras and a depth range of the cameras: 8 pixels at a focal length of 400.
 constexpr double kFactorThreshold = 0.02;
-constexpr double kLeastFit = 0.3;
+constexpr double kMinFit = 0.3;
 
 Quat small_turn(const Vec2& turn) {
-  // The point straight ahead appears at `turn`: the camera looks the other way.
+  // The image of the forward point moves to `turn`, so the camera rotates in the opposite direction.
   const Vec3 axis(turn.y, -turn.x, 0);
   const double angle = glm::length(axis);
   return angle > 0 ? glm::angleAxis(angle, axis / angle) : Quat(1, 0, 0, 0);
@@ -318,7 +318,7 @@ Quat small_turn(const Vec2& turn) {
 
 double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
   const uint32_t lights = tracks.bar ? 2 : 1;
-  std::vector<ColumnSight> sights;
+  std::vector<ColumnDetection> sights;
   for (const Observation& o : tracks.observations)
     if (const auto uv = scene.cameras[o.camera].lens().unproject(o.pixel))
       sights.push_back({o.camera, o.position * lights + o.light, *uv});
@@ -327,17 +327,16 @@ double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
   for (size_t i = 0; i < scene.cameras.size(); i++) {
     const auto& factor = factors.cameras[i];
     CameraState& camera = scene.cameras[i];
-    camera.used = factor.inliers > kLeastFit;
+    camera.used = factor.inliers > kMinFit;
     if (camera.used) camera.set_pose({Vec3(factor.centre, 0), small_turn(factor.turn)});
   }
-  targets_from_poses(scene, tracks, kFactorThreshold * scene.batch_mean[kF]);
+  triangulate_from_poses(scene, tracks, kFactorThreshold * scene.batch_mean[kF]);
   return factors.inliers;
 }
 
-void targets_from_poses(Reconstruction& scene, const Tracks& tracks, double threshold) {
+void triangulate_from_poses(Reconstruction& scene, const Tracks& tracks, double threshold) {
   scene.targets.assign(tracks.num_positions, {});
   if (!tracks.bar) return triangulate_targets(scene, tracks, threshold);
-  // How long is the bar in the scale of these poses?
   Tracks single = tracks;
   single.bar = false;
   single.num_positions = tracks.num_positions * 2;
@@ -359,16 +358,16 @@ void targets_from_poses(Reconstruction& scene, const Tracks& tracks, double thre
 
 namespace {
 
-constexpr int kLeastPairPoints = 6;
+constexpr int kMinPairPoints = 6;
 constexpr int kLayoutSamples = 500;
-constexpr double kLeastAgreeing = 0.4;  // of the points
+constexpr double kMinInlierShare = 0.4;
 
-struct Middle {
+struct RobustCentre {
   Vec3 centre;
-  double distance;  // from it
+  double distance;
 };
-Middle middle_of(const std::vector<Vec3>& places) {
-  Middle m;
+RobustCentre middle_of(const std::vector<Vec3>& places) {
+  RobustCentre m;
   std::vector<double> values(places.size());
   for (int axis = 0; axis < 3; axis++) {
     for (size_t i = 0; i < places.size(); i++) values[i] = places[i][axis];
@@ -396,8 +395,8 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
       places.push_back(scene.targets[o.position].point(o.light));
       sights.emplace_back(uv->x, uv->y);
     }
-    if (places.size() < kLeastPairPoints) continue;
-    // OpenCV takes points for one that are less than some 0.1 apart: around the origin, at unit distance.
+    if (places.size() < kMinPairPoints) continue;
+    // OpenCV merges points closer than about 0.1, so points are normalised to the origin and unit distance.
     const auto [centre, size] = middle_of(places);
     if (!(size > 0)) continue;
     std::vector<cv::Point3d> points;
@@ -412,11 +411,11 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
       if (!cv::solvePnPRansac(points, sights, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, shift, false,
                               kLayoutSamples, static_cast<float>(reach), 0.999, fit, cv::SOLVEPNP_SQPNP))
         continue;
-    } catch (const cv::Exception&) {  // the points are nearly one
+    } catch (const cv::Exception&) {  // degenerate: points nearly coincide
       continue;
     }
     if (static_cast<double>(fit.size()) <
-        std::max<double>(kLeastPairPoints, kLeastAgreeing * static_cast<double>(points.size())))
+        std::max<double>(kMinPairPoints, kMinInlierShare * static_cast<double>(points.size())))
       continue;
     cv::Rodrigues(turn, rotation);  // camera_from_world
     Mat3 r;
@@ -432,12 +431,12 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
 
 namespace {
 
-constexpr double kAgree = 0.1;  // radians between a pair and the average
+constexpr double kAgree = 0.1;  // radians between a relative rotation and the averaged rotations
 constexpr int kLayoutRounds = 20;
-constexpr double kStraight = 0.05;   // radians: lines of sight that are farther off count less and less
-constexpr double kDegenerate = 0.3;  // of the next eigenvalue
+constexpr double kStraight = 0.05;   // radians; rays with a larger error are down-weighted
+constexpr double kDegenerate = 0.3;  // ratio of the smallest eigenvalue to the next
 
-// Each end of a bar a point of its own: there is no scale yet.
+// Treats each end of a bar as a separate point, because the scale is unknown at this stage.
 Tracks without_bars(Tracks tracks) {
   if (!tracks.bar) return tracks;
   tracks.bar = false;
@@ -446,8 +445,8 @@ Tracks without_bars(Tracks tracks) {
   return tracks;
 }
 
-// Targets, the adjustment and further cameras from those that have a pose, which may be off by `reach` pixels. Returns
-// how many have one then.
+// Triangulates, adjusts and resects further cameras, starting from poses with errors up to `reach` pixels. Returns the
+// number of placed cameras.
 int grow(Reconstruction& scene, const Tracks& tracks, double reach, double threshold) {
   const Tracks points = without_bars(tracks);
   scene.targets.assign(points.num_positions, {});
@@ -462,7 +461,7 @@ int grow(Reconstruction& scene, const Tracks& tracks, double reach, double thres
     settle(threshold);
     more = resect_cameras(scene, points, 2 * threshold);
   }
-  targets_from_poses(scene, tracks, threshold);
+  triangulate_from_poses(scene, tracks, threshold);
   return static_cast<int>(
       std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
 }
@@ -472,14 +471,14 @@ void forget_poses(Reconstruction& scene) {
 }
 
 struct LineOfSight {
-  Eigen::Index camera;  // a row
+  Eigen::Index camera;  // row of the unknowns
   size_t light;
   Eigen::Vector3d along;
 };
 
-// Places of cameras whose rotations are known, and of the lights: the sum of the squared distances of lights from lines
-// of sight, in angles, is least (reweighted). The lights are eliminated; what is left is the smallest eigenvector that
-// is no shift. Nothing where that leaves more than a scale open.
+// Camera and light positions for known rotations: minimises the squared angular distances between lights and rays,
+// iteratively reweighted. Lights are eliminated; the solution is the smallest eigenvector apart from translations.
+// Returns nullopt if more than the scale is undetermined.
 std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, size_t lights,
                                                         const std::vector<LineOfSight>& lines) {
   std::vector<std::vector<const LineOfSight*>> of_light(lights);
@@ -503,7 +502,6 @@ std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, si
         for (const LineOfSight* b : of_light[j]) m.block<3, 3>(3 * a->camera, 3 * b->camera) -= gain * across(*b);
       }
     }
-    // Shifts are taken out of the way.
     const double stiff = m.diagonal().maxCoeff() / static_cast<double>(cameras);
     for (Eigen::Index i = 0; i < m.rows(); i++)
       for (Eigen::Index j = i % 3; j < m.rows(); j += 3) m(i, j) += stiff;
@@ -536,12 +534,12 @@ std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, si
 
 }  // namespace
 
-int layout_from_averages(Reconstruction& scene, const Tracks& tracks, double threshold) {
+int global_layout(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto pairs = relative_poses(scene, tracks, threshold);
   std::vector<RelativeRotation> relative;
   for (const RelativePose& pair : pairs) relative.push_back({pair.a, pair.b, pair.a_from_b.orientation, pair.score});
   const auto rotations = average_rotations(scene.cameras.size(), relative);
-  // Rotations that no pair agrees with are not known.
+  // Rotations without a consistent pair are unknown.
   std::vector<Eigen::Index> row(scene.cameras.size(), -1);
   Eigen::Index count = 0;
   for (const RelativePose& pair : pairs) {
@@ -572,7 +570,7 @@ int layout_from_averages(Reconstruction& scene, const Tracks& tracks, double thr
   return grow(scene, tracks, kAgree * scene.batch_mean[kF], threshold);
 }
 
-int layout_from_a_pair(Reconstruction& scene, const Tracks& tracks, double threshold) {
+int incremental_layout(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto pairs = relative_poses(scene, tracks, threshold);
   const auto best =
       std::max_element(pairs.begin(), pairs.end(), [](const auto& x, const auto& y) { return x.score < y.score; });

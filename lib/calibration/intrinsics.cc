@@ -19,10 +19,10 @@
 namespace lf {
 namespace {
 
-// A window that reaches the next corner pulls towards it: with the usual fixed half width of 11 pixels one image of
-// OpenCV's own set is off by more than a pixel. As wide as allowed averages most noise.
+// The window must not reach the next corner, which biases the result. OpenCV's usual half width of 11 pixels displaces
+// corners in one of its own images by more than a pixel. The largest possible window averages most noise.
 constexpr double kWindowOfSpacing = 0.4;
-constexpr int kLeastWindow = 2, kMostWindow = 15;  // half widths, pixels
+constexpr int kMinWindow = 2, kMaxWindow = 15;  // half widths, pixels
 
 double least_spacing(const std::vector<cv::Point2f>& corners, int columns) {
   double least = std::numeric_limits<double>::infinity();
@@ -44,7 +44,7 @@ std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Che
                                  cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
     return std::nullopt;
   const int window =
-      std::clamp(static_cast<int>(kWindowOfSpacing * least_spacing(corners, board.columns)), kLeastWindow, kMostWindow);
+      std::clamp(static_cast<int>(kWindowOfSpacing * least_spacing(corners, board.columns)), kMinWindow, kMaxWindow);
   cv::cornerSubPix(grey, corners, {window, window}, {-1, -1},
                    {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
   std::vector<Vec2> result;
@@ -54,7 +54,7 @@ std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Che
 
 namespace {
 
-constexpr size_t kLeastCorners = 6;  // of a view: two more than its pose and no lens at all would take
+constexpr size_t kMinCorners = 6;  // per view; two more than pose estimation needs
 
 using Name = std::pair<const char*, cv::aruco::PREDEFINED_DICTIONARY_NAME>;
 constexpr std::array kDictionaries = {Name("4X4_50", cv::aruco::DICT_4X4_50),
@@ -83,7 +83,7 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const CharucoBoard& board) {
   throw Error("there is no dictionary of markers " + board.dictionary + ": " + names);
 }
 
-// In squares.
+// Units are squares.
 cv::Ptr<cv::aruco::CharucoBoard> opencv_board(const CharucoBoard& board) {
   return cv::aruco::CharucoBoard::create(board.corners.columns + 1, board.corners.rows + 1, 1,
                                          static_cast<float>(board.marker), dictionary_of(board));
@@ -114,25 +114,24 @@ std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& bo
   BoardView view;
   std::set<int> columns, rows;
   for (size_t i = 0; i < corners.size(); i++) {
-    // In squares from the outer corner of the board, however OpenCV counts.
+    // Positions are in squares from the board's outer corner, independent of OpenCV's corner order.
     const cv::Point3f at = markers->chessboardCorners[corner_ids[i]];
     const int column = static_cast<int>(std::lround(at.x)) - 1, row = static_cast<int>(std::lround(at.y)) - 1;
     columns.insert(column);
     rows.insert(row);
     view.ids.push_back(row * board.corners.columns + column);
-    // The aruco module's pixels end at whole numbers; everybody else's have their centres there.
+    // The aruco module puts pixel edges, not pixel centres, at integers.
     view.corners.emplace_back(corners[i].x - 0.5, corners[i].y - 0.5);
   }
-  if (view.corners.size() < kLeastCorners || columns.size() < 2 || rows.size() < 2) return std::nullopt;
+  if (view.corners.size() < kMinCorners || columns.size() < 2 || rows.size() < 2) return std::nullopt;
   return view;
 }
 
 namespace {
 
-constexpr double kStillBoard = 0.003;  // of the image's width, from frame to frame: 1 pixel of 320
-constexpr double kOther = 0.05;        // that the corners moved by on average
+constexpr double kStillBoard = 0.003;  // relative to the image width, per frame; 1 pixel of 320
+constexpr double kOther = 0.05;        // minimum mean displacement of the corners, relative to the image width
 
-// The mean distance of the corners that both show.
 double distance(const BoardView& a, const BoardView& b) {
   std::map<size_t, Vec2> corners;
   for (size_t i = 0; i < a.corners.size(); i++) corners.emplace(a.id(i), a.corners[i]);
@@ -145,7 +144,7 @@ double distance(const BoardView& a, const BoardView& b) {
 
 }  // namespace
 
-bool ViewChooser::take(const BoardView& view) {
+bool KeyframeSelector::take(const BoardView& view) {
   const bool still = distance(last_, view) < kStillBoard * width_;
   last_ = view;
   if (!still) return false;
@@ -158,7 +157,7 @@ bool ViewChooser::take(const BoardView& view) {
 namespace {
 
 constexpr int kPoseParams = 6;
-// Columns of cv::projectPoints()'s Jacobian.
+// Columns of the Jacobian of cv::projectPoints().
 enum Column { kRotation = 0, kTranslation = 3, kFocalX = 6, kFocalY = 7, kCentreX = 8, kK1 = 10, kP1 = 12, kP2 = 13 };
 
 struct OpenCvFit {
@@ -172,7 +171,6 @@ std::vector<cv::Point2f> points_of(const std::vector<Vec2>& corners) {
   return points;
 }
 
-// Those of `board`, which has all corners, that a view shows.
 template <class T>
 std::vector<T> shown_by(const BoardView& view, const std::vector<T>& board) {
   std::vector<T> shown;
@@ -204,7 +202,7 @@ Lens lens_of(LensModel model, const cv::Mat& k, const cv::Mat& distortion) {
   return Lens(model, {fx, fy, cx, cy, d(0), d(1), d(2), d(3)});
 }
 
-// d(pixel) / d(lens.params()) out of OpenCV's columns.
+// Returns d(pixel) / d(lens.params()), from the columns of OpenCV's Jacobian.
 Eigen::MatrixXd lens_columns(LensModel model, const Eigen::MatrixXd& all) {
   Eigen::MatrixXd columns(all.rows(), lens_model_num_params(model));
   int n = 0;
@@ -218,8 +216,8 @@ Eigen::MatrixXd lens_columns(LensModel model, const Eigen::MatrixXd& all) {
   return columns;
 }
 
-// Which coordinates of the board are unknown: what cv::calibrateCameraRO() leaves free. Corner 0 and the last of the
-// first row are fixed, and the depth of the last one, so that board and poses can't move against each other.
+// True if cv::calibrateCameraRO() estimates this coordinate. The gauge fixes corner 0, the last corner of the first
+// row, and the depth of the last corner.
 bool is_free(size_t corner, int axis, const Checkerboard& board) {
   if (corner == 0 || corner == static_cast<size_t>(board.columns) - 1) return false;
   return !(axis == 2 && corner == board.num_corners() - 1);
@@ -246,7 +244,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
     objects.push_back(shown_by(view, nominal));
     images.push_back(points_of(view.corners));
     if (model.free_board && objects.back().size() != nominal.size())
-      throw Error(view.name + ": shows a part of the board, whose corners can't be free then");
+      throw Error(view.name + ": shows only part of the board; estimating the board's corners requires complete views");
   }
 
   OpenCvFit fit;
@@ -295,7 +293,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
     j.leftCols(num_lens) = lens_columns(model.lens, all);
     j.middleCols(num_lens + kPoseParams * static_cast<int>(v), kPoseParams) = all.leftCols(kPoseParams);
     for (size_t i = 0; i < seen.size(); i++) {
-      // A corner moves as the board would: d/dX = d/dt R.
+      // Derivative by the corner's position: d/dX = d/dt R.
       const auto row = static_cast<int>(2 * i);
       const Eigen::Matrix<double, 2, 3> moved = all.block<2, 3>(row, kTranslation) * r;
       for (int axis = 0; axis < 3; axis++)
@@ -310,7 +308,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
   if (num_residuals <= num_params) throw Error("too few views for " + model.name());
   result.bic = num_residuals * std::log(sum / num_residuals) + num_params * std::log(num_residuals);
 
-  // Scaled to a unit diagonal: focal lengths and distortion terms differ by six orders of magnitude.
+  // Scaled to a unit diagonal, because focal lengths and distortion terms differ by six orders of magnitude.
   const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
@@ -344,21 +342,20 @@ double held_out_rms(const ZhangFit& fit, const BoardView& view) {
 
 namespace {
 
-// A view is bad whose error is this many times the median: good ones differ by half (blur, distance), a wrong corner
-// or a bent board shows as several times.
+// A view is bad if its error exceeds this multiple of the median. Errors of good views differ by half (blur, distance);
+// a wrong corner or a bent board increases the error several times.
 constexpr double kBadView = 3;
-constexpr size_t kLeastViews = 3;
-constexpr size_t kFolds = 4;          // views are held out a quarter at a time
-constexpr double kModelGain = 0.995;  // of the held-out error that a larger model has to reach
-// Above these standard deviations a lens is not calibrated, however small the residuals are.
-constexpr double kMaxFocalDeviation = 0.01;   // of the focal length
-constexpr double kMaxCentreDeviation = 0.01;  // of the image's width
+constexpr size_t kMinViews = 3;
+constexpr size_t kFolds = 4;          // cross-validation holds out a quarter of the views at a time
+constexpr double kModelGain = 0.995;  // held-out error of a larger model, relative to the smaller model
+// Larger standard deviations mean that the lens is not calibrated, however small the residuals are.
+constexpr double kMaxFocalDeviation = 0.01;   // relative to the focal length
+constexpr double kMaxCentreDeviation = 0.01;  // relative to the image width
 
-// Every view is seen by a fit to views without it.
 double cross_validate(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
                       const ZhangModel& model) {
   const size_t folds = std::min(kFolds, views.size());
-  if (views.size() - (views.size() + folds - 1) / folds < kLeastViews) return NAN;
+  if (views.size() - (views.size() + folds - 1) / folds < kMinViews) return NAN;
   double sum = 0;
   for (size_t fold = 0; fold < folds; fold++) {
     std::vector<BoardView> rest;
@@ -373,7 +370,7 @@ double cross_validate(const std::vector<BoardView>& views, const Checkerboard& b
 constexpr LensModel kLenses[] = {LensModel::kSimplePinhole, LensModel::kSimpleRadial, LensModel::kRadial,
                                  LensModel::kOpenCv};
 
-// Both must speak for the other model: BIC guards against chance, held-out views against what BIC takes for noise.
+// Requires both criteria: BIC guards against chance, held-out views against systematic errors that BIC takes for noise.
 bool is_better(const IntrinsicsResult::Model& a, const IntrinsicsResult::Model& than) {
   return a.bic < than.bic && !(a.held_out_rms > kModelGain * than.held_out_rms);
 }
@@ -397,7 +394,7 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   IntrinsicsResult result;
   for (const BoardView& view : views) result.views.push_back({view.name});
 
-  // Bad views first, with a lens that can bend: they would speak for any model that gives way to them.
+  // Bad views are removed first, with a flexible lens: otherwise they favour any model that adapts to their errors.
   step("looking for bad views");
   const ZhangModel first{LensModel::kRadial, false};
   std::vector<size_t> used(views.size());
@@ -406,7 +403,7 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   for (;;) {
     const ZhangFit fit = fit_zhang(good, board, width, height, first);
     const auto worst = std::max_element(fit.view_rms.begin(), fit.view_rms.end()) - fit.view_rms.begin();
-    if (good.size() == kLeastViews || fit.view_rms[worst] <= kBadView * median(fit.view_rms)) break;
+    if (good.size() == kMinViews || fit.view_rms[worst] <= kBadView * median(fit.view_rms)) break;
     result.views[used[worst]].used = false;
     result.views[used[worst]].rms = fit.view_rms[worst];
     good.erase(good.begin() + worst);
@@ -423,10 +420,11 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
       if (best && !is_better(result.models.back(), *best)) return;
       best = result.models.back();
       result.fit = fit;
-    } catch (const Error&) {  // this model needs more than the views have
+    } catch (const Error&) {
     }
   };
-  // The lens on the board as it should be, then the board: all pairs would take several times as long.
+  // Selects the lens with the nominal board, then tests the free board. Testing all pairs would take several times as
+  // long.
   const bool must_be_free = options.free_board.value_or(false);
   for (const LensModel lens : kLenses)
     if (!options.lens || *options.lens == lens) consider({lens, must_be_free});
@@ -449,8 +447,7 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   const double centre = std::max(deviation("cx"), deviation("cy")) / width;
   if (centre > kMaxCentreDeviation)
     result.warnings.push_back("the principal point is not calibrated (+-" + percent(centre) +
-                              " of the width): show the "
-                              "board upright and turned by 90 degrees, in all corners");
+                              " of the width): show the board upright and turned by 90 degrees, in all corners");
   return result;
 }
 

@@ -20,56 +20,57 @@ namespace {
 
 using Eigen::Matrix2d, Eigen::Vector2d;
 
-constexpr double kLeastNoise = 0.4;        // of 255: samples are whole numbers
-constexpr float kAbove = 5;                // sigmas over the background where an image begins
-constexpr float kLeastAbove = 4;           // of 255
-constexpr double kClear = 10;              // sigmas of its brightness that a light has at least
-constexpr int kLeastPixels = 2;            // of an image over the threshold; a single one is a hot pixel
-constexpr double kBusy = 0.05;             // share of a picture that no light fills
-constexpr int kMostBlobs = 300;            // of a picture that is not busy
-constexpr int kSaturated = 250;            // of 255: video's white is not always its largest value
-constexpr double kSmallest = 0.6;          // pixels: sigma of the narrowest weight
-constexpr int kImageRounds = 25;           // the sizes of large images, whose edges are steep, settle slowly
+constexpr double kMinNoise = 0.4;  // grey levels; samples are integers
+constexpr float kAbove = 5;        // detection threshold, sigmas over the background
+constexpr float kLeastAbove = 4;   // grey levels
+constexpr double kClear = 10;      // minimum signal-to-noise ratio of a light
+constexpr int kMinPixels = 2;      // above the threshold; single pixels are hot pixels
+constexpr double kBusy = 0.05;     // share of bright pixels that no light reaches
+constexpr int kMaxBlobs = 300;
+constexpr int kSaturated = 250;            // grey levels; white in video is not always the maximum
+constexpr double kSmallest = 0.6;          // sigma of the narrowest weight, pixels
+constexpr int kImageRounds = 25;           // large images with steep edges converge slowly
 constexpr double kImageSettled = 2e-3;     // pixels
-constexpr double kWholeImage = 2.2;        // sigmas of an image that are in the picture on all sides
-constexpr double kLean = 0.5, kLeans = 4;  // of the third moment, that the centre is off by; sigmas that are no chance
-constexpr double kWander = 3;              // sigmas that the middle may move from where it was first
-// Pixels that images are off by which are not what they are taken for: any image, and one that is clipped all over.
-// Those that are clipped in part are off by less, as a power of that part that simulated lights show.
+constexpr double kWholeImage = 2.2;        // sigmas that must be inside the image on all sides
+constexpr double kLean = 0.5, kLeans = 4;  // centre error per third moment; significance in sigmas
+constexpr double kWander = 3;              // largest shift from the initial centre, sigmas
+// Systematic position errors in pixels: of any image, and of a fully clipped image. The error of a partly clipped image
+// grows with a power of the clipped share, according to simulated lights.
 constexpr double kSystematic = 0.0015, kClipped = 0.0185, kClippedPower = 1.5;
-constexpr double kParting = 0.5, kParted = 0.02;  // of what parting moved a light by, and pixels at least
-constexpr double kSkirts = 5;                     // sigmas of an image that are not background
-constexpr int kProbes = 3;                        // places without light, for each light, that the noise is watched at
-constexpr double kTrust = 40;                     // probes that white noise counts as
-constexpr float kUp = 0.02f, kFirst = 0.7f, kLast = 0.05f;  // of the background's steps: lit, and over sigma
+// Error of separated lights: share of the shift, and minimum in pixels.
+constexpr double kParting = 0.5, kParted = 0.02;
+constexpr double kSkirts = 5;  // sigmas of an image that are excluded from the background
+constexpr int kProbes = 3;     // noise measurements per light, at dark positions
+constexpr double kTrust = 40;  // weight of the white-noise prior, in probes
+// Background step per frame: at lights (grey levels); at first and finally (in sigmas).
+constexpr float kUp = 0.02f, kFirst = 0.7f, kLast = 0.05f;
 
-// Sums over a light's image under a weight that is a normal distribution.
-constexpr double kMomentsReach = 3.5;  // sigmas of the weight that are looked at
-constexpr int kMomentsLargest = 80;    // pixels from the middle that are looked at
+// Sums over a light's image under a Gaussian weight.
+constexpr double kMomentReach = 3.5;  // sigmas of the weight
+constexpr int kMaxMomentRadius = 80;  // pixels from the centre
 
 struct LightMoments {
-  double weight = 0;                     // sum of weight x image
-  double clipped = 0;                    // the part of `weight` that is of clipped pixels
-  double squares = 0;                    // variance of `weight` under noise of variance 1
-  Vector2d mean = Vector2d::Zero();      // first moment about the weight's middle
-  Matrix2d spread = Matrix2d::Zero();    // second moment about the weight's middle
+  double weight = 0;
+  double clipped = 0;                    // share of `weight` from clipped pixels
+  double squares = 0;                    // variance of `weight` for noise of variance 1
+  Vector2d mean = Vector2d::Zero();      // first moment about the weight's centre
+  Matrix2d spread = Matrix2d::Zero();    // second moment about the weight's centre
   Vector2d skew = Vector2d::Zero();      // third moment, in sigmas of the weight
-  Matrix2d by_noise = Matrix2d::Zero();  // covariance of `mean` under noise of variance 1
+  Matrix2d by_noise = Matrix2d::Zero();  // covariance of `mean` for noise of variance 1
 };
 
-// A pixel of a light's image.
 struct LightSample {
   double value = 0;
-  double gain = 1;  // by how much noise of the picture moves the value; 0: it is clipped, and does not
+  double gain = 1;  // derivative of the value by image noise; 0: clipped
 };
 
-// The sums over the pixels within reach of a weight's middle; `sample(x, y)` is a pixel's LightSample.
+// Returns the sums within reach of a weight's centre. `sample(x, y)` returns a LightSample.
 template <class Sample>
 LightMoments light_moments(const Vector2d& centre, const Matrix2d& shape, int width, int height, Sample&& sample) {
   LightMoments m;
   const Matrix2d inverse = shape.inverse();
-  const int rx = std::min(kMomentsLargest, static_cast<int>(std::ceil(kMomentsReach * std::sqrt(shape(0, 0)))));
-  const int ry = std::min(kMomentsLargest, static_cast<int>(std::ceil(kMomentsReach * std::sqrt(shape(1, 1)))));
+  const int rx = std::min(kMaxMomentRadius, static_cast<int>(std::ceil(kMomentReach * std::sqrt(shape(0, 0)))));
+  const int ry = std::min(kMaxMomentRadius, static_cast<int>(std::ceil(kMomentReach * std::sqrt(shape(1, 1)))));
   const int x0 = std::max(0, static_cast<int>(centre.x()) - rx),
             x1 = std::min(width - 1, static_cast<int>(centre.x()) + rx + 1);
   const int y0 = std::max(0, static_cast<int>(centre.y()) - ry),
@@ -78,7 +79,7 @@ LightMoments light_moments(const Vector2d& centre, const Matrix2d& shape, int wi
     for (int x = x0; x <= x1; x++) {
       const Vector2d from(x - centre.x(), y - centre.y());
       const double distance = from.dot(inverse * from);
-      if (distance > kMomentsReach * kMomentsReach) continue;
+      if (distance > kMomentReach * kMomentReach) continue;
       const auto [d, gain] = sample(x, y);
       const double w = std::exp(-distance / 2), noise = w * w * gain * gain;
       m.weight += w * d;
@@ -92,12 +93,12 @@ LightMoments light_moments(const Vector2d& centre, const Matrix2d& shape, int wi
   return m;
 }
 
-// Eigenvalues no smaller than the narrowest weight, nor so large that the picture's noise would take over.
+// Limits the eigenvalues: the narrowest weight, and a size beyond which noise dominates.
 Matrix2d bounded(const Matrix2d& shape) {
   const Eigen::SelfAdjointEigenSolver<Matrix2d> axes((shape + shape.transpose()) / 2);
   const Vector2d values = axes.eigenvalues()
                               .cwiseMax(kSmallest * kSmallest)
-                              .cwiseMin(kMomentsLargest * kMomentsLargest / (kMomentsReach * kMomentsReach));
+                              .cwiseMin(kMaxMomentRadius * kMaxMomentRadius / (kMomentReach * kMomentReach));
   return axes.eigenvectors() * values.asDiagonal() * axes.eigenvectors().transpose();
 }
 
@@ -106,14 +107,12 @@ Matrix2d bounded(const Matrix2d& shape) {
 struct LightDetector::Blob {
   Vector2d centre, first;
   Matrix2d shape;      // covariance of the weight
-  double flux = 0;     // of the image
-  double sigma = 0;    // of the centre if the noise were white
-  double clipped = 0;  // share of the weighted image that is clipped
+  double flux = 0;     // sum of the image
+  double sigma = 0;    // standard deviation of the centre for white noise, pixels
+  double clipped = 0;  // clipped share of the weighted image
   int label = 0;
 
-  // Of the centre, whatever the noise.
   double systematic() const { return std::hypot(kSystematic, kClipped * std::pow(clipped, kClippedPower)); }
-  // The image of its own flux and shape.
   double light(int x, int y) const {
     const Vector2d from(x - centre.x(), y - centre.y());
     return flux / (2 * std::numbers::pi * std::sqrt(shape.determinant())) *
@@ -123,10 +122,11 @@ struct LightDetector::Blob {
 
 LightDetector::LightDetector(int width, int height) : width_(width), height_(height) {
   if (width < 16 || height < 16 || width > 16384 || height > 16384)
-    throw Error("pictures of " + std::to_string(width) + "x" + std::to_string(height) + " pixels can't be searched");
+    throw Error("images of " + std::to_string(width) + "x" + std::to_string(height) +
+                " pixels can't be searched: width and height must be 16 to 16384");
 }
 
-std::vector<Sight> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
+std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
   const size_t pixels = static_cast<size_t>(width_) * height_;
   if (record_.frames++ == 0) {
     background_.resize(pixels), difference_.resize(pixels), lit_.assign(pixels, 0);
@@ -153,30 +153,29 @@ std::vector<Sight> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
     std::nth_element(sizes.begin(), nth, sizes.end());
     return static_cast<double>(*nth);
   };
-  // Above the background, since much of what is below is clipped at black. Compression leaves few large ones.
-  // Nor is noise what a large bright thing adds to them.
+  // Uses only differences above the background, because differences below are often clipped at black. Compression
+  // leaves few large differences. The last limit excludes large bright objects.
   const double small = quantile(0.6915);
-  const double noise =
-      std::max(kLeastNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
+  const double noise = std::max(kMinNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
   record_.noise += (noise - record_.noise) / static_cast<double>(std::min<size_t>(record_.frames - 1, 30));
 
   std::vector<Blob> blobs = find_blobs(std::max(kLeastAbove, kAbove * static_cast<float>(record_.noise)));
-  std::vector<Sight> sights;
+  std::vector<LightDetection> sights;
   std::erase_if(blobs, [&](Blob& blob) { return !refine(blob, {}, grey, stride); });
   std::sort(blobs.begin(), blobs.end(), [](const Blob& a, const Blob& b) { return a.flux > b.flux; });
-  // Two beginnings that led to one light, and fragments of a large one.
+  // Removes blobs that converged to the same light, and fragments of large lights.
   for (size_t i = 0; i < blobs.size(); i++)
     std::erase_if(blobs, [&](const Blob& b) {
       if (&b <= &blobs[i]) return false;
       const Vector2d apart = b.centre - blobs[i].centre;
       return apart.dot(blobs[i].shape.inverse() * apart) < 6;
     });
-  part_neighbours(blobs, grey, stride);
+  split_neighbours(blobs, grey, stride);
   mark_lit(blobs);
-  watch_noise(blobs);
+  update_noise(blobs);
   const double excess = std::sqrt(std::max(1.0, (correlated_ + kTrust) / (white_ + kTrust)));
   for (const Blob& blob : blobs) {
-    if (sights.size() == kMostSights) break;
+    if (sights.size() == kMaxDetections) break;
     sights.push_back(
         {{blob.centre.x(), blob.centre.y()}, std::hypot(blob.sigma * excess, blob.systematic()), blob.flux});
   }
@@ -190,7 +189,7 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
   cv::Mat mask, labels, boxes, middles;
   mask = difference > threshold;
   std::vector<Blob> blobs;
-  // Those that belong to an image are not the background's, nor are those next to them.
+  // Pixels of a light and their neighbours are excluded from the background.
   cv::Mat around(height_, width_, CV_8U, lit_.data());
   cv::dilate(mask, around, cv::getStructuringElement(cv::MORPH_RECT, {5, 5}));
   const int lit = cv::countNonZero(mask);
@@ -201,7 +200,7 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
     return blobs;
   }
   for (int i = 1; i < count; i++) {
-    if (boxes.at<int>(i, cv::CC_STAT_AREA) < kLeastPixels) continue;
+    if (boxes.at<int>(i, cv::CC_STAT_AREA) < kMinPixels) continue;
     Blob& blob = blobs.emplace_back();
     blob.label = i;
     const int left = boxes.at<int>(i, cv::CC_STAT_LEFT), top = boxes.at<int>(i, cv::CC_STAT_TOP);
@@ -219,22 +218,23 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
     blob.shape =
         square / blob.flux - blob.centre * blob.centre.transpose() + kSmallest * kSmallest * Matrix2d::Identity();
   }
-  if (blobs.size() > kMostBlobs) {
+  if (blobs.size() > kMaxBlobs) {
     record_.busy++;
     blobs.clear();
   }
   return blobs;
 }
 
-// To where the image equals its weight; false where there is no such place near, or the light is too faint.
+// Moves the weight until it matches the image. Returns false if it does not converge nearby, or if the light is too
+// faint.
 bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const uint8_t* grey, ptrdiff_t stride) {
   const double faint = std::pow(kAbove * record_.noise, 2);
   const auto sample = [&](int x, int y) -> LightSample {
-    // What a light has left, since it is in the background yet, must not push its neighbours away.
+    // Limits negative values: traces of a light that is still in the background must not displace its neighbours.
     double d = std::max(static_cast<double>(at(x, y)), -4 * record_.noise);
     for (const Blob& other : others) d -= other.light(x, y);
-    // Cameras encode about the square root of light: on top of a bright light the background is next to nothing. What
-    // that makes of a pixel's value it makes of its noise, too.
+    // Camera values are about the square root of light, so under a bright light the background contributes almost
+    // nothing. The derivative scales the noise accordingly.
     const double b = background_[static_cast<size_t>(y) * width_ + x], over = std::max(0.0, d);
     const double dark = b * b + faint, all = over * over + dark;
     const bool clipped = grey[y * stride + x] >= kSaturated;
@@ -247,7 +247,6 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
     m = light_moments(blob.centre, blob.shape, width_, height_, sample);
     if (!(m.weight > 0)) return false;
     m.mean /= m.weight, m.spread /= m.weight;
-    // How the mean answers to a shift of the weight.
     const Matrix2d slope = Matrix2d::Identity() - m.spread * blob.shape.inverse();
     if (!(slope.determinant() > 0.02)) return false;
     step = slope.inverse();
@@ -255,12 +254,12 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
     blob.centre += move;
     const Vector2d wander = blob.centre - blob.first;
     if (!(wander.dot(blob.shape.inverse() * wander) < kWander * kWander)) return false;
-    // A normal distribution under a weight of its own size has half its covariance.
+    // Under a weight of equal size, a normal distribution has half its covariance.
     const Matrix2d shape = bounded(2 * (m.spread - m.mean * m.mean.transpose()));
     settled = move.norm() < kImageSettled && (shape - blob.shape).norm() < 0.02 * shape.norm();
     if (!settled) blob.shape = shape;
   }
-  // What the picture's border cuts off would pull the rest inwards.
+  // Clipping at the image border would bias the centre inwards.
   const double rx = kWholeImage * std::sqrt(blob.shape(0, 0)), ry = kWholeImage * std::sqrt(blob.shape(1, 1));
   if (blob.centre.x() < rx - 0.5 || blob.centre.y() < ry - 0.5 || blob.centre.x() > width_ - 0.5 - rx ||
       blob.centre.y() > height_ - 0.5 - ry)
@@ -270,23 +269,22 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
   const Matrix2d of_centre = step * (variance * m.by_noise / (m.weight * m.weight)) * step.transpose();
   blob.sigma = std::sqrt(of_centre.trace() / 2);
   blob.clipped = m.clipped / m.weight;
-  // An image that leans to one side is that of two lights, or of one and its reflection.
+  // A skewed image shows two lights, or a light and its reflection.
   const double lean = kLean * (m.skew / m.weight).norm();
   if (lean > kLeans * std::hypot(blob.sigma, blob.systematic())) blob.sigma = std::hypot(blob.sigma, lean);
-  // The weight halves the sum of a normal distribution of its own size.
+  // A weight of equal size halves the sum of a normal distribution.
   blob.flux = 2 * m.weight;
   return true;
 }
 
-// Lights whose images run into each other, each again without what the others leave where it is. What that moved it by
-// is not known well.
-void LightDetector::part_neighbours(std::vector<Blob>& blobs, const uint8_t* grey, ptrdiff_t stride) {
+// Refines lights with overlapping images after subtracting their neighbours. The shift increases the uncertainty.
+void LightDetector::split_neighbours(std::vector<Blob>& blobs, const uint8_t* grey, ptrdiff_t stride) {
   const std::vector<Blob> before = blobs;
   for (size_t i = 0; i < blobs.size(); i++) {
     std::vector<Blob> near;
     for (size_t j = 0; j < before.size(); j++) {
       const Vector2d apart = before[j].centre - before[i].centre;
-      const Matrix2d both = kMomentsReach * kMomentsReach * (before[i].shape + before[j].shape);
+      const Matrix2d both = kMomentReach * kMomentReach * (before[i].shape + before[j].shape);
       if (j != i && apart.dot(both.inverse() * apart) < 1) near.push_back(before[j]);
     }
     if (near.empty()) continue;
@@ -295,7 +293,6 @@ void LightDetector::part_neighbours(std::vector<Blob>& blobs, const uint8_t* gre
   }
 }
 
-// The skirts of a light's image are not the background's to learn.
 void LightDetector::mark_lit(const std::vector<Blob>& blobs) {
   for (const Blob& blob : blobs) {
     const Matrix2d inverse = blob.shape.inverse();
@@ -308,9 +305,9 @@ void LightDetector::mark_lit(const std::vector<Blob>& blobs) {
   }
 }
 
-// What compression, or a camera's own filters, leave of the noise is not white. The first moments that place a light
-// are taken where there is none, too: how large they are there, over what white noise would do.
-void LightDetector::watch_noise(const std::vector<Blob>& blobs) {
+// Compression and camera filters make noise correlated. Measures the first moment at dark positions, relative to the
+// expectation for white noise.
+void LightDetector::update_noise(const std::vector<Blob>& blobs) {
   const auto sample = [&](int x, int y) { return LightSample{at(x, y), 1}; };
   for (const Blob& blob : blobs)
     for (int i = 0; i < kProbes; i++) {
@@ -318,11 +315,11 @@ void LightDetector::watch_noise(const std::vector<Blob>& blobs) {
         random_ = random_ * 1664525 + 1013904223;
         return static_cast<int>((random_ >> 8) % static_cast<uint32_t>(range));
       };
-      // Amid the pixels as the light is: some compressions know where their blocks begin.
+      // Keeps the subpixel position and the position modulo 8, because compression works on blocks.
       const Vector2d shift(8 * draw(width_ / 8), 8 * draw(height_ / 8));
       Vector2d at = blob.centre + shift;
       at = {std::fmod(at.x(), width_), std::fmod(at.y(), height_)};
-      const double reach = kMomentsReach * std::sqrt(std::max(blob.shape(0, 0), blob.shape(1, 1)));
+      const double reach = kMomentReach * std::sqrt(std::max(blob.shape(0, 0), blob.shape(1, 1)));
       const int x0 = static_cast<int>(at.x() - reach), x1 = static_cast<int>(at.x() + reach) + 1;
       const int y0 = static_cast<int>(at.y() - reach), y1 = static_cast<int>(at.y() + reach) + 1;
       if (x0 < 0 || y0 < 0 || x1 >= width_ || y1 >= height_) continue;
@@ -347,7 +344,7 @@ void LightDetector::learn(const uint8_t* grey, ptrdiff_t stride) {
     for (int x = 0; x < width_; x++) {
       const size_t i = static_cast<size_t>(y) * width_ + x;
       const float d = difference_[i];
-      // A light that stood still from the beginning has gone.
+      // A light that was static from the start has moved away.
       if (d < -gone)
         background_[i] = grey[y * stride + x];
       else if (lit_[i])
@@ -359,16 +356,16 @@ void LightDetector::learn(const uint8_t* grey, ptrdiff_t stride) {
 
 namespace {
 
-constexpr double kPathReach = 10;         // pixels that a light may be off where it is expected
-constexpr double kFirstPathReach = 0.06;  // of the image's width: from the first place to the second
-constexpr double kTurn = 0.6;             // of the way from frame to frame: what a change of motion may add
-constexpr double kBrightness = 12;        // pixels that a brightness e times as large counts as
-constexpr double kStillLight = 4;         // pixels across that no moved light stays within
-constexpr size_t kLeastPathPoints = 4;
-constexpr size_t kLeastEven = 20;  // frames that show a rhythm
-constexpr double kJitter = 0.15;   // of the time of a frame
+constexpr double kPathReach = 10;         // maximum prediction error, pixels
+constexpr double kFirstPathReach = 0.06;  // maximum first displacement, relative to the image width
+constexpr double kTurn = 0.6;             // additional reach, relative to the last displacement
+constexpr double kBrightness = 12;        // cost of a brightness ratio of e, pixels
+constexpr double kStillLight = 4;         // extent of a static light, pixels
+constexpr size_t kMinPathPoints = 4;
+constexpr size_t kMinRhythmFrames = 20;
+constexpr double kJitter = 0.15;  // relative to the frame time
 
-struct Open {
+struct OpenPath {
   LightPath path;
   Vec2 expected(double time) const {
     const auto& p = path.points;
@@ -383,9 +380,9 @@ struct Open {
   }
 };
 
-void close(Open& open, std::vector<LightPath>& paths) {
+void close(OpenPath& open, std::vector<LightPath>& paths) {
   auto& points = open.path.points;
-  if (points.size() < kLeastPathPoints) return;
+  if (points.size() < kMinPathPoints) return;
   std::vector<double> brightness;
   Vec2 least = points[0].sight.pixel, most = least;
   for (const LightPath::Point& point : points) {
@@ -399,18 +396,18 @@ void close(Open& open, std::vector<LightPath>& paths) {
 
 }  // namespace
 
-double frame_time_of(const LightSights::Camera& camera) {
+double frame_time_of(const LightDetections::Camera& camera) {
   std::vector<double> steps;
   for (size_t i = 1; i < camera.frames.size(); i++) steps.push_back(camera.frames[i].time - camera.frames[i - 1].time);
   return steps.empty() ? 0 : median(std::move(steps));
 }
 
-std::vector<double> evened_stamps(const LightSights::Camera& camera) {
+std::vector<double> regularised_stamps(const LightDetections::Camera& camera) {
   std::vector<double> stamps;
-  for (const LightSights::Frame& frame : camera.frames) stamps.push_back(frame.time);
+  for (const LightDetections::Frame& frame : camera.frames) stamps.push_back(frame.time);
   const double step = frame_time_of(camera);
-  if (stamps.size() < kLeastEven || !(step > 0)) return stamps;
-  // Which beat each frame is of: counted from frame to frame, so that no error of the step adds up.
+  if (stamps.size() < kMinRhythmFrames || !(step > 0)) return stamps;
+  // Frame numbers, counted from frame to frame so that errors of the step do not accumulate.
   std::vector<double> beats{0};
   for (size_t i = 1; i < stamps.size(); i++)
     beats.push_back(beats.back() + std::max(1.0, std::round((stamps[i] - stamps[i - 1]) / step)));
@@ -426,18 +423,18 @@ std::vector<double> evened_stamps(const LightSights::Camera& camera) {
   return even;
 }
 
-std::vector<LightPath> link_light_paths(const LightSights::Camera& camera) {
+std::vector<LightPath> link_light_paths(const LightDetections::Camera& camera) {
   std::vector<LightPath> paths;
-  std::vector<Open> open;
-  const double gap = (kMostMissed + 1.5) * frame_time_of(camera);
+  std::vector<OpenPath> open;
+  const double gap = (kMaxMissedFrames + 1.5) * frame_time_of(camera);
   struct Link {
     double cost;
     size_t path, sight;
   };
-  const std::vector<double> stamps = evened_stamps(camera);
+  const std::vector<double> stamps = regularised_stamps(camera);
   for (size_t n = 0; n < camera.frames.size(); n++) {
-    const LightSights::Frame frame{stamps[n], camera.frames[n].sights};
-    std::erase_if(open, [&](Open& o) {
+    const LightDetections::Frame frame{stamps[n], camera.frames[n].sights};
+    std::erase_if(open, [&](OpenPath& o) {
       if (frame.time - o.path.points.back().time <= gap) return false;
       close(o, paths);
       return true;
@@ -459,24 +456,23 @@ std::vector<LightPath> link_light_paths(const LightSights::Camera& camera) {
     for (size_t k = 0; k < frame.sights.size(); k++)
       if (!taken[k]) open.push_back({{{{frame.time, frame.sights[k]}}, 0, false}});
   }
-  for (Open& o : open) close(o, paths);
+  for (OpenPath& o : open) close(o, paths);
   return paths;
 }
 
-std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time) {
+std::optional<PathSample> interpolate_path(const LightPath& path, double time, double frame_time) {
   const auto& p = path.points;
   const auto after =
       std::upper_bound(p.begin(), p.end(), time, [](double t, const LightPath::Point& q) { return t < q.time; });
   if (after == p.begin() || (after == p.end() && time > p.back().time)) return std::nullopt;
   const auto last = static_cast<ptrdiff_t>(p.size()) - 1;
   const ptrdiff_t k = std::clamp<ptrdiff_t>(after - p.begin() - 1, 0, last - 1);
-  const double gap = (kMostMissed + 0.5) * frame_time;
+  const double gap = (kMaxMissedFrames + 0.5) * frame_time;
   if (p[k + 1].time - p[k].time > gap) return std::nullopt;
   ptrdiff_t from = k, to = k + 1;
   if (from > 0 && p[from].time - p[from - 1].time <= gap) from--;
   if (to < last && p[to + 1].time - p[to].time <= gap) to++;
-  // Lagrange's polynomials and their slopes.
-  PathPlace place;
+  PathSample place;
   double variance = 0;
   for (ptrdiff_t i = from; i <= to; i++) {
     double value = 1, slope = 0;
@@ -496,17 +492,17 @@ std::optional<PathPlace> place_at(const LightPath& path, double time, double fra
   return place;
 }
 
-void PicturePlaces::come(const Vec2& pixel) {
+void CoverageGrid::come(const Vec2& pixel) {
   const int column = static_cast<int>((pixel.x + 0.5) * kColumns / width_);
   const int row = static_cast<int>((pixel.y + 0.5) * kRows / height_);
-  came_[static_cast<size_t>(std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1))] = true;
+  covered_[static_cast<size_t>(std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1))] = true;
 }
 
-double PicturePlaces::share() const {
-  return static_cast<double>(std::ranges::count(came_, true)) / static_cast<double>(came_.size());
+double CoverageGrid::share() const {
+  return static_cast<double>(std::ranges::count(covered_, true)) / static_cast<double>(covered_.size());
 }
 
-std::vector<PicturePlaces::Gap> PicturePlaces::gaps() const {
+std::vector<CoverageGrid::Gap> CoverageGrid::gaps() const {
   static constexpr const char* kAcross[] = {"left", "right"};
   static constexpr const char* kDown[] = {"upper", "middle", "lower"};
   std::vector<Gap> gaps;
@@ -518,29 +514,29 @@ std::vector<PicturePlaces::Gap> PicturePlaces::gaps() const {
   return gaps;
 }
 
-std::string listed(const std::vector<PicturePlaces::Gap>& gaps) {
+std::string gap_names(const std::vector<CoverageGrid::Gap>& gaps) {
   std::string all;
-  for (const PicturePlaces::Gap& gap : gaps) all += (all.empty() ? "" : ", ") + gap.name;
+  for (const CoverageGrid::Gap& gap : gaps) all += (all.empty() ? "" : ", ") + gap.name;
   return all;
 }
 
 namespace {
 
-constexpr double kLongest = 1;        // seconds between two looks that a light's way is known in
-constexpr double kLeastAngle = 0.02;  // radians between lines of sight that meet anywhere
-constexpr double kMeet = 0.1;         // of the depth, by which lines of sight pass each other at most
-constexpr size_t kLeastDepths = 8;
-constexpr double kTail = 0.05;    // share of the depths at either end that is not believed
-constexpr double kThrough = 1.6;  // the far depth over the near one, of a light that was moved through a volume
-constexpr double kNear = 1.5;     // array sizes: what is nearer is near
-constexpr size_t kNamed = 2;      // cameras that are named; more than a glance takes in is no help
+constexpr double kLongest = 1;      // seconds between two looks for interpolation
+constexpr double kMinAngle = 0.02;  // radians between rays; smaller angles give no depth
+constexpr double kMeet = 0.1;       // maximum distance between rays, relative to the depth
+constexpr size_t kMinDepths = 8;
+constexpr double kTail = 0.05;    // ignored share of the depths at either end
+constexpr double kThrough = 1.6;  // minimum ratio of far to near depth
+constexpr double kNear = 1.5;     // near distance, in array sizes
+constexpr size_t kNamed = 2;
 
-// A point's depth before `a`, where its line of sight comes nearest to that of `b`; each is (u, v, 1).
+// Returns the depth in front of `a` at which its ray is nearest to the ray of `b`; rays are (u, v, 1).
 std::optional<double> depth_before(const Pose& a, const Vec2& of_a, const Pose& b, const Vec2& of_b) {
   const Vec3 p = a.rotation() * Vec3(of_a, 1), q = b.rotation() * Vec3(of_b, 1), way = b.position - a.position;
   const Vec3 across = glm::cross(p, q);
   const double square = glm::dot(across, across);
-  if (std::sqrt(square) < kLeastAngle * glm::length(p) * glm::length(q)) return std::nullopt;
+  if (std::sqrt(square) < kMinAngle * glm::length(p) * glm::length(q)) return std::nullopt;
   const double depth = glm::dot(glm::cross(way, q), across) / square;
   const double other = glm::dot(glm::cross(way, p), across) / square;
   if (!(depth > 0) || !(other > 0)) return std::nullopt;
@@ -559,7 +555,7 @@ LightCoverage::LightCoverage(const Rig& rig, int lights) : rig_(rig), lights_(st
   }
 }
 
-void LightCoverage::look(CameraIndex index, double time, const std::vector<Sight>& sights) {
+void LightCoverage::look(CameraIndex index, double time, const std::vector<LightDetection>& sights) {
   Camera& camera = cameras_[index];
   camera.looks++;
   camera.lit |= !sights.empty();
@@ -598,7 +594,7 @@ void LightCoverage::measure_depth(CameraIndex index, const Look& before, const L
 
 std::string LightCoverage::depth_wanted(CameraIndex index) const {
   std::vector<double> depths = cameras_[index].depths;
-  if (depths.size() < kLeastDepths) return "";
+  if (depths.size() < kMinDepths) return "";
   std::ranges::sort(depths);
   const auto tail = static_cast<size_t>(kTail * static_cast<double>(depths.size()));
   const double near = depths[tail], far = depths[depths.size() - 1 - tail];
@@ -607,25 +603,24 @@ std::string LightCoverage::depth_wanted(CameraIndex index) const {
 }
 
 std::string LightCoverage::wanted(CameraIndex index) const {
-  const std::string places = listed(cameras_[index].places.gaps()), depth = depth_wanted(index);
+  const std::string places = gap_names(cameras_[index].places.gaps()), depth = depth_wanted(index);
   return places + (places.empty() || depth.empty() ? "" : ", ") + depth;
 }
 
-// The largest gaps alone: what a glance takes in.
 std::string LightCoverage::most_wanted(CameraIndex index) const {
-  std::vector<PicturePlaces::Gap> gaps = cameras_[index].places.gaps();
-  std::ranges::stable_sort(gaps, std::greater(), &PicturePlaces::Gap::places);
+  std::vector<CoverageGrid::Gap> gaps = cameras_[index].places.gaps();
+  std::ranges::stable_sort(gaps, std::greater(), &CoverageGrid::Gap::places);
   if (gaps.size() > kNamed) gaps.resize(kNamed);
-  const std::string places = listed(gaps), depth = depth_wanted(index);
+  const std::string places = gap_names(gaps), depth = depth_wanted(index);
   return places + (places.empty() || depth.empty() ? "" : ", ") + depth;
 }
 
-std::string LightCoverage::told() const {
-  struct Lack {
+std::string LightCoverage::summary() const {
+  struct GapCount {
     int places = 0, cameras = 0;
   };
-  std::map<std::string, Lack> places, depths;
-  const auto most = [](const std::map<std::string, Lack>& lacks) {
+  std::map<std::string, GapCount> places, depths;
+  const auto most = [](const std::map<std::string, GapCount>& lacks) {
     const auto& [name, lack] =
         *std::ranges::max_element(lacks, {}, [](const auto& entry) { return entry.second.places; });
     return name + " (" + std::to_string(lack.cameras) + (lack.cameras == 1 ? " camera)" : " cameras)");
@@ -642,16 +637,16 @@ std::string LightCoverage::told() const {
       dark.push_back(i);
       continue;
     }
-    for (const PicturePlaces::Gap& gap : camera.places.gaps())
+    for (const CoverageGrid::Gap& gap : camera.places.gaps())
       places[gap.name].places += gap.places, places[gap.name].cameras++;
     if (const std::string depth = depth_wanted(i); !depth.empty()) depths[depth].places++, depths[depth].cameras++;
     if (!wanted(i).empty()) lacking.push_back(i);
   }
-  if (looked == 0) return "No camera has given a picture yet.";
-  if (dark.size() == looked) return "No camera has seen a light that moves yet: is it on, and in the pictures?";
-  std::string text =
-      format_text("The light came to %.0f %% of the pictures.", std::floor(100 * share / static_cast<double>(looked)));
-  if (lacking.empty() && dark.empty()) return text + " It was everywhere, near and far.";
+  if (looked == 0) return "No frames from any camera yet.";
+  if (dark.size() == looked) return "No camera has seen a moving light yet: is it on, and in view?";
+  std::string text = format_text("The light has covered %.0f %% of the images.",
+                                 std::floor(100 * share / static_cast<double>(looked)));
+  if (lacking.empty() && dark.empty()) return text + " Nothing is missing, near and far.";
   std::string next = places.empty() ? "" : most(places);
   if (!depths.empty()) next += (next.empty() ? "" : ", ") + most(depths);
   if (!next.empty()) text += " Next: " + next + ".";

@@ -13,160 +13,156 @@
 
 namespace lf {
 
-// The pictures of one camera so far.
-struct LightRecord {
+struct LightDetectorStats {
   size_t frames = 0;
-  size_t lit = 0;         // frames that show a light
-  size_t busy = 0;        // frames so much of which is brighter than the background that no light can be told
-  double noise = 0;       // standard deviation of a sample, of 255
-  double background = 0;  // mean of the background, of 255
-  double brightest = 0;   // the brightest sample of all, of 255
+  size_t lit = 0;         // frames with a light
+  size_t busy = 0;        // frames with too many bright pixels to detect lights
+  double noise = 0;       // standard deviation of a sample, 0..255
+  double background = 0;  // mean of the background, 0..255
+  double brightest = 0;   // maximum sample of all frames, 0..255
 };
 
-// Finds small lights that move through a dark room, in one camera's pictures one after the other. What is there all the
-// time (lamps of machines, a window) is background; what comes from a light elsewhere (reflections) is found, too: only
-// the geometry of several cameras tells which is which.
+// Detects small moving lights in a dark room, in consecutive frames of one camera. Static lights (LEDs of devices, a
+// window) become part of the background. Reflections are detected as lights; only multi-view geometry can distinguish
+// them.
 //
-// The background is the running median of each pixel, so that nothing must be learnt first. A light is where its image
-// equals a normal distribution best (the centroid under a weight that adapts to the image's size and direction, as
-// Bernstein and Jarvis 2002 do for galaxies): as exact as a fit for round, elongated and clipped images alike. Not
-// thread-safe.
+// The background is the running median of each pixel, so no training is needed. A light's position is the centroid
+// under an adaptive elliptical Gaussian weight (Bernstein and Jarvis 2002, for galaxies). This is as accurate as a
+// model fit for round, elongated and clipped images. Not thread-safe.
 class LightDetector {
  public:
   LightDetector(int width, int height);
 
-  // The lights of the next picture: 8 bits a sample, `stride` bytes from row to row. Brightest first, not more than
-  // kMostSights; none in the first picture, which is the background.
-  std::vector<Sight> look(const uint8_t* grey, ptrdiff_t stride);
-  const LightRecord& record() const { return record_; }
+  // Returns the lights of the next frame, brightest first, at most kMaxDetections. The first frame initialises the
+  // background and returns nothing. `grey`: 8-bit samples; `stride`: bytes per row.
+  std::vector<LightDetection> look(const uint8_t* grey, ptrdiff_t stride);
+  const LightDetectorStats& record() const { return record_; }
 
-  static constexpr size_t kMostSights = 8;
+  static constexpr size_t kMaxDetections = 8;
 
  private:
   struct Blob;
   std::vector<Blob> find_blobs(float threshold);
   bool refine(Blob& blob, const std::vector<Blob>& others, const uint8_t* grey, ptrdiff_t stride);
-  void part_neighbours(std::vector<Blob>& blobs, const uint8_t* grey, ptrdiff_t stride);
+  void split_neighbours(std::vector<Blob>& blobs, const uint8_t* grey, ptrdiff_t stride);
   void mark_lit(const std::vector<Blob>& blobs);
-  void watch_noise(const std::vector<Blob>& blobs);
+  void update_noise(const std::vector<Blob>& blobs);
   void learn(const uint8_t* grey, ptrdiff_t stride);
   float at(int x, int y) const { return difference_[static_cast<size_t>(y) * width_ + x]; }
 
   int width_, height_;
   std::vector<float> background_, difference_;
-  std::vector<uint8_t> lit_;           // pixels of lights, and those around them
-  double white_ = 0, correlated_ = 0;  // moments of noise: as they would be if it were white, and as they are
+  std::vector<uint8_t> lit_;           // pixels of lights and their surroundings
+  double white_ = 0, correlated_ = 0;  // squared first moments of noise: expected for white noise, and measured
   uint32_t random_ = 1;
-  LightRecord record_;
+  LightDetectorStats record_;
 };
 
-// A light, or a reflection of one, followed through the frames of one camera.
+// A light or a reflection, tracked through the frames of one camera.
 struct LightPath {
   struct Point {
-    double time = 0;  // the camera's stamp
-    Sight sight;
+    double time = 0;  // camera stamp, seconds
+    LightDetection sight;
   };
-  std::vector<Point> points;  // points in the order of time, two at least
-  double brightness = 0;      // median brightness of its points
-  bool still = false;         // a lamp, or what has only been switched on: no light that is moved
+  std::vector<Point> points;  // in the order of time, at least two
+  double brightness = 0;      // median over the points
+  bool still = false;         // true for a static lamp, or one that was only switched on
 };
 
-// All paths in one camera's frames, at evened_stamps(). Sights that nothing continues are left out.
-std::vector<LightPath> link_light_paths(const LightSights::Camera& camera);
+// Returns all light paths of one camera, at regularised_stamps(). Single detections are left out.
+std::vector<LightPath> link_light_paths(const LightDetections::Camera& camera);
 
-// The place of a path between its points: on the cubic through the four around.
-struct PathPlace {
+// Interpolated position on a path, from the cubic through the four surrounding points.
+struct PathSample {
   Vec2 pixel{0, 0};
-  Vec2 velocity{0, 0};    // pixels a second
-  double sigma = 0;       // standard deviation of the place, from those of the points around
-  double brightness = 0;  // brightness of the nearest point
+  Vec2 velocity{0, 0};    // pixels per second
+  double sigma = 0;       // standard deviation of the position, propagated from the surrounding points, pixels
+  double brightness = 0;  // of the nearest point
 };
-// The place at a stamp; nothing outside of the path, and in gaps of more than kMostMissed frames.
-std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time);
+// Returns the position at a stamp, or nullopt outside the path and in gaps of more than kMaxMissedFrames frames.
+std::optional<PathSample> interpolate_path(const LightPath& path, double time, double frame_time);
 
-inline constexpr int kMostMissed = 2;
+inline constexpr int kMaxMissedFrames = 2;
 
-// The frames' stamps as an even rhythm has them, frames missing here and there, where they are that but for a jitter:
-// files round stamps to a millisecond, in which a light goes half a millimetre; and drivers stamp what has arrived. As
-// they are where there is no such rhythm.
-std::vector<double> evened_stamps(const LightSights::Camera& camera);
+// Returns the stamps fitted to a constant frame rate with missing frames, to remove jitter. Files round stamps to a
+// millisecond (a light moves half a millimetre in that time), and drivers stamp the arrival of a frame. Returns the
+// original stamps if the frame rate is not constant.
+std::vector<double> regularised_stamps(const LightDetections::Camera& camera);
 
-// Seconds from frame to frame, the median; 0 where there are fewer than two.
-double frame_time_of(const LightSights::Camera& camera);
+// Returns the median frame interval in seconds, or 0 with fewer than two frames.
+double frame_time_of(const LightDetections::Camera& camera);
 
-// Which places of a camera's picture, of 4 x 3, a light came to. A plain value.
-class PicturePlaces {
+// Visited cells of a 4 x 3 grid over a camera's image. Copyable.
+class CoverageGrid {
  public:
   static constexpr int kColumns = 4, kRows = 3;
 
-  // The size of the picture, pixels.
-  PicturePlaces(int width, int height) : width_(width), height_(height) {}
+  // Image size, pixels.
+  CoverageGrid(int width, int height) : width_(width), height_(height) {}
 
-  // The light came to this pixel; what is outside of the picture counts as its border.
+  // Marks the cell at `pixel`; pixels outside the image count as the border.
   void come(const Vec2& pixel);
-  bool has(int column, int row) const { return came_[static_cast<size_t>(row * kColumns + column)]; }
-  double share() const;  // of the places, 0 to 1
-  // Where it did not come, in the words of who looks at the picture, in the order of reading.
+  bool has(int column, int row) const { return covered_[static_cast<size_t>(row * kColumns + column)]; }
+  double share() const;  // visited share of the cells, 0 to 1
+  // An unvisited area, in reading order, as seen by a person who looks at the image.
   struct Gap {
     std::string name;  // "upper left", "middle right"
-    int places = 0;    // how many places, of two, it did not come to
+    int places = 0;    // unvisited cells, 1 or 2
   };
   std::vector<Gap> gaps() const;
 
  private:
   int width_, height_;
-  std::array<bool, static_cast<size_t>(kColumns) * kRows> came_{};
+  std::array<bool, static_cast<size_t>(kColumns) * kRows> covered_{};
 };
 
-// The names of gaps: "upper left, lower right".
-std::string listed(const std::vector<PicturePlaces::Gap>& gaps);
+// Returns for example "upper left, lower right".
+std::string gap_names(const std::vector<CoverageGrid::Gap>& gaps);
 
-// Where a moved light, or a bar with two, has come to in the pictures of an array, while it is being filmed, and where
-// it is to go next.
+// Live coverage of an array's images by a moved light or a bar with two lights, with directions for the operator.
 //
-// Depths are those of the array as it was planned: good enough to tell near from far, whatever the true lenses and
-// poses are. A camera's depth at the time of a look at another camera is by both their lines of sight, its own taken
-// between two looks. Not thread-safe.
+// Depths come from the nominal rig, which is accurate enough to distinguish near and far. They are triangulated from
+// two cameras' rays; a camera's own ray is interpolated between two of its frames. Not thread-safe.
 class LightCoverage {
  public:
-  // `lights`: how many are moved; the brightest are taken for them. Throws Error where there are none.
+  // `lights`: number of moved lights; the brightest detections count. Throws Error if it is less than 1.
   LightCoverage(const Rig& rig, int lights);
 
-  // What a camera showed at `time`, seconds; looks may be far apart (a few a second will do), and times of a camera
-  // grow. Cameras that were never looked at ask for nothing.
-  void look(CameraIndex camera, double time, const std::vector<Sight>& sights);
+  // Adds the detections of a camera at `time` (seconds, increasing per camera). A few frames per second are enough.
+  // Cameras without frames are left out of directions.
+  void look(CameraIndex camera, double time, const std::vector<LightDetection>& sights);
 
-  const PicturePlaces& places(CameraIndex camera) const { return cameras_[camera].places; }
-  // How the light must move along a camera's axis, so that it has been near and far: "nearer", "farther", or "" where
-  // it has, or where nothing is known of its depth yet.
+  const CoverageGrid& places(CameraIndex camera) const { return cameras_[camera].places; }
+  // Returns the missing direction along a camera's axis: "nearer", "farther", or "" if both are covered or depths are
+  // unknown.
   std::string depth_wanted(CameraIndex camera) const;
-  // "upper left, lower left, nearer"; "" where a camera lacks nothing.
+  // Returns for example "upper left, lower left, nearer", or "" if nothing is missing.
   std::string wanted(CameraIndex camera) const;
-  // For the person with the light, in one line: how far it is, what most cameras lack, and which ones lack most.
-  // "The light came to 61 % of the pictures. Next: upper left (40 cameras), nearer (3 cameras). Camera 12 (cam_01_04)
+  // Returns one line for the operator: overall coverage, the most frequent gaps, and the cameras with the largest gaps.
+  // "The light has covered 61 % of the images. Next: upper left (40 cameras), nearer (3 cameras). Camera 12 (cam_01_04)
   // 25 %: upper left, lower left, nearer."
-  std::string told() const;
+  std::string summary() const;
 
  private:
   struct Look {
     double time = 0;
-    Vec2 pixel{0, 0};  // middle of the lights
+    Vec2 pixel{0, 0};  // mean position of the lights
   };
   struct Camera {
     explicit Camera(const lf::Camera& planned) : places(planned.width, planned.height) {}
-    PicturePlaces places;
+    CoverageGrid places;
     size_t looks = 0;
     bool lit = false;
-    std::optional<Look> last;    // the last look, where all lights were seen
-    std::vector<double> depths;  // metres along its axis, in no order
+    std::optional<Look> last;    // last frame with all lights
+    std::vector<double> depths;  // metres along the camera's axis, unordered
   };
   std::string most_wanted(CameraIndex camera) const;
-  // The light between two looks of a camera, with the last look of another one.
+  // Triangulates the interpolated light between two frames of a camera with the last frame of another camera.
   void measure_depth(CameraIndex camera, const Look& before, const Look& now);
 
   Rig rig_;
   size_t lights_;
-  double size_ = 0;  // metres from camera to camera, the farthest
+  double size_ = 0;  // largest distance between two cameras, metres
   std::vector<Camera> cameras_;
 };
 

@@ -25,9 +25,9 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using PathName = std::pair<uint32_t, uint32_t>;  // camera, path
 
-constexpr size_t kLeastSupport = 3;  // cameras that agree on a point; two rays always meet nearly
-constexpr size_t kMostPoints = 6;    // at an instant: lights and their reflections
-constexpr double kBarOff = 0.3;      // of its length: before the clocks are known
+constexpr size_t kMinSupport = 3;  // minimum number of agreeing cameras; two rays always meet nearly
+constexpr size_t kMaxPoints = 6;   // per instant: lights and their reflections
+constexpr double kBarOff = 0.3;    // relative tolerance of the length of a bar
 
 void add(LightAssociation& result, const LightCandidate& c, uint32_t position, uint32_t light) {
   result.tracks.observations.push_back({c.camera, position, light, c.place.pixel, c.place.sigma});
@@ -43,7 +43,6 @@ LightAssociation begin(const Tracks& cameras, size_t positions) {
   return result;
 }
 
-// The brightest of a camera, as many as there are lights; empty where it has fewer.
 std::vector<const LightCandidate*> brightest(const LightCandidates& list, uint32_t camera, size_t num_lights) {
   std::vector<const LightCandidate*> own;
   for (const LightCandidate& c : list)
@@ -56,7 +55,7 @@ std::vector<const LightCandidate*> brightest(const LightCandidates& list, uint32
   return own;
 }
 
-// Observations count by their sigmas over the usual one, so that residuals stay pixels.
+// Makes sigmas relative to the median, so that residuals remain in pixels.
 LightAssociation weighted(LightAssociation result) {
   std::vector<double> sigmas;
   for (const Observation& o : result.tracks.observations) sigmas.push_back(o.sigma);
@@ -85,7 +84,7 @@ std::vector<LightCandidates> candidates_at(const std::vector<std::vector<LightPa
       const double stamp = clocks[i].stamp_of(instants[j]);
       for (uint32_t k = 0; k < paths[i].size(); k++) {
         if (paths[i][k].still) continue;
-        const auto place = place_at(paths[i][k], stamp, frame_times[i]);
+        const auto place = interpolate_path(paths[i][k], stamp, frame_times[i]);
         if (place) lists[j].push_back({i, k, *place, place->brightness / usual});
       }
     }
@@ -104,7 +103,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
     return weighted(std::move(result));
   }
   for (uint32_t i = 0; i < num_cameras; i++) {
-    // How the middle moves in this camera's picture where it moves in the reference's.
+    // Maps the motion of the bar's centre in the reference to its motion in this camera.
     Matrix2d from = Matrix2d::Zero(), across = from;
     struct Pair {
       uint32_t position;
@@ -121,7 +120,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
     }
     if (pairs.empty() || !(from.determinant() > 0)) continue;
     const Matrix2d map = across * from.inverse();
-    // Paths are long: all instants of two pairs of paths say together which is which.
+    // Paths are long, so all instants of two pairs of paths vote together.
     std::map<std::array<uint32_t, 4>, double> same;
     const auto name = [](const Pair& p) {
       return std::array{p.there[0]->path, p.there[1]->path, p.here[0]->path, p.here[1]->path};
@@ -142,8 +141,8 @@ namespace {
 
 struct Point {
   Vec3 at;
-  std::vector<const LightCandidate*> seen;  // one a camera
-  double brightness = 0;                    // mean of the logarithms
+  std::vector<const LightCandidate*> seen;
+  double brightness = 0;  // mean of the logarithms
 };
 
 class Geometry {
@@ -152,16 +151,15 @@ class Geometry {
       : cameras_(cameras), states_(states), reach_(reach) {
     size_t used = 0;
     for (const CameraState& state : states) used += state.used;
-    least_ = std::min(kLeastSupport, used);
+    least_ = std::min(kMinSupport, used);
   }
 
-  // Points that cameras agree on, each with what it explains.
   std::vector<Point> points(const LightCandidates& candidates, const std::set<PathName>& none) const {
     std::vector<const LightCandidate*> left;
     for (const LightCandidate& c : candidates)
       if (states_[c.camera].used && !none.count({c.camera, c.path})) left.push_back(&c);
     std::vector<Point> found;
-    while (left.size() >= least_ && found.size() < kMostPoints) {
+    while (left.size() >= least_ && found.size() < kMaxPoints) {
       Tracks all;
       all.num_positions = 1;
       std::vector<uint32_t> indices;
@@ -193,7 +191,6 @@ class Geometry {
     return found;
   }
 
-  // The lights among them: one, or the two of a bar, or none.
   std::vector<Point> lights(std::vector<Point> points) const {
     if (!cameras_.bar) {
       if (points.empty()) return {};
@@ -246,7 +243,7 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
   for (uint32_t j = 0; j < candidates.size(); j++) {
     std::vector<Point>& now = chosen[j];
     if (now.empty()) continue;
-    // The same light has the same number as long as it is seen.
+    // Keeps the numbers of the lights consistent between instants.
     if (before && now.size() == 2) {
       const auto apart = [&](int a, int b) { return glm::length(now[a].at - (*before)[b].at); };
       if (apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0)) std::swap(now[0], now[1]);
@@ -262,30 +259,30 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
 
 namespace {
 
-constexpr size_t kMostInstants = 400;       // more tell little more
-constexpr size_t kFirstInstants = 120;      // for a first layout
-constexpr int kMostClockRounds = 16;        // of clocks and geometry in turn
-constexpr int kMostModels = 3;              // of the lenses, that clocks are read with
-constexpr double kClockSettled = 5e-5;      // seconds
-constexpr double kNearlySettled = 3e-3;     // seconds: what is off by more is no step yet
-constexpr double kWholeStep = 0.25;         // of a frame, that a step may differ from whole ones
-constexpr size_t kEnoughForClocks = 12000;  // observations that clocks are read off in a round
-constexpr double kFirstLightReach = 8;      // pixels: a frame of time between cameras at first
-constexpr double kNearer = 0.7;             // from round to round
-constexpr double kLightReach = 1.5;         // pixels, or
-constexpr double kReachSigmas = 6;          // of what is left of errors
-constexpr double kDrifted = 2e-3;           // seconds, from the beginning to the end
-constexpr double kLate = 0.1;               // seconds
-constexpr double kSlow = 5;                 // pixels a second: no clock is read off a light that rests
+constexpr size_t kMaxInstants = 400;  // more add little accuracy
+constexpr size_t kFirstInstants = 120;
+constexpr int kMaxClockRounds = 16;
+constexpr int kMaxModels = 3;            // lens models that clocks are refined with
+constexpr double kClockSettled = 5e-5;   // seconds
+constexpr double kNearlySettled = 3e-3;  // seconds; larger clock errors are not searched for steps
+constexpr double kWholeStep = 0.25;      // allowed deviation of a step from whole frames, in frames
+constexpr size_t kEnoughForClocks = 12000;
+constexpr double kFirstLightReach = 8;  // pixels; allows for about a frame of time between cameras
+constexpr double kNearer = 0.7;         // decrease of the reach per round
+constexpr double kLightReach = 1.5;     // pixels, or
+constexpr double kReachSigmas = 6;      // multiple of the residual sigma
+constexpr double kDrifted = 2e-3;       // seconds over the whole recording
+constexpr double kLate = 0.1;           // seconds
+constexpr double kSlow = 5;             // pixels per second; slower lights carry no timing information
 
-// How much of a wrong offset in time a camera's pose and lens hide once they are adjusted to it: it moves all places
-// along their velocities, which these parameters' steps can do in part.
-class HiddenTime {
+// Share of a clock error that a camera's pose and lens absorb when they are adjusted to it. A clock error shifts all
+// positions along their velocities, which changes of these parameters can partly reproduce.
+class ClockObservability {
  public:
   void add(const CameraState& camera, const Vec3& point, const Vec2& velocity) {
     const Vec3 at = camera.pose().camera_from_world(point);
     const double u = at.x / at.z, v = at.y / at.z, f = camera.lens_terms()[kF];
-    Eigen::Matrix<double, 2, kSteps> steps;  // of position, orientation, principal point, focal length
+    Eigen::Matrix<double, 2, kSteps> steps;  // by position, orientation, principal point, focal length
     steps << f / at.z, 0, -f * u / at.z, f * u * v, -f * (1 + u * u), f * v, 1, 0, u,  //
         0, f / at.z, -f * v / at.z, f * (1 + v * v), -f * u * v, -f * u, 0, 1, v;
     const Eigen::Vector2d along(velocity.x, velocity.y);
@@ -305,9 +302,9 @@ class HiddenTime {
 
 class LightSolver {
  public:
-  LightSolver(const LightSights& sights, const LightSolveOptions& options) : options_(options) {
+  LightSolver(const LightDetections& sights, const LightSolveOptions& options) : options_(options) {
     cameras_.bar = sights.bar;
-    for (const LightSights::Camera& camera : sights.cameras) {
+    for (const LightDetections::Camera& camera : sights.cameras) {
       cameras_.cameras.push_back({camera.id, camera.width, camera.height});
       frame_times_.push_back(frame_time_of(camera));
       paths_.push_back(link_light_paths(camera));
@@ -326,14 +323,15 @@ class LightSolver {
     scene_ = begun.scene;
     model_ = begun.model;
     double first_reach = kFirstLightReach;
-    // Clocks that are only guessed hide what lenses do: where more of that shows with the clocks that come out, these
-    // are read again, of lenses that are right.
-    for (int turn = 0; turn < kMostModels; turn++) {
+    // Rough initial clocks hide lens effects. If better clocks justify a larger lens model, they are refined again with
+    // that model.
+    for (int turn = 0; turn < kMaxModels; turn++) {
       double moved = 1;
-      for (int round = 0; round < kMostClockRounds && (moved > kClockSettled || first_reach > reach()); round++) {
+      for (int round = 0; round < kMaxClockRounds && (moved > kClockSettled || first_reach > reach()); round++) {
         step("clocks: round " + std::to_string(round + 1));
         moved = read_clocks(std::max(reach(), first_reach));
-        // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
+        // Decreases slowly: the fast observations of a late camera would be rejected too early, and its delay never
+        // found.
         first_reach *= kNearer;
       }
       centre_clocks();
@@ -357,7 +355,7 @@ class LightSolver {
   }
   double reach() const { return std::max(kLightReach, kReachSigmas * left_); }
 
-  // No closer than the slowest camera's frames, so that each has a say of its own.
+  // The spacing is at least the frame interval of the slowest camera, so that instants are independent.
   void choose_instants(size_t reference) {
     double spacing = 0, from = std::numeric_limits<double>::infinity(), to = -from;
     for (size_t i = 0; i < paths_.size(); i++) {
@@ -369,8 +367,8 @@ class LightSolver {
       }
     }
     if (!(to > from) || !(spacing > 0) || !result_.clocks[reference].known)
-      throw Error("no camera sees a light that moves");
-    spacing = std::max(spacing, (to - from) / kMostInstants);
+      throw Error("no camera sees a moving light");
+    spacing = std::max(spacing, (to - from) / kMaxInstants);
     for (double time = from; time <= to; time += spacing) result_.instants.push_back(time);
   }
 
@@ -379,8 +377,7 @@ class LightSolver {
     if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   }
 
-  // The geometry adjusted to what the clocks make of the sights, then the clocks to the geometry. Returns how far that
-  // moved one at most, seconds.
+  // Adjusts geometry and clocks to the detections. Returns the largest change of a clock, seconds.
   double read_clocks(double reach) {
     candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
     size_t all = 0;
@@ -390,7 +387,7 @@ class LightSolver {
         if (j % n != 0) candidates_[j].clear();
     const LightAssociation now = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach);
     const auto& observations = now.tracks.observations;
-    if (observations.empty()) throw Error("the cameras agree on no place of the light");
+    if (observations.empty()) throw Error("the cameras do not agree on any position of the light");
     scene_.targets.assign(now.tracks.num_positions, {});
     triangulate_targets(scene_, now.tracks, reach);
     AdjustmentOptions o = model_;
@@ -398,7 +395,7 @@ class LightSolver {
     o.max_iterations = 10;
     o.tolerance = 1e-5;
     o.sigma = std::max(0.01, robust_sigma(residual_lengths(scene_, observations)));
-    // Clocks and cameras at once: one after the other, a camera's pose hides most of what its clock is off by.
+    // Adjusts clocks and cameras together: in alternation, a camera's pose hides most of its clock error.
     ClockAdjustment clocks;
     clocks.cameras.resize(paths_.size());
     for (size_t i = 0; i < observations.size(); i++) {
@@ -410,7 +407,7 @@ class LightSolver {
     adjust(scene_, observations, Inliers(observations.size(), true), o, &clocks);
     Samples read = samples_of(now, clocks);
     left_ = robust_sigma(std::move(read.left));
-    // A pose hides a part of a step, too: where there may be one, how large it is comes out with all else.
+    // A pose absorbs part of a step too, so the size of a suspected step is estimated together with everything else.
     if (settled_) {
       ClockAdjustment stepped = clocks;
       bool any = false;
@@ -420,7 +417,7 @@ class LightSolver {
         adjust(scene_, observations, Inliers(observations.size(), true), o, &stepped);
         bool new_step = false;
         for (size_t i = 0; i < paths_.size(); i++) new_step |= add_step(i, stepped.cameras[i]);
-        // What was adjusted to a step that is none goes on from there in the next round.
+        // Without a valid step, the next round starts from the adjusted scene.
         if (new_step) return 1;
         read = samples_of(now, stepped);
       }
@@ -430,9 +427,9 @@ class LightSolver {
     for (size_t i = 0; i < read.of_camera.size(); i++)
       if (!read.of_camera[i].empty())
         moves.push_back(
-            improve_clock(result_.clocks[i], std::move(read.of_camera[i]), frame_times_[i], read.hidden[i].shown()));
+            refine_clock(result_.clocks[i], std::move(read.of_camera[i]), frame_times_[i], read.hidden[i].shown()));
     if (moves.empty()) return 0;
-    // That all clocks are late alike, or fast, would be no other than that the light is.
+    // A common delay or drift of all clocks cannot be distinguished from the motion of the light.
     const double middle = median(moves);
     for (const double move : moves) moved = std::max(moved, std::abs(move - middle));
     std::vector<double> drifts;
@@ -445,14 +442,15 @@ class LightSolver {
     return moved;
   }
 
-  // What each camera's clock is off by at each place of the light, after an adjustment.
+  // Clock errors of each camera at each light position, after an adjustment.
   struct Samples {
     std::vector<std::vector<ClockSample>> of_camera;
-    std::vector<HiddenTime> hidden;
-    std::vector<double> left;  // lengths of what is left of errors
+    std::vector<ClockObservability> hidden;
+    std::vector<double> left;  // remaining residuals, pixels
   };
   Samples samples_of(const LightAssociation& now, const ClockAdjustment& clocks) const {
-    Samples read{std::vector<std::vector<ClockSample>>(paths_.size()), std::vector<HiddenTime>(paths_.size()), {}};
+    Samples read{
+        std::vector<std::vector<ClockSample>>(paths_.size()), std::vector<ClockObservability>(paths_.size()), {}};
     for (size_t i = 0; i < now.tracks.observations.size(); i++) {
       const Observation& seen = now.tracks.observations[i];
       const CameraState& camera = scene_.cameras[seen.camera];
@@ -481,7 +479,7 @@ class LightSolver {
     return from <= to ? (from + to) / 2 : 0;
   }
 
-  // Frames that were lost, where the step that was adjusted is of whole ones.
+  // Adds dropped frames if the estimated step is a whole number of frames. Returns true if added.
   bool add_step(size_t i, const ClockAdjustment::Camera& camera) {
     if (!std::isfinite(camera.step_at) || !(frame_times_[i] > 0)) return false;
     const double frames = std::round(camera.terms[2] / frame_times_[i]);
@@ -492,7 +490,7 @@ class LightSolver {
     return true;
   }
 
-  // Nothing tells when the whole was: most cameras keep the time that they have.
+  // The common time is a gauge freedom; the median camera keeps its time.
   void centre_clocks() {
     std::vector<double> offsets;
     for (const CameraClock& clock : result_.clocks)
@@ -503,7 +501,7 @@ class LightSolver {
     for (double& instant : result_.instants) instant -= middle;
   }
 
-  // Cameras that the first layout had no place for have another chance, and are named otherwise.
+  // Keeps the observations of cameras that the first layout could not place, for another attempt or for the report.
   void keep_lost_cameras(Tracks& tracks, size_t reference) {
     const LightAssociation all = associate_by_brightness(cameras_, candidates_, reference);
     for (const Observation& o : all.tracks.observations)
@@ -511,20 +509,20 @@ class LightSolver {
   }
 
   const LightSolveOptions& options_;
-  Tracks cameras_;  // nothing but these
+  Tracks cameras_;  // without observations
   std::vector<double> frame_times_;
   std::vector<std::vector<LightPath>> paths_;
   std::vector<LightCandidates> candidates_;
   Reconstruction scene_;
   AdjustmentOptions model_;
   double left_ = 1;       // sigma of residuals, pixels
-  bool settled_ = false;  // clocks are about right
+  bool settled_ = false;  // true if clocks are nearly correct
   LightSolution result_;
 };
 
 }  // namespace
 
-LightSolution solve_lights(const LightSights& sights, const LightSolveOptions& options) {
+LightSolution solve_lights(const LightDetections& sights, const LightSolveOptions& options) {
   return LightSolver(sights, options).run();
 }
 
@@ -541,24 +539,23 @@ std::vector<Finding> diagnose_clocks(const LightSolution& solution) {
     const unsigned id = solution.tracks.cameras[i].id;
     if (!clock.known) {
       add(Severity::kError, "unknown-clock",
-          "camera %u: its light moves as in no other camera within %.0f s of its stamps: is it of another recording?",
-          id, solution.reach);
+          "camera %u: its light moves differently from all other cameras within %.0f s: is it another recording?", id,
+          solution.reach);
       continue;
     }
     for (const CameraClock::Step& step : clock.steps)
       add(Severity::kWarning, "dropped-frames",
-          step.frames > 0 ? "camera %u lost %d frame%s at %.2f s, and its stamps do not show it"
-                          : "camera %u has %d frame%s too many at %.2f s by its stamps",
+          step.frames > 0 ? "camera %u lost %d frame%s at %.2f s without a gap in its stamps"
+                          : "camera %u has %d extra frame%s at %.2f s according to its stamps",
           id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp);
     if (std::abs(clock.drift) * solution.seconds() > kDrifted)
       add(Severity::kWarning, "clock-drift",
-          "camera %u: its clock is %s by %.0f millionths, so that its offset does not last: give all cameras one clock",
+          "camera %u: its clock is %s by %.0f ppm, so its offset is not constant: synchronise all cameras to one clock",
           id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6);
     if (std::abs(clock.offset) > kLate)
       add(Severity::kWarning, "late-camera",
-          "camera %u: its stamps are %.1f ms %s: more than frames that run freely differ by. Did all recordings begin "
-          "with "
-          "one clock?",
+          "camera %u: its stamps are %.1f ms %s, more than free-running cameras explain: did all recordings use the "
+          "same clock?",
           id, 1e3 * std::abs(clock.offset), clock.offset > 0 ? "early" : "late");
   }
   return findings;
@@ -581,46 +578,48 @@ void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report) {
 
 namespace {
 
-constexpr double kBlack = 20, kBlackBrightest = 40;  // of 255: a picture that shows nothing; video's black may be 16
-constexpr double kBright = 50;                       // of 255: a room that is not dark
-constexpr double kMostBusy = 0.2;                    // share of the pictures
-constexpr double kLeastCoverage = 0.5;
-constexpr double kShorter = 0.9;  // of the longest recording
+constexpr double kBlack = 20, kBlackBrightest = 40;  // grey levels of an empty frame; video black may be 16
+constexpr double kBright = 50;                       // grey levels of a room that is not dark
+constexpr double kMostBusy = 0.2;                    // share of the frames
+constexpr double kMinCoverageShare = 0.5;
+constexpr double kShorter = 0.9;  // relative to the longest recording
 
-double seconds_of(const LightSights::Camera& camera) {
+double seconds_of(const LightDetections::Camera& camera) {
   if (camera.frames.size() < 2) return 0;
   return camera.frames.back().time - camera.frames.front().time;
 }
 
-std::optional<std::string> trouble_of(const LightSights::Camera& camera, const LightRecord& record, bool moves) {
+std::optional<std::string> trouble_of(const LightDetections::Camera& camera, const LightDetectorStats& record,
+                                      bool moves) {
   const auto frames = static_cast<double>(std::max<size_t>(1, record.frames));
-  if (record.frames < 3) return "has no more than " + std::to_string(record.frames) + " pictures";
+  if (record.frames < 3) return "has only " + std::to_string(record.frames) + " frames";
   if (record.background < kBlack && record.brightest < kBlackBrightest && record.lit == 0)
     return "is black from beginning to end: is there a cap on the lens, or is the exposure far too short?";
   if (static_cast<double>(record.busy) > kMostBusy * frames)
     return format_text(
-        "is full of changes in %.0f %% of its pictures, where a light can't be told from the rest: darken the room, "
-        "lock the exposure, and keep people and screens out of the picture",
+        "is full of changes in %.0f %% of its frames, so lights cannot be detected: darken the room, lock the "
+        "exposure, and keep people and screens out of view",
         100 * static_cast<double>(record.busy) / frames);
   if (record.lit == 0)
     return record.background > kBright
                ? format_text(
-                     "shows no light: the room is not dark (%.0f of 255 on average). Draw the curtains, or expose less",
+                     "shows no light: the room is not dark (%.0f of 255 on average). Draw the curtains, or shorten the "
+                     "exposure",
                      record.background)
                : std::string("shows no light: is it on, in the picture, and bright enough to be seen in the dark?");
   if (!moves)
-    return camera.frames.size() < 10 ? "is too short for a light to be followed"
-                                     : "shows only lights that stand still, or none for longer than a moment";
+    return camera.frames.size() < 10 ? "is too short to track a light"
+                                     : "shows only static lights, or lights that vanish after a moment";
   return std::nullopt;
 }
 
 }  // namespace
 
-LightSummary summarize_lights(const LightSights::Camera& camera, const LightRecord& record) {
+LightSummary summarize_lights(const LightDetections::Camera& camera, const LightDetectorStats& record) {
   LightSummary summary;
   summary.seconds = seconds_of(camera);
   summary.lit = static_cast<double>(record.lit) / static_cast<double>(std::max<size_t>(1, record.frames));
-  PicturePlaces places(camera.width, camera.height);
+  CoverageGrid places(camera.width, camera.height);
   std::vector<double> sigmas;
   bool moves = false;
   for (const LightPath& path : link_light_paths(camera)) {
@@ -628,32 +627,32 @@ LightSummary summarize_lights(const LightSights::Camera& camera, const LightReco
     moves = true;
     for (const LightPath::Point& point : path.points) places.come(point.sight.pixel);
   }
-  for (const LightSights::Frame& frame : camera.frames)
+  for (const LightDetections::Frame& frame : camera.frames)
     if (!frame.sights.empty()) sigmas.push_back(frame.sights[0].sigma);
   if (!sigmas.empty()) summary.sigma = median(std::move(sigmas));
   summary.coverage = places.share();
   summary.trouble = trouble_of(camera, record, moves);
   if (summary.trouble) return summary;
-  if (summary.coverage < kLeastCoverage)
-    summary.remarks.push_back(format_text("the light came to %.0f %% of its picture: move it to the %s, too",
-                                          100 * summary.coverage, listed(places.gaps()).c_str()));
+  if (summary.coverage < kMinCoverageShare)
+    summary.remarks.push_back(format_text("the light covered %.0f %% of the image: move it to the %s as well",
+                                          100 * summary.coverage, gap_names(places.gaps()).c_str()));
   if (record.background > kBright)
     summary.remarks.push_back(
         format_text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));
   return summary;
 }
 
-std::vector<Finding> compare_recordings(const LightSights& sights) {
+std::vector<Finding> compare_recordings(const LightDetections& sights) {
   std::vector<Finding> findings;
   double longest = 0;
-  for (const LightSights::Camera& camera : sights.cameras) longest = std::max(longest, seconds_of(camera));
-  for (const LightSights::Camera& camera : sights.cameras) {
+  for (const LightDetections::Camera& camera : sights.cameras) longest = std::max(longest, seconds_of(camera));
+  for (const LightDetections::Camera& camera : sights.cameras) {
     const double seconds = seconds_of(camera);
     if (seconds > 0 && seconds < kShorter * longest)
       findings.push_back(
           {Finding::Severity::kNote, "short-recording",
-           format_text("camera %u has %.1f s of the %.1f s that others have: what is missing is not used", camera.id,
-                       seconds, longest)});
+           format_text("camera %u has %.1f s, other recordings %.1f s: is the file incomplete? The rest is used",
+                       camera.id, seconds, longest)});
   }
   return findings;
 }

@@ -24,7 +24,7 @@ struct Ray {
   double f;
 };
 
-// Where two rays pass each other; nothing where they are parallel or do so behind a camera.
+// Returns the midpoint between two rays, or nullopt if they are parallel or meet behind a camera.
 std::optional<Vec3> meet(const Ray& a, const Ray& b) {
   const Vec3 w = b.origin - a.origin;
   const double d = glm::dot(a.direction, b.direction), det = 1 - d * d;
@@ -52,7 +52,6 @@ double agreement(const std::vector<Ray>& rays, const Vec3& point, double thresho
   return sum;
 }
 
-// The point nearest to all rays in angle, reweighted: what is far off counts nothing.
 Vec3 refine(const std::vector<Ray>& rays, Vec3 point, double threshold) {
   for (int round = 0; round < kPointRounds; round++) {
     Mat3 a(0.0);
@@ -87,8 +86,8 @@ std::vector<std::vector<uint32_t>> observations_of_cameras(const Tracks& tracks)
   return lists;
 }
 
-std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras, const Tracks& tracks,
-                                        const std::vector<uint32_t>& observations, double threshold) {
+std::optional<TriangulatedPoint> triangulate(const std::vector<CameraState>& cameras, const Tracks& tracks,
+                                             const std::vector<uint32_t>& observations, double threshold) {
   std::vector<Ray> rays;
   for (const uint32_t index : observations) {
     const Observation& o = tracks.observations[index];
@@ -102,7 +101,7 @@ std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras,
   if (rays.size() < 2) return std::nullopt;
   std::mt19937 random(1);
   const size_t pairs = rays.size() * (rays.size() - 1) / 2;
-  Triangulated best;
+  TriangulatedPoint best;
   const auto attempt = [&](size_t i, size_t j) {
     const auto point = meet(rays[i], rays[j]);
     if (!point) return;
@@ -127,7 +126,7 @@ std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras,
 void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto lists = observations_of_positions(tracks);
   for (size_t j = 0; j < lists.size(); j++) {
-    std::optional<Triangulated> found[2];
+    std::optional<TriangulatedPoint> found[2];
     double now = 0;
     for (uint32_t light = 0; light < (tracks.bar ? 2u : 1u); light++) {
       std::vector<uint32_t> list;
@@ -159,36 +158,35 @@ void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double thr
 
 namespace {
 
-constexpr size_t kLeastShared = 12;
+constexpr size_t kMinShared = 12;
 constexpr size_t kPartners = 6;
-constexpr double kWideEnough = 0.3;  // radians between lines of sight; more does not make a better pair
+constexpr double kWideEnough = 0.3;  // radians between rays; a larger angle does not improve the score
 
-struct Shared {
+struct PairMatches {
   size_t a, b;
   std::vector<cv::Point2d> in_a, in_b;  // normalised
 };
 
-std::vector<Shared> pairs_that_share_most(const Reconstruction& scene, const Tracks& tracks) {
+std::vector<PairMatches> best_overlap_pairs(const Reconstruction& scene, const Tracks& tracks) {
   const uint32_t lights = tracks.bar ? 2 : 1;
   std::vector<std::vector<std::optional<Vec2>>> uv(tracks.cameras.size(),
                                                    std::vector<std::optional<Vec2>>(tracks.num_positions * lights));
   for (const Observation& o : tracks.observations)
     uv[o.camera][o.position * lights + o.light] = scene.cameras[o.camera].lens().unproject(o.pixel);
-  std::vector<Shared> pairs;
+  std::vector<PairMatches> pairs;
   for (size_t a = 0; a < uv.size(); a++)
     for (size_t b = 0; b < a; b++) {
-      Shared pair{a, b, {}, {}};
+      PairMatches pair{a, b, {}, {}};
       for (size_t j = 0; j < uv[a].size(); j++)
         if (uv[a][j] && uv[b][j]) {
           pair.in_a.emplace_back(uv[a][j]->x, uv[a][j]->y);
           pair.in_b.emplace_back(uv[b][j]->x, uv[b][j]->y);
         }
-      if (pair.in_a.size() >= kLeastShared) pairs.push_back(std::move(pair));
+      if (pair.in_a.size() >= kMinShared) pairs.push_back(std::move(pair));
     }
-  // The best partners of each.
   std::sort(pairs.begin(), pairs.end(), [](const auto& x, const auto& y) { return x.in_a.size() > y.in_a.size(); });
   std::vector<size_t> partners(tracks.cameras.size());
-  std::erase_if(pairs, [&](const Shared& pair) {
+  std::erase_if(pairs, [&](const PairMatches& pair) {
     if (partners[pair.a] >= kPartners && partners[pair.b] >= kPartners) return true;
     partners[pair.a]++, partners[pair.b]++;
     return false;
@@ -196,16 +194,15 @@ std::vector<Shared> pairs_that_share_most(const Reconstruction& scene, const Tra
   return pairs;
 }
 
-// The pose of b where a is at the origin, one unit away; `score` counts the points that fit, more where sights cross
-// at a wide angle.
-std::optional<Pose> pose_of_pair(const Shared& pair, double reach, double& score) {
+// Returns the pose of b relative to a with unit distance. `score`: inliers, weighted by the median angle between rays.
+std::optional<Pose> pose_of_pair(const PairMatches& pair, double reach, double& score) {
   cv::Mat fit, rotation, shift;
   const cv::Mat k = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat essential = cv::findEssentialMat(pair.in_a, pair.in_b, k, cv::USAC_MAGSAC, 0.999, reach, fit);
   if (essential.rows < 3) return std::nullopt;
   essential = essential.rowRange(0, 3).clone();
   const int inliers = cv::recoverPose(essential, pair.in_a, pair.in_b, k, rotation, shift, fit);
-  if (inliers < static_cast<int>(kLeastShared) / 2) return std::nullopt;
+  if (inliers < static_cast<int>(kMinShared) / 2) return std::nullopt;
   Mat3 world_from_b;
   for (int row = 0; row < 3; row++)
     for (int column = 0; column < 3; column++) world_from_b[row][column] = rotation.at<double>(row, column);
@@ -227,7 +224,7 @@ std::optional<Pose> pose_of_pair(const Shared& pair, double reach, double& score
 std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold) {
   cv::setRNGSeed(1);
   std::vector<RelativePose> poses;
-  for (const Shared& pair : pairs_that_share_most(scene, tracks)) {
+  for (const PairMatches& pair : best_overlap_pairs(scene, tracks)) {
     RelativePose relative{pair.a, pair.b};
     const auto found = pose_of_pair(pair, threshold / scene.cameras[pair.a].lens_terms()[kF], relative.score);
     if (!found) continue;
@@ -241,8 +238,8 @@ namespace {
 
 constexpr int kPoseRounds = 30;
 constexpr double kClosed = 0.1;        // radians
-constexpr double kFirstScale = 0.3;    // radians: pairs that are farther off count less and less
-constexpr double kScale = 0.03;        // in the end
+constexpr double kFirstScale = 0.3;    // radians; initial scale beyond which pairs are down-weighted
+constexpr double kScale = 0.03;        // final scale, radians
 constexpr double kPoseSettled = 1e-9;  // radians
 
 Vec3 turn_of(Quat q) {
@@ -257,7 +254,7 @@ Quat turned_by(const Vec3& turn) {
   return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
 }
 
-// How many triangles a pair closes with two others: mistaken pairs close none but by chance.
+// Returns the number of consistent triplets per pair; wrong pairs are consistent only by chance.
 std::vector<int> closed_triangles(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
   std::vector<std::vector<std::optional<Quat>>> between(num_cameras, std::vector<std::optional<Quat>>(num_cameras));
   for (const RelativeRotation& pair : pairs) {
@@ -274,7 +271,7 @@ std::vector<int> closed_triangles(size_t num_cameras, const std::vector<Relative
   return count;
 }
 
-// The best pairs first; the largest tree that they make.
+// Builds a forest from the best pairs and returns the rotations of its largest tree.
 std::vector<std::optional<Quat>> spanning_tree(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
   std::vector<size_t> group(num_cameras);
   std::iota(group.begin(), group.end(), 0);
@@ -321,7 +318,7 @@ std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vect
   auto rotations = spanning_tree(num_cameras, sorted);
   std::erase_if(pairs, [&](const RelativeRotation& pair) { return !rotations[pair.a] || !rotations[pair.b]; });
   if (pairs.empty()) return rotations;
-  // exp(step_a) R_a R_ab (exp(step_b) R_b)' = 1: to first order a Laplacian of the graph. The first camera is held.
+  // exp(step_a) R_a R_ab (exp(step_b) R_b)' = 1 is, to first order, a Laplacian of the graph. One camera is fixed.
   const auto n = static_cast<Eigen::Index>(num_cameras);
   double scale = kFirstScale;
   for (int round = 0; round < kPoseRounds; round++, scale = std::max(kScale, 0.7 * scale)) {

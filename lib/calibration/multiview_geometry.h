@@ -9,32 +9,33 @@
 
 namespace lf {
 
-// Lists of observations: of each position, or of each camera, as indices.
+// Return the observations of each position, or of each camera, as indices.
 std::vector<std::vector<uint32_t>> observations_of_positions(const Tracks& tracks);
 std::vector<std::vector<uint32_t>> observations_of_cameras(const Tracks& tracks);
 
-// A light of one place from the cameras that are used, mistaken ones among its `observations` (indices into the
-// tracks', of one light). Nothing where no two of them agree to `threshold` pixels on a point in front of them.
-struct Triangulated {
+// Triangulates a light from used cameras, robust to outliers. `observations` are indices into the tracks' observations,
+// all of one light. Returns nullopt if no two cameras agree within `threshold` pixels on a point in front of the
+// cameras.
+struct TriangulatedPoint {
   Vec3 point;
-  double agreement = 0;  // how many sights agree, softly
+  double agreement = 0;  // soft inlier count
 };
-std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras, const Tracks& tracks,
-                                        const std::vector<uint32_t>& observations, double threshold);
+std::optional<TriangulatedPoint> triangulate(const std::vector<CameraState>& cameras, const Tracks& tracks,
+                                             const std::vector<uint32_t>& observations, double threshold);
 
-// Every target of the scene anew where that agrees with more sights than it does now. Targets of a bar become bars
-// where both lights are found: of unit length, so the scene must be in that scale already.
+// Triangulates each target again, and keeps the new one if it has more inliers. If both lights of a bar are found, the
+// target becomes a bar of unit length, so the scene must already have this scale.
 void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double threshold);
 
-// Camera b as camera a sees it, from what both saw of the light: `a_from_b` with a distance of 1, which nothing tells.
+// Pose of camera b relative to camera a from common observations; the distance is 1, because scale is unknown.
 struct RelativePose {
   size_t a = 0, b = 0;
   Pose a_from_b;
-  double score = 0;  // sights that fit, for more where they cross at a wide angle
+  double score = 0;  // inliers, weighted by the angle between rays
 };
 
-// The relative poses of those pairs of cameras that share most, so that each camera has several partners, by their
-// essential matrices (the lenses are those in the scene). `threshold`: pixels.
+// Returns relative poses from essential matrices, with the lenses in the scene. Selects pairs with the largest overlap,
+// so that each camera has several partners. `threshold`: pixels.
 std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold);
 
 struct RelativeRotation {
@@ -43,12 +44,12 @@ struct RelativeRotation {
   double weight = 1;
 };
 
-// world_from_camera for each camera of the largest group that the pairs connect, so that they agree with most pairs
-// (a spanning tree of the pairs that close most triangles, then reweighted least squares over the group of rotations:
-// Chatterjee, Govindu 2013). The world is one camera's frame.
+// Rotation averaging: returns world_from_camera for each camera of the largest connected group. It starts from a
+// spanning tree of the pairs with most consistent triplets, then applies reweighted least squares on SO(3) (Chatterjee,
+// Govindu 2013). The world is one camera's frame.
 std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs);
 
-// The angle of a rotation, radians, 0 to pi.
+// Returns the angle of a rotation, radians, 0 to pi.
 double angle_of(const Quat& rotation);
 
 }  // namespace lf

@@ -19,7 +19,7 @@ std::vector<double> residual_lengths(const Reconstruction& scene, const std::vec
     const TargetState& target = scene.targets[o.position];
     if (!camera.used || !target.has(o.light)) continue;
     const auto e = residual(camera, target, o);
-    lengths[i] = e ? glm::length(*e) / o.sigma : 1e6;  // behind the camera: as wrong as can be
+    lengths[i] = e ? glm::length(*e) / o.sigma : 1e6;
   }
   return lengths;
 }
@@ -53,7 +53,7 @@ void drop_poor_cameras(Reconstruction& scene, const std::vector<Observation>& ob
 double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>& observations,
                     const std::vector<double>& lengths, const Inliers& inliers, const AdjustmentOptions& model,
                     const Uncertainty& uncertainty) {
-  constexpr double kKept = 0.9947;  // of the variance of normal errors that are cut off at kOutlier
+  constexpr double kKept = 0.9947;  // share of the variance of normal errors within kOutlier
   double sum = 0, count = 0;
   std::vector<char> target_used(scene.targets.size());
   for (size_t i = 0; i < lengths.size(); i++)
@@ -64,7 +64,7 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
   double parameters = -7;
   for (size_t j = 0; j < target_used.size(); j++)
     if (target_used[j]) parameters += scene.targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
-  // Of a parameter known before, as much as the observations tell of it: a half, until that is known.
+  // A parameter with a prior counts by the share of information from observations, and initially by one half.
   const Uncertainty& u = uncertainty;
   const auto free = static_cast<double>(std::count(model.free.begin(), model.free.end(), true));
   int lens = 0;
@@ -80,7 +80,7 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
 }
 
 std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vector<Observation>& observations) {
-  constexpr size_t kEnough = 30;  // observations
+  constexpr size_t kEnough = 30;
   constexpr double kMore = 2, kMost = 4;
   const std::vector<double> lengths = residual_lengths(scene, observations);
   std::vector<std::vector<double>> of_camera(scene.cameras.size());
@@ -100,9 +100,9 @@ std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vec
   return noise;
 }
 
-void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
-                             Inliers& inliers) {
-  constexpr int kFirmSights = 3;  // two rays always meet nearly, mistaken or not
+void retriangulate_weak_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
+                                Inliers& inliers) {
+  constexpr int kFirmSights = 3;  // minimum number of observations; two rays always meet nearly, even if wrong
   Tracks nowhere = tracks;
   std::erase_if(nowhere.observations, [&](const Observation& o) { return scene.targets[o.position].has(o.light); });
   if (!tracks.bar) triangulate_targets(scene, nowhere, tracks.cameras[0].width);
@@ -120,11 +120,11 @@ void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double
 
 namespace {
 
-constexpr double kOutlierReach = 3.8;    // sigmas of the track itself to an outlier
-constexpr size_t kLeastNoiseSights = 4;  // that tell a track's noise
-constexpr double kPointParameters = 3;   // that a track's point takes of its residuals
-constexpr double kMedianCounts = 4;      // as so many residuals of x or y
-constexpr double kHopeless = 10;         // times the median: a track that tells nothing of itself
+constexpr double kOutlierReach = 3.8;  // in sigmas of the track itself
+constexpr size_t kMinNoiseDetections = 4;
+constexpr double kPointParameters = 3;  // degrees of freedom of a track's point
+constexpr double kMedianCounts = 4;     // weight of the median, in residuals of x or y
+constexpr double kHopeless = 10;        // ratio to the median for tracks that are too short
 
 }  // namespace
 
@@ -141,7 +141,7 @@ void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
     std::vector<double> own;
     for (const uint32_t i : positions[j])
       if (lengths[i] >= 0) own.push_back(lengths[i]);
-    if (own.size() < kLeastNoiseSights) continue;
+    if (own.size() < kMinNoiseDetections) continue;
     const double reach = kOutlierReach * robust_sigma(own);
     double sum = 0;
     for (const double l : own)
@@ -165,12 +165,12 @@ void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
 
 namespace {
 
-constexpr int kBlocks = 8;      // across an image, or along the path of a light
-constexpr int kSplits = 2;      // few modes are soft: one split would judge them by one number each
-constexpr int kIterations = 8;  // from the solution of all
+constexpr int kBlocks = 8;  // across an image, or along a light's path
+constexpr int kSplits = 2;  // two splits, because only few modes are weakly constrained
+constexpr int kIterations = 8;
 using Eigen::VectorXd;
 
-// 0 or 1 for each position. The second split has its borders amid the first one's halves.
+// Returns 0 or 1 for each position. The second split shifts the borders by half a block.
 std::vector<char> sides(const Tracks& tracks, const std::vector<std::vector<uint32_t>>& positions, int split) {
   std::vector<char> side(positions.size());
   for (size_t j = 0; j < positions.size(); j++) {
@@ -186,14 +186,15 @@ std::vector<char> sides(const Tracks& tracks, const std::vector<std::vector<uint
   return side;
 }
 
-struct Half {
-  std::vector<CameraState> cameras;  // aligned with the whole
-  VectorXd variance;                 // of their steps, from the observations: both halves have the priors
+struct HalfSolution {
+  std::vector<CameraState> cameras;  // aligned with the full solution
+  VectorXd variance;                 // variance of the parameters, without the priors that both halves share
 };
 
-Half solve_half(const Reconstruction& whole, const Tracks& tracks, const Inliers& use, AdjustmentOptions options) {
+HalfSolution solve_half(const Reconstruction& whole, const Tracks& tracks, const Inliers& use,
+                        AdjustmentOptions options) {
   const Uncertainty u = estimate_uncertainty(whole, tracks.observations, use, options);
-  Half half{whole.cameras, u.covariance.diagonal()};
+  HalfSolution half{whole.cameras, u.covariance.diagonal()};
   const auto lens = static_cast<Eigen::Index>(u.lens_terms.size());
   if (lens > 0) {
     Eigen::MatrixXd by_lens(u.covariance.rows(), u.prior_covariance.rows());
@@ -229,7 +230,7 @@ double disagreement_of_halves(const Reconstruction& scene, const Tracks& tracks,
   double sum = 0, count = 0;
   for (int split = 0; split < kSplits; split++) {
     const std::vector<char> side = sides(tracks, positions, split);
-    Half halves[2];
+    HalfSolution halves[2];
     for (int h = 0; h < 2; h++) {
       Inliers own = use;
       for (size_t i = 0; i < own.size(); i++) own[i] = own[i] && side[tracks.observations[i].position] == h;

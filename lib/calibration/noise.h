@@ -5,49 +5,46 @@
 
 namespace lf {
 
-// Lengths of all residuals in pixels, over the observations' own sigmas, one an observation: negative where there is
-// none (an unused camera, no target).
+// Returns the residual lengths in pixels, divided by the observations' sigmas; negative if there is no residual (unused
+// camera, no target).
 std::vector<double> residual_lengths(const Reconstruction& scene, const std::vector<Observation>& observations);
 
-// Sigma of x and of y from the median of the lengths (that of a Rayleigh distribution), whatever a half of them is.
+// Returns the sigma of x and y from the median length (Rayleigh distribution); tolerates up to half outliers.
 double robust_sigma(std::vector<double> lengths);
 
-inline constexpr double kOutlier = 3.8;  // sigmas: 1 of 1,400 good ones is beyond
+inline constexpr double kOutlier = 3.8;  // sigmas; exceeded by 1 of 1,400 correct observations
 
-// Marks the observations whose residuals are within `reach` sigmas.
+// Marks observations with residuals up to `reach` sigmas as inliers.
 Inliers within(const std::vector<double>& lengths, double reach, double sigma);
 
-// Takes cameras out of use of which less than three tenths of the observations are within `reach` pixels, or that have
-// fewer than four.
+// Disables cameras with fewer than 30 % of their observations within `reach` pixels, or fewer than four observations.
 void drop_poor_cameras(Reconstruction& scene, const std::vector<Observation>& observations, double reach);
 
-// The sigma of what was measured, from the lengths of those within kOutlier: what the free parameters took of it is
-// given back. `uncertainty`: of the scene, or empty while it is not known.
+// Returns the measurement sigma from the lengths of inliers, corrected for the degrees of freedom of the parameters.
+// `uncertainty`: of the scene; empty if not yet known.
 double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>& observations,
                     const std::vector<double>& lengths, const Inliers& inliers, const AdjustmentOptions& model,
                     const Uncertainty& uncertainty);
 
-// How many times as much as most cameras each one errs, from its residuals over the observations' sigmas: 1 where that
-// is less than twice as much, or where it has too few of them; 4 at most, since what is farther off is wrong.
+// Returns each camera's residuals relative to the median camera: 1 if the ratio is below 2 or observations are too few;
+// at most 4, because larger residuals are outliers.
 std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vector<Observation>& observations);
 
-// Places targets that fewer than three good sights hold amid all of their sights, so that what is reported of these is
-// fair, and counts those as inliers that are within kOutlier of `sigma` then. `weight`: the sigma that sights count
-// with.
-void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
-                             Inliers& inliers);
+// Adjusts targets with fewer than three inliers to all of their observations, for unbiased residuals in reports. Then
+// observations within kOutlier of `sigma` become inliers. `weight`: sigma of the observations in this adjustment.
+void retriangulate_weak_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
+                                Inliers& inliers);
 
-// Feature tracks are not alike: one follows a printed corner to three hundredths of a pixel, another an edge, the rim
-// of something round or a highlight to a half. Sets the sigma of all observations of a track to what its residuals
-// show, over that of the median track; few residuals are helped by that median.
+// Sets the sigma of each track's observations from its residuals, relative to the median track. Printed corners are
+// tracked to three hundredths of a pixel; edges, round contours and highlights only to half a pixel. The median acts as
+// a prior for short tracks.
 void estimate_track_noise(const Reconstruction& scene, Tracks& tracks);
 
-// Solves two halves of the tracks on their own, starting from `scene`, and compares the cameras: the root of the mean
-// squared difference, in standard deviations that estimate_uncertainty() predicts for it. About 1 where errors are what
-// they are taken for, independent of each other; more where they are alike in parts of the tracks: then all standard
-// deviations are too small by that factor. Neighbouring features come into the same half (alternating blocks of the
-// image that they start in, or of the path of a light), since what they share is what makes them err together. Errors
-// that both halves share can't be seen by it.
+// Solves two halves of the tracks separately, starting from `scene`. Returns the RMS difference of the cameras, in
+// standard deviations predicted by estimate_uncertainty(). The value is about 1 if errors are independent. A larger
+// value means that errors are correlated within parts of the tracks, and that all standard deviations are too small by
+// that factor. Neighbouring features belong to the same half (alternating blocks of the start image, or of a light's
+// path), because their errors are correlated. Errors common to both halves are not detected.
 double disagreement_of_halves(const Reconstruction& scene, const Tracks& tracks, const Inliers& use,
                               const AdjustmentOptions& options);
 

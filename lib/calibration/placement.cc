@@ -18,17 +18,17 @@
 namespace lf {
 namespace {
 
-constexpr double kAt = 0.35;            // of the distance to the nearest other place: a camera stands there
-constexpr double kOtherWay = 0.6;       // radians: a camera looks elsewhere than its place has it
-constexpr double kTooFar = 0.5;         // of that: it does not
-constexpr double kUsualShift = 0.05;    // of that distance, that arrays are off by
+constexpr double kAt = 0.35;            // maximum distance from a place, relative to the place's nearest neighbour
+constexpr double kOtherWay = 0.6;       // radians; maximum difference in orientation
+constexpr double kTooFar = 0.5;         // distance, in the same unit, beyond which a camera is not at a place
+constexpr double kUsualShift = 0.05;    // typical deviation of arrays, in the same unit
 constexpr double kUsualTurn = 0.0175;   // radians
-constexpr double kUsualCounts = 2;      // as so many cameras
-constexpr double kAlignmentRobust = 3;  // sigmas where a camera counts less
-constexpr double kClearlyBetter = 1.5;  // cameras that another order must make fit
+constexpr double kUsualCounts = 2;      // weight of the typical deviations, in cameras
+constexpr double kAlignmentRobust = 3;  // sigmas beyond which cameras are down-weighted
+constexpr double kClearlyBetter = 1.5;  // required gain of another order, in cameras
 constexpr int kAlignmentRounds = 12;
 constexpr int kAlignmentSamples = 200;
-constexpr size_t kSample = 3;  // cameras that a similarity is tried of
+constexpr size_t kSample = 3;
 
 Eigen::Vector3d eigen(const Vec3& v) { return {v.x, v.y, v.z}; }
 Eigen::Matrix3d eigen(const Mat3& m) {
@@ -37,7 +37,7 @@ Eigen::Matrix3d eigen(const Mat3& m) {
   return e;
 }
 
-// The proper rotation nearest to what `m` correlates.
+// Returns the proper rotation nearest to the correlation matrix `m`.
 Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& m) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
@@ -50,10 +50,10 @@ Quat quaternion(const Eigen::Matrix3d& m) {
   return glm::normalize(glm::quat_cast(r));
 }
 
-class LayoutFit {
+class LayoutAligner {
  public:
-  LayoutFit(const std::vector<Pose>& found, const std::vector<Pose>& layout, std::optional<double> scale,
-            double common_turn)
+  LayoutAligner(const std::vector<Pose>& found, const std::vector<Pose>& layout, std::optional<double> scale,
+                double common_turn)
       : found_(found), layout_(layout), scale_(scale), common_turn_(common_turn), spacing_(layout.size()) {
     for (size_t i = 0; i < layout.size(); i++) {
       spacing_[i] = std::numeric_limits<double>::infinity();
@@ -65,7 +65,7 @@ class LayoutFit {
     usual_shift_ = kUsualShift * median(spacing_);
   }
 
-  // Fits a similarity to cameras at `places`, robustly, from one that is about right.
+  // Fits a robust similarity for a given assignment, from an approximate start.
   LayoutAlignment refine(Similarity start, std::vector<size_t> places) const {
     LayoutAlignment now{start, std::move(places), std::vector<char>(found_.size(), true), usual_shift_, kUsualTurn};
     for (int round = 0; round < kAlignmentRounds; round++) {
@@ -76,7 +76,8 @@ class LayoutFit {
     return now;
   }
 
-  // Cameras at their places, softly, that look as these do: an array seen from behind fits its places, too.
+  // Soft count of cameras at their places with the right orientation. Positions alone also fit an array seen from
+  // behind.
   double score(const LayoutAlignment& a) const {
     double sum = 0;
     for (size_t i = 0; i < found_.size(); i++) {
@@ -87,7 +88,7 @@ class LayoutFit {
     return sum;
   }
 
-  // As the cameras are named: from all of them, and from some, of which one is right where some cameras are not.
+  // Assigns cameras by name. Tries fits to all cameras and to random samples, which tolerate wrong cameras.
   LayoutAlignment as_named(const std::vector<size_t>& own) const {
     LayoutAlignment best = refine(similarity_of(own, all()), own);
     double most = score(best);
@@ -105,8 +106,8 @@ class LayoutFit {
     return best;
   }
 
-  // By where the cameras stand, whatever they are called: turned as they look, the middle and the size of the whole are
-  // those of the layout at first.
+  // Assigns cameras by position, independent of names. Initially orientations give the rotation, and the layout's
+  // centre and size give translation and scale.
   LayoutAlignment as_they_stand(const std::vector<size_t>& own) const {
     LayoutAlignment now{whole(own), own, {}, 0, 0};
     std::vector<size_t> before;
@@ -118,7 +119,6 @@ class LayoutFit {
     return now;
   }
 
-  // One-to-one, shortest ways first; those that are in the way of none keep their own place.
   std::vector<size_t> nearest_places(const Similarity& s, const std::vector<size_t>& own) const {
     std::vector<std::tuple<double, size_t, size_t>> ways;
     for (size_t i = 0; i < found_.size(); i++)
@@ -133,7 +133,7 @@ class LayoutFit {
     return places;
   }
 
-  // Of cameras that are nowhere near their own place those that are clearly at another's.
+  // Reassigns cameras that are far from their own place and clearly at another place.
   void name_places(LayoutAlignment& a, const std::vector<size_t>& own) const {
     const std::vector<size_t> nearest = nearest_places(a.layout_from_scene, own);
     a.place = own;
@@ -141,7 +141,7 @@ class LayoutFit {
       if (off(a.layout_from_scene, i, own[i]) > kTooFar * spacing_[own[i]] &&
           off(a.layout_from_scene, i, nearest[i]) < kAt * spacing_[nearest[i]])
         a.place[i] = nearest[i];
-    // Who is at a place whose own camera stays there, or seems to, is not.
+    // Reverts cameras at a place that another camera already occupies.
     for (bool changed = true; changed;) {
       changed = false;
       std::vector<int> at(layout_.size());
@@ -192,7 +192,7 @@ class LayoutFit {
     return angle_of(s.rotation * found_[i].orientation * glm::conjugate(layout_[place].orientation));
   }
 
-  // How far cameras are off, in the median over those that are about where their place is: mistaken ones say nothing.
+  // Estimates the deviations as medians over cameras near their places, so that wrong cameras do not count.
   void judge(LayoutAlignment& a) const {
     std::vector<double> shifts, turns;
     for (size_t i = 0; i < found_.size(); i++) {
@@ -203,7 +203,7 @@ class LayoutFit {
       turns.push_back(std::pow(turn(a.layout_from_scene, i, a.place[i]), 2) / 3);
     }
     const auto sigma = [](std::vector<double> squares, double usual) {
-      constexpr double kMedian = 0.789;  // of the squared length of three normal numbers, over its mean
+      constexpr double kMedian = 0.789;  // median of the squared length of a 3D normal vector, relative to its mean
       const auto n = static_cast<double>(squares.size());
       const double found = squares.empty() ? 0 : median(std::move(squares)) / kMedian;
       return std::sqrt((n * found + kUsualCounts * usual * usual) / (n + kUsualCounts));
@@ -212,7 +212,7 @@ class LayoutFit {
     a.turn_sigma = sigma(std::move(turns), kUsualTurn);
   }
 
-  // Weighted least squares of centres and axes; scale and rotation in turn.
+  // Weighted least squares over centres and axes; alternates between scale and rotation.
   void step(LayoutAlignment& a) const {
     Similarity& s = a.layout_from_scene;
     std::vector<double> weight(found_.size());
@@ -228,7 +228,7 @@ class LayoutFit {
     if (fitting < 2) return;
     from /= sum, to /= sum;
     const double shift_variance = a.position_sigma * a.position_sigma;
-    // What orientations have in common, no number of cameras takes away.
+    // Averaging over cameras does not reduce the common error of orientations.
     const double turn_variance = a.turn_sigma * a.turn_sigma + fitting * common_turn_ * common_turn_;
     Eigen::Matrix3d centres = Eigen::Matrix3d::Zero(), looks = centres;
     double squares = 0;
@@ -237,7 +237,7 @@ class LayoutFit {
       const Eigen::Vector3d p = eigen(found_[i].position) - from, q = eigen(layout_[a.place[i]].position) - to;
       centres += weight[i] * q * p.transpose(), squares += weight[i] * p.squaredNorm();
       const double e = turn(s, i, a.place[i]) / (kAlignmentRobust * a.turn_sigma);
-      // Three axes, of which each turn moves two: a half each.
+      // Each rotation moves two of three axes, so each axis counts half.
       looks += 0.5 / std::pow(1 + e * e, 2) * eigen(layout_[a.place[i]].rotation()) *
                eigen(found_[i].rotation()).transpose();
     }
@@ -254,15 +254,15 @@ class LayoutFit {
   const std::vector<Pose>& layout_;
   std::optional<double> scale_;
   double common_turn_, usual_shift_;
-  std::vector<double> spacing_;  // of each place: to the nearest other
+  std::vector<double> spacing_;  // distance from each place to its nearest neighbour
 };
 
 }  // namespace
 
 LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vector<Pose>& layout,
                                 const std::vector<size_t>& own, std::optional<double> scale, double common_turn) {
-  if (found.size() < 2 || own.size() != found.size()) throw Error("alignment needs two cameras at least");
-  const LayoutFit fit(found, layout, scale, common_turn);
+  if (found.size() < 2 || own.size() != found.size()) throw Error("alignment needs at least two cameras");
+  const LayoutAligner fit(found, layout, scale, common_turn);
   LayoutAlignment best = fit.as_named(own);
   if (fit.score(best) < static_cast<double>(found.size()) - kClearlyBetter) {
     LayoutAlignment other = fit.as_they_stand(own);
@@ -274,12 +274,13 @@ LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vecto
 
 namespace {
 
-// Amid the cameras, along their mean axes.
+// Frame at the centre of the cameras, along their mean axes.
 Similarity own_frame(const std::vector<Pose>& poses) {
   Vec3 mean(0, 0, 0), forward(0, 0, 0), right(0, 0, 0), down(0, 0, 0);
   for (const Pose& p : poses) mean += p.position, forward += p.forward(), right += p.right(), down += p.down();
   mean /= static_cast<double>(poses.size());
-  if (!(glm::length(forward) > 1e-3)) forward = poses[0].forward(), right = poses[0].right();  // all around
+  // cameras look in all directions
+  if (!(glm::length(forward) > 1e-3)) forward = poses[0].forward(), right = poses[0].right();
   const Vec3 z = glm::normalize(forward);
   Vec3 x = right - glm::dot(right, z) * z;
   if (!(glm::length(x) > 1e-3)) x = glm::cross(down, z);
@@ -297,7 +298,7 @@ Similarity scaled(Similarity s, double factor) {
   return s;
 }
 
-// How well it is known which way all cameras look together, for centres that are known: radians, about one axis.
+// Returns the uncertainty of the cameras' common orientation for known centres: radians, per axis.
 double common_turn(const Solution& solution) {
   const Uncertainty& u = solution.uncertainty;
   const auto used = static_cast<double>(
@@ -344,18 +345,18 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
       for (size_t i = 0; i < tracks.cameras.size(); i++)
         if (tracks.cameras[i].id == id && solution.scene.cameras[i].used)
           return solution.scene.cameras[i].pose().position;
-      throw Error("the distance is to camera " + std::to_string(id) + ", which was not found");
+      throw Error("the distance refers to camera " + std::to_string(id) + ", which was not placed");
     };
     const double distance = glm::length(position(placement.distance->a) - position(placement.distance->b));
     if (!(placement.distance->metres > 0) || !(distance > 0))
-      throw Error("the distance of two cameras must be positive");
+      throw Error("the distance between two cameras must be positive");
     scale = placement.distance->metres / distance;
     result.scale_from = "the distance of two cameras";
   } else if (placement.pitch > 0) {
     scale = placement.pitch / neighbour_distance(poses);
     result.scale_from = "the pitch";
   }
-  // A prior rig has a layout where its cameras are not all at one place.
+  // A prior rig has a layout unless all its cameras are at one position.
   std::vector<Pose> layout;
   double extent = 0;
   if (options.prior)
@@ -410,7 +411,6 @@ Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions&
 
 CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene) {
   const int row = uncertainty.camera_row[index], n = uncertainty.camera_size, lens = n - 6;
-  // Steps in the scene to parameters in the rig, lens first.
   Eigen::MatrixXd to = Eigen::MatrixXd::Zero(n, n);
   const Mat3 turn = glm::mat3_cast(world_from_scene.rotation);
   for (int k = 0; k < lens; k++) to(k, 6 + k) = 1;

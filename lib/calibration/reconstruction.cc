@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-// A lens as usual: 50 degrees across, centred. How far batches differ from it, and lenses within a batch.
+// Default lens: 50 degrees field of view, centred; with the variation between and within batches.
 BatchPrior usual(int width, int height) {
   const double f = 1.1 * std::max(width, height);
   BatchPrior batch;
@@ -27,8 +27,9 @@ BatchPrior usual(int width, int height) {
   return batch;
 }
 
-// The square root of the information (upper rows) in the terms of `covariance` at `index`, each with `least` (a sigma)
-// added; zero rows and columns for those that it lacks. Nothing where it lacks all, or is singular.
+// Returns the square root of the information matrix (upper triangular) for the terms of `covariance` at `index`, with
+// the sigmas `least` added. Rows and columns of missing terms are zero. Returns nullopt if all terms are missing, or if
+// the covariance is singular.
 template <int N>
 std::optional<Eigen::Matrix<double, N, N, Eigen::RowMajor>> root_information(
     const CameraCovariance& covariance, const std::array<std::optional<size_t>, N>& index,
@@ -52,7 +53,7 @@ std::optional<Eigen::Matrix<double, N, N, Eigen::RowMajor>> root_information(
   return padded;
 }
 
-// Of the terms that the covariance has: what it says to be exact is held fast, of what it lacks nothing is known.
+// Terms with zero variance are practically fixed; missing terms have no prior.
 std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovariance& covariance) {
   const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7, 1e-7, 1e-7};
   std::array<std::optional<size_t>, kNumLensTerms> index;
@@ -70,7 +71,7 @@ std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovar
 }  // namespace
 
 Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
-  if (tracks.cameras.size() < 2) throw Error("two cameras are needed at least");
+  if (tracks.cameras.size() < 2) throw Error("at least two cameras are required");
   Reconstruction scene;
   scene.cameras.resize(tracks.cameras.size());
   scene.lens_priors.resize(tracks.cameras.size());
@@ -99,7 +100,7 @@ Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
       scene.lens_priors[i] = make_prior(camera, *options.prior_covariances[*index]);
   }
   if (options.prior) {
-    // Lenses that nobody measured: near the nominal ones, all of them off alike.
+    // Lenses without measurements are near the nominal lenses, with a common error.
     for (int k = 0; k < kNumLensTerms; k++) scene.batch.mean[k] = sum[k] / static_cast<double>(tracks.cameras.size());
     scene.batch.width[kF] = 0.1 * scene.batch.mean[kF];
   }
@@ -111,24 +112,24 @@ namespace {
 
 constexpr const char* kPoseTermNames[PosePrior::kNumTerms] = {"x", "y", "z", "rx", "ry", "rz"};
 constexpr std::array<double, PosePrior::kNumTerms> kLeast = {1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6};  // metres, radians
-constexpr double kGroupContradiction = 5;  // sigmas: far beyond chance
-constexpr size_t kLeastGroupCameras = 3;
+constexpr double kGroupContradiction = 5;  // sigmas; far beyond chance
+constexpr size_t kMinGroupCameras = 3;
 
-struct Known {
+struct PoseEstimate {
   size_t camera;
   PosePrior prior;
-  std::array<double, PosePrior::kNumTerms> variance;  // infinite where nothing is known
+  std::array<double, PosePrior::kNumTerms> variance;  // infinite if unknown
 };
 
-std::vector<Known> known_poses(const Reconstruction& scene, const Tracks& tracks, const SolveOptions& options) {
-  std::vector<Known> list;
+std::vector<PoseEstimate> known_poses(const Reconstruction& scene, const Tracks& tracks, const SolveOptions& options) {
+  std::vector<PoseEstimate> list;
   if (!options.prior) return list;
   for (size_t i = 0; i < scene.cameras.size(); i++) {
     const size_t at = *options.prior->index_of_id(tracks.cameras[i].id);
     if (!scene.cameras[i].used || at >= options.prior_covariances.size() || !options.prior_covariances[at]) continue;
     const CameraCovariance& covariance = *options.prior_covariances[at];
     std::array<std::optional<size_t>, PosePrior::kNumTerms> index;
-    Known known{i, {options.prior->cameras[at].pose}, {}};
+    PoseEstimate known{i, {options.prior->cameras[at].pose}, {}};
     known.prior.mean.position -= options.prior->cameras[0].pose.position;
     for (int k = 0; k < PosePrior::kNumTerms; k++) {
       index[k] = covariance.index_of(kPoseTermNames[k]);
@@ -142,17 +143,17 @@ std::vector<Known> known_poses(const Reconstruction& scene, const Tracks& tracks
   return list;
 }
 
-Similarity frame_of(const Reconstruction& scene, const std::vector<Known>& list) {
+Similarity frame_of(const Reconstruction& scene, const std::vector<PoseEstimate>& list) {
   std::vector<Pose> found, expected;
-  for (const Known& known : list) {
+  for (const PoseEstimate& known : list) {
     found.push_back(scene.cameras[known.camera].pose());
     expected.push_back(known.prior.mean);
   }
   return align(found, expected);
 }
 
-// The largest of the differences of `pose` from what was known, in sigmas of both.
-double contradiction(const Known& known, const Pose& pose, const CameraCovariance& found) {
+// Returns the largest difference between `pose` and its prior, in combined sigmas.
+double contradiction(const PoseEstimate& known, const Pose& pose, const CameraCovariance& found) {
   const Vec3 shift = pose.position - known.prior.mean.position;
   Quat q = pose.orientation * glm::conjugate(known.prior.mean.orientation);
   if (q.w < 0) q = -q;
@@ -180,22 +181,22 @@ void move_scene(Reconstruction& scene, const Similarity& s, double bar) {
 
 }  // namespace
 
-bool knows_poses(const SolveOptions& options) {
+bool has_known_poses(const SolveOptions& options) {
   for (const auto& covariance : options.prior_covariances)
     for (const char* name : kPoseTermNames)
       if (covariance && covariance->index_of(name)) return true;
   return false;
 }
 
-PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
-                             const Uncertainty& uncertainty) {
-  PosePriorUse use;
-  std::vector<Known> list = known_poses(scene, tracks, options);
-  // One that is far off turns the frame, so that others seem wrong: one after the other.
-  while (list.size() >= kLeastGroupCameras) {
+PosePriorResult use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
+                                const Uncertainty& uncertainty) {
+  PosePriorResult use;
+  std::vector<PoseEstimate> list = known_poses(scene, tracks, options);
+  // A wrong prior biases the frame and makes other priors look wrong, so they are removed one at a time.
+  while (list.size() >= kMinGroupCameras) {
     const Similarity s = frame_of(scene, list);
     std::vector<double> sigmas;
-    for (const Known& known : list)
+    for (const PoseEstimate& known : list)
       sigmas.push_back(
           contradiction(known, s(scene.cameras[known.camera].pose()), covariance_in_rig(uncertainty, known.camera, s)));
     const auto worst = std::max_element(sigmas.begin(), sigmas.end()) - sigmas.begin();
@@ -203,11 +204,11 @@ PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const 
     use.contradicted.push_back(list[worst].camera);
     list.erase(list.begin() + worst);
   }
-  if (list.size() < kLeastGroupCameras) return use;
+  if (list.size() < kMinGroupCameras) return use;
   const Similarity s = frame_of(scene, list);
   move_scene(scene, s, tracks.bar ? s.scale : 1);
   scene.pose_priors.assign(scene.cameras.size(), std::nullopt);
-  for (const Known& known : list) scene.pose_priors[known.camera] = known.prior;
+  for (const PoseEstimate& known : list) scene.pose_priors[known.camera] = known.prior;
   use.any = true;
   return use;
 }

@@ -7,21 +7,20 @@
 
 namespace lf {
 
-// A scene before anything is measured: lenses from the prior rig or as usual, with what is known of them. Throws Error
-// where the prior rig lacks a camera of the tracks or has it in another size.
+// Returns an initial scene: lenses and priors from the prior rig, or defaults. Throws Error if the prior rig lacks a
+// camera of the tracks, or if image sizes differ.
 Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options);
 
-bool knows_poses(const SolveOptions& options);
+bool has_known_poses(const SolveOptions& options);
 
-// Lets what the prior rig's covariances say of poses take part in the scene's adjustment, and moves the scene into that
-// rig's frame, relative to its first camera (and into metres, where no bar is its unit of length). Poses that the
-// scene, by its `uncertainty`, contradicts are left out: returns those cameras. Does nothing where fewer than three
-// cameras have a known pose, which is no frame.
-struct PosePriorUse {
+// Adds pose priors from the prior rig's covariances to the scene. Moves the scene into the prior rig's frame, relative
+// to its first camera, and to metres unless a bar is the unit of length. Poses that contradict the scene and its
+// `uncertainty` are left out and returned. Does nothing with fewer than three known poses, which do not define a frame.
+struct PosePriorResult {
   bool any = false;
   std::vector<size_t> contradicted;
 };
-PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
-                             const Uncertainty& uncertainty);
+PosePriorResult use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
+                                const Uncertainty& uncertainty);
 
 }  // namespace lf

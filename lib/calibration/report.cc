@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Figures {
+struct ErrorStatistics {
   std::vector<double> lengths;
 
   double mean() const {
@@ -51,8 +51,8 @@ const char* name_of(Finding::Severity severity) {
 ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                 const std::vector<Finding>& findings) {
   const auto lengths = residual_lengths(solution.scene, tracks.observations);
-  Figures all, inliers;
-  std::vector<Figures> cameras(tracks.cameras.size());
+  ErrorStatistics all, inliers;
+  std::vector<ErrorStatistics> cameras(tracks.cameras.size());
   std::vector<size_t> given(tracks.cameras.size()), outliers(tracks.cameras.size());
   size_t unplaced = 0;
   for (size_t i = 0; i < lengths.size(); i++) {
@@ -129,20 +129,21 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kOneWay = 0.8;     // length of the mean of the cameras' axes, from which they look about one way
-constexpr double kFlat = 0.1;       // of the array's extent: how far it may reach along an axis and count as nothing
-constexpr double kSoftPercent = 1;  // of depth, and of width beside height
+// Minimum length of the mean viewing direction for an array that looks in one direction.
+constexpr double kOneWay = 0.8;
+constexpr double kFlat = 0.1;       // share of the array's extent below which it has no extent along an axis
+constexpr double kSoftPercent = 1;  // percent, of depth and of aspect ratio
 constexpr double kSoftTurn = 0.5;   // degrees
-constexpr double kSoftPlace = 0.1;  // of the distance of neighbours
+constexpr double kSoftPlace = 0.1;  // in units of the distance between neighbours
 constexpr int kModeDepths = 12;
 
-// The array's own axes, amid its cameras, in the solver's frame and scale.
-struct Frame {
+// Centre and axes of the array, in the frame and scale of the solution.
+struct ArrayFrame {
   Vec3 middle{0, 0, 0}, x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
-  double extent = 0;     // the root of the mean squared distance from the middle
-  bool one_way = false;  // cameras look about the same way
+  double extent = 0;  // RMS distance from the centre
+  bool one_way = false;
 
-  explicit Frame(const Reconstruction& scene) {
+  explicit ArrayFrame(const Reconstruction& scene) {
     Vec3 forward(0, 0, 0), right(0, 0, 0);
     std::vector<Vec3> centres;
     for (const CameraState& camera : scene.cameras) {
@@ -161,9 +162,9 @@ struct Frame {
   }
 };
 
-class Modes {
+class SoftModeFinder {
  public:
-  Modes(const Solution& solution, const Placement& placement)
+  SoftModeFinder(const Solution& solution, const Placement& placement)
       : scene_(solution.scene), u_(solution.uncertainty), scale_(placement.world_from_scene.scale), frame_(scene_) {
     std::vector<Pose> poses;
     for (size_t i = 0; i < scene_.cameras.size(); i++)
@@ -190,7 +191,7 @@ class Modes {
   void add(const char* code, double sigma, const char* unit, double limit, std::string what) {
     all_.push_back({code, std::move(what), sigma, unit, limit});
   }
-  // Along one of the array's axes, from its middle.
+  // Returns the camera's coordinate along an axis, from the array's centre.
   double along(size_t camera, const Vec3& axis) const {
     return glm::dot(scene_.cameras[camera].pose().position - frame_.middle, axis);
   }
@@ -210,8 +211,8 @@ class Modes {
     const double percent = 100 * u_.sigma_of(w);
     add("depth", percent, "%", kSoftPercent,
         format_text(
-            "How deep the scene is: all focal lengths together are known to %.2g %%, and depths with them: what seems "
-            "to be 2 m away is so to %.2g cm",
+            "Depth scale: the common error of focal lengths and depths has a standard deviation of %.2g %%, or %.2g cm "
+            "at 2 m",
             percent, 2 * percent));
   }
 
@@ -223,10 +224,9 @@ class Modes {
       most = std::max(most, glm::degrees(u_.sigma_of(w)));
     }
     add("gaze", most, "degrees", kSoftTurn,
-        format_text(
-            "Where all cameras look, together, beside the surface that they stand in: known to %.2g degrees. It shears "
-            "the scene as a whole, and no picture shows it",
-            most));
+        format_text("Common viewing direction relative to the array's surface: standard deviation %.2g degrees. An "
+                    "error shears the whole scene without visible residuals",
+                    most));
   }
 
   void toe_in() {
@@ -244,7 +244,8 @@ class Modes {
     }
     if (most > 0)
       add("toe-in", most, "degrees", kSoftTurn,
-          format_text("Whether cameras at the edges look inwards: known to %.2g degrees. It bends depths", most));
+          format_text("Toe-in of the cameras at the edges: standard deviation %.2g degrees. An error bends depths",
+                      most));
   }
 
   void bow() {
@@ -256,13 +257,13 @@ class Modes {
       radii.push_back(x * x + y * y), mean += radii.back() / n_;
     }
     for (double& r : radii) r -= mean, squares += r * r;
-    if (!(squares > 1e-12 * std::pow(frame_.extent, 4))) return;  // a ring has no middle
+    if (!(squares > 1e-12 * std::pow(frame_.extent, 4))) return;  // on a ring, all radii are equal
     const double range = *std::ranges::max_element(radii) - *std::ranges::min_element(radii);
     VectorXd w = nothing();
     for (size_t k = 0; k < used_.size(); k++) put(w, u_.camera_row[used_[k]] + 3, frame_.z, range * radii[k] / squares);
     const double mm = 1e3 * scale_ * u_.sigma_of(w);
     add("bow", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
-        format_text("Whether the array bulges forward in its middle: known to %.2g mm", mm));
+        format_text("Forward bulge in the middle of the array: standard deviation %.2g mm", mm));
   }
 
   void proportions() {
@@ -276,7 +277,7 @@ class Modes {
     }
     const double percent = 100 * u_.sigma_of(w);
     add("proportions", percent, "%", kSoftPercent,
-        format_text("How wide the array is beside its height: known to %.2g %%", percent));
+        format_text("Ratio of width to height of the array: standard deviation %.2g %%", percent));
   }
 
   void each() {
@@ -287,26 +288,26 @@ class Modes {
     }
     const double mm = 1e3 * scale_ * std::sqrt(place), degrees = glm::degrees(std::sqrt(turn));
     add("places", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
-        format_text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
+        format_text("Positions of single cameras in the array: standard deviation %.2g mm (RMS)", mm));
     add("directions", degrees, "degrees", kSoftTurn,
-        format_text("Where each camera looks: known to %.2g degrees, all of these together", degrees));
+        format_text("Orientations of single cameras: standard deviation %.2g degrees (RMS)", degrees));
   }
 
   const Reconstruction& scene_;
   const Uncertainty& u_;
   const double scale_;
-  const Frame frame_;
+  const ArrayFrame frame_;
   std::vector<size_t> used_;
   double n_ = 0, neighbours_ = 0;
   std::vector<SoftMode> all_;
 };
 
-// Where a camera's state has the point, and how that moves with its steps and with the point; nothing behind it.
-struct Projected {
+// Derivatives of a projection by the camera's parameters and by the point. Returns nullopt if the point is not visible.
+struct PointProjection {
   MatrixXd by_camera;
   Eigen::Matrix<double, 2, 3> by_point;
 };
-std::optional<Projected> project(const CameraState& camera, const Vec3& point, const Uncertainty& u) {
+std::optional<PointProjection> project(const CameraState& camera, const Vec3& point, const Uncertainty& u) {
   const auto pixel = [](const CameraState& state, const Vec3& at) {
     TargetState target;
     target.kind = TargetState::Kind::kPoint;
@@ -316,7 +317,7 @@ std::optional<Projected> project(const CameraState& camera, const Vec3& point, c
   const auto at = pixel(camera, point);
   if (!at || at->x < -0.5 || at->y < -0.5 || at->x > camera.width - 0.5 || at->y > camera.height - 0.5)
     return std::nullopt;
-  Projected result{MatrixXd(2, u.camera_size), {}};
+  PointProjection result{MatrixXd(2, u.camera_size), {}};
   const double depth = glm::length(point - camera.pose().position);
   const auto difference = [&](const CameraState& state, const Vec3& there, double step) -> Eigen::Vector2d {
     const auto moved = pixel(state, there);
@@ -349,7 +350,8 @@ std::optional<Projected> project(const CameraState& camera, const Vec3& point, c
   return result;
 }
 
-// The mean squared distance between where camera `of` sees the point and where the others place it.
+// Returns the mean squared distance between the projection into camera `of` and the point triangulated by other
+// cameras.
 std::optional<double> squared_error(const Solution& solution, size_t of, const Vec3& point) {
   const Uncertainty& u = solution.uncertainty;
   const auto own = project(solution.scene.cameras[of], point, u);
@@ -367,7 +369,6 @@ std::optional<double> squared_error(const Solution& solution, size_t of, const V
   }
   const Eigen::FullPivLU<Eigen::Matrix3d> lu(information);
   if (others < 2 || !lu.isInvertible()) return std::nullopt;
-  // The point gives way to the others' errors.
   MatrixXd by_steps = own->by_point * -lu.solve(weights);
   by_steps.middleCols(u.camera_row[of], u.camera_size) += own->by_camera;
   return (by_steps * u.covariance * by_steps.transpose()).trace();
@@ -376,11 +377,11 @@ std::optional<double> squared_error(const Solution& solution, size_t of, const V
 }  // namespace
 
 std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& placement) {
-  return Modes(solution, placement).run();
+  return SoftModeFinder(solution, placement).run();
 }
 
 LightRange light_range(const Solution& solution, const Placement& placement) {
-  const Frame frame(solution.scene);
+  const ArrayFrame frame(solution.scene);
   std::vector<double> depths;
   for (const TargetState& target : solution.scene.targets) {
     if (target.kind == TargetState::Kind::kNone) continue;
@@ -393,7 +394,7 @@ LightRange light_range(const Solution& solution, const Placement& placement) {
 }
 
 std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement) {
-  const Frame frame(solution.scene);
+  const ArrayFrame frame(solution.scene);
   const LightRange range = light_range(solution, placement);
   std::vector<ProjectionError> errors;
   if (!frame.one_way || !(range.near > 0)) return errors;
@@ -430,8 +431,8 @@ std::vector<ProjectionError> projection_errors(const Solution& solution, const P
 
 namespace {
 
-constexpr int kColumns = 8, kRows = 6;  // of a camera's picture, in which coverage is counted
-constexpr size_t kMostResiduals = 60;   // of a camera
+constexpr int kColumns = 8, kRows = 6;  // cells of the coverage map per image
+constexpr size_t kMaxResiduals = 60;
 
 double rounded(double value) { return std::round(value * 1e4) / 1e4; }
 
@@ -442,7 +443,7 @@ void add_observations(const Solution& solution, const Tracks& tracks, const std:
   const CameraState& state = solution.scene.cameras[camera];
   std::vector<int> counts(kColumns * kRows);
   ordered_json residuals = ordered_json::array();
-  const size_t every = (own.size() + kMostResiduals - 1) / kMostResiduals;
+  const size_t every = (own.size() + kMaxResiduals - 1) / kMaxResiduals;
   for (size_t k = 0; k < own.size(); k++) {
     const Observation& o = tracks.observations[own[k]];
     if (!solution.inliers[own[k]]) continue;

@@ -16,22 +16,22 @@
 namespace lf {
 namespace {
 
-constexpr double kPlaceReach = 6;      // pixels within which sights agree on a place
-constexpr size_t kFewestSights = 12;   // by which a pose is placed: 24 numbers for 6
-constexpr double kStandsOut = 4;       // times what other cameras have moved by
+constexpr double kPlaceReach = 6;      // maximum reprojection error of an inlier, pixels
+constexpr size_t kMinSights = 12;      // 24 equations for the 6 pose parameters
+constexpr double kStandsOut = 4;       // ratio to the median displacement of cameras
 constexpr double kCertain = 5;         // sigmas
-constexpr double kLeastFocal = 2e-3;   // of 1
-constexpr double kBetterByLens = 0.8;  // of what is left without
-constexpr int kMostCheckRounds = 8, kSteps = 25;
+constexpr double kMinFocal = 2e-3;     // relative
+constexpr double kBetterByLens = 0.8;  // maximum ratio of residuals with and without a focal length change
+constexpr int kMaxCheckRounds = 8, kSteps = 25;
 constexpr int kPose = 6, kWithFocal = 7;
 
-// Where a camera sees the light that the others place.
+// A camera's observation of a light position from other cameras.
 struct Sighting {
-  Vec3 at;  // in the camera's coordinates, as the rig has it
+  Vec3 at;  // in camera coordinates, with the rig's pose
   Vec2 pixel;
 };
 
-using Change = Eigen::Matrix<double, kWithFocal, 1>;  // move, turn, focal length of 1
+using Change = Eigen::Matrix<double, kWithFocal, 1>;  // translation, rotation, relative focal length
 
 std::optional<Vec2> projected(const Camera& camera, const Vec3& at, const Change& change) {
   const Vec3 turn(change[3], change[4], change[5]);
@@ -46,7 +46,7 @@ std::optional<Vec2> projected(const Camera& camera, const Vec3& at, const Change
 struct ChangeFit {
   Change change = Change::Zero();
   Change sigma = Change::Zero();
-  double left = 0;  // median of the residuals, pixels
+  double left = 0;
 };
 
 double median_residual(const Camera& camera, const std::vector<Sighting>& sightings, const Change& change) {
@@ -58,8 +58,8 @@ double median_residual(const Camera& camera, const std::vector<Sighting>& sighti
   return median(std::move(lengths));
 }
 
-// The pose, and with `terms` = kWithFocal the focal length, under which the camera sees what it did: Gauss and Newton,
-// sights that are far off counting less (Cauchy), on a scale that follows what is left.
+// Fits a pose change, and a focal length change if `terms` is kWithFocal, to the observations: Gauss-Newton with Cauchy
+// weights, scaled by the current residuals.
 ChangeFit fit_change(const Camera& camera, const std::vector<Sighting>& sightings, int terms) {
   ChangeFit fit;
   using Information = Eigen::Matrix<double, kWithFocal, kWithFocal>;
@@ -93,7 +93,7 @@ ChangeFit fit_change(const Camera& camera, const std::vector<Sighting>& sighting
     if (moved.norm() < 1e-10) break;
   }
   fit.left = median_residual(camera, sightings, fit.change);
-  // Of normal errors in x and y the median length is 1.1774 sigmas.
+  // For normal errors in x and y, the median length is 1.1774 sigmas.
   fit.sigma = information.inverse().diagonal().cwiseMax(0).cwiseSqrt() * (fit.left / 1.1774);
   for (int k = terms; k < kWithFocal; k++) fit.sigma[k] = 0;
   return fit;
@@ -116,7 +116,7 @@ class Checker {
         throw Error("camera " + std::to_string(seen.id) + " has " + size_text(seen.width, seen.height) +
                     " pixels in the recording, " + size_text(camera.width, camera.height) +
                     " in the rig: record with the size that the rig is calibrated for");
-      // Relative to the first: nothing is lost far from the origin.
+      // Relative to the first camera, to keep precision far from the origin.
       camera.pose.position -= rig.cameras[0].pose.position;
       CameraState state;
       state.set_pose(camera.pose);
@@ -129,7 +129,7 @@ class Checker {
   }
 
   RigCheck run() {
-    for (int round = 0; round < kMostCheckRounds; round++) {
+    for (int round = 0; round < kMaxCheckRounds; round++) {
       place_lights();
       for (size_t i = 0; i < cameras_.size(); i++) judge(i);
       if (!leave_out_the_worst()) break;
@@ -141,7 +141,7 @@ class Checker {
   void place_lights() {
     points_.assign(lists_.size(), std::nullopt);
     for (size_t j = 0; j < lists_.size(); j++) {
-      // Two cameras always agree on something, nearly: it takes a third to tell.
+      // Two cameras nearly always agree, so a third is required.
       if (const auto found = triangulate(states_, tracks_, lists_[j], kPlaceReach); found && found->agreement > 2)
         points_[j] = found->point;
     }
@@ -154,8 +154,8 @@ class Checker {
       }
     if (std::ranges::none_of(points_, [](const auto& point) { return point.has_value(); }))
       throw Error(
-          "no three cameras see the light where this rig lets them: is it the rig of these cameras, and are their "
-          "names those of the recordings?");
+          "no three cameras see the light consistently with this rig: does the rig belong to these cameras, and do the "
+          "recordings have the right names?");
   }
 
   void judge(size_t i) {
@@ -164,14 +164,14 @@ class Checker {
     result.id = cameras_[i].id;
     const std::vector<Sighting>& seen = sightings_[i];
     result.sights = seen.size();
-    if (seen.size() < kFewestSights) return;
+    if (seen.size() < kMinSights) return;
     result.state = RigCheck::State::kHolds;
     result.residual_px = median_residual(cameras_[i], seen, Change::Zero());
     ChangeFit fit = fit_change(cameras_[i], seen, kPose);
     const ChangeFit with_focal = fit_change(cameras_[i], seen, kWithFocal);
     const double focal = std::abs(with_focal.change[6]);
     const bool lens =
-        with_focal.left < kBetterByLens * fit.left && focal > kLeastFocal && focal > kCertain * with_focal.sigma[6];
+        with_focal.left < kBetterByLens * fit.left && focal > kMinFocal && focal > kCertain * with_focal.sigma[6];
     if (lens) fit = with_focal, result.focal_change = fit.change[6];
     std::vector<double> shifts;
     for (const Sighting& s : seen) {
@@ -191,10 +191,10 @@ class Checker {
       if (states_[i].used && result_[i].state != RigCheck::State::kUnknown) shifts.push_back(result_[i].shift_px);
     return shifts.empty() ? 0 : median(std::move(shifts));
   }
-  double bound() const { return std::max(kLeastShift, kStandsOut * usual_shift()); }
+  double bound() const { return std::max(kMinShift, kStandsOut * usual_shift()); }
 
-  // Of the cameras that place the lights those that are farthest off are asked no more: they pull at all others'. One
-  // that was left out for another's sake is asked again.
+  // Excludes the cameras with the largest displacements, because they bias the light positions and thus all other
+  // cameras. Readmits cameras that fit again. Returns true if the selection changed.
   bool leave_out_the_worst() {
     const double most = bound();
     double worst = 0;
@@ -252,7 +252,7 @@ class Checker {
   size_t lights_ = 1;
   std::vector<std::vector<uint32_t>> lists_;  // observations of each light at each position
   std::vector<Camera> cameras_;
-  std::vector<CameraState> states_;  // `used`: takes part in placing the lights
+  std::vector<CameraState> states_;  // `used`: contributes to the light positions
   std::vector<std::optional<Vec3>> points_;
   std::vector<std::vector<Sighting>> sightings_;
   std::vector<RigCheck::Camera> result_ = std::vector<RigCheck::Camera>(tracks_.cameras.size());
@@ -261,7 +261,7 @@ class Checker {
 }  // namespace
 
 bool RigCheck::holds() const {
-  return !is_lost && shift_px <= kLeastShift && std::ranges::all_of(cameras, [](const Camera& camera) {
+  return !is_lost && shift_px <= kMinShift && std::ranges::all_of(cameras, [](const Camera& camera) {
     return camera.state == State::kHolds || camera.state == State::kUnknown;
   });
 }
@@ -270,19 +270,18 @@ RigCheck check_calibration(const Rig& rig, const Tracks& tracks) { return Checke
 
 namespace {
 
-// What a check of a rig says, in words and for programs.
 using nlohmann::ordered_json;
 using Severity = Finding::Severity;
 using State = RigCheck::State;
 
 constexpr double kDegrees = 180 / M_PI;
-constexpr double kScaleOff = 0.01;   // of 1
-constexpr double kWorthSaying = 3;   // sigmas
-constexpr double kLeastTurn = 3e-4;  // radians
-constexpr double kLeastMove = 3e-4;  // metres
+constexpr double kScaleOff = 0.01;  // relative
+constexpr double kWorthSaying = 3;  // sigmas
+constexpr double kMinTurn = 3e-4;   // radians
+constexpr double kMinMove = 3e-4;   // metres
 
-// "turned by 0.42 degrees (up 0.40, left 0.12)": the parts that are more than chance, the largest first.
-// What is below `least` a rig may be off by all the time.
+// Returns the significant components, largest first, e.g. "0.40 up, 0.12 left". Changes below `least` are within a
+// rig's normal accuracy.
 std::string parts(const Vec3& value, const Vec3& sigma, double least, double unit, const char* const names[3][2]) {
   std::array<int, 3> order = {0, 1, 2};
   std::ranges::sort(order, [&](int a, int b) { return std::abs(value[a]) > std::abs(value[b]); });
@@ -294,14 +293,14 @@ std::string parts(const Vec3& value, const Vec3& sigma, double least, double uni
 }
 
 std::string motion_of(const RigCheck::Camera& camera) {
-  // About the axes to the right and down, and forward: what a positive angle does.
+  // Effect of positive angles about the axes right, down and forward.
   static constexpr const char* kTurns[3][2] = {
       {"down", "up"}, {"to the left", "to the right"}, {"anticlockwise", "clockwise"}};
   static constexpr const char* kMoves[3][2] = {{"to the left", "to the right"}, {"up", "down"}, {"back", "forward"}};
   std::string all;
-  if (const std::string turn = parts(camera.turn, camera.turn_sigma, kLeastTurn, kDegrees, kTurns); !turn.empty())
+  if (const std::string turn = parts(camera.turn, camera.turn_sigma, kMinTurn, kDegrees, kTurns); !turn.empty())
     all = "turned by " + turn + " (degrees)";
-  if (const std::string move = parts(camera.move, camera.move_sigma, kLeastMove, 1e3, kMoves); !move.empty())
+  if (const std::string move = parts(camera.move, camera.move_sigma, kMinMove, 1e3, kMoves); !move.empty())
     all += (all.empty() ? "" : ", ") + ("moved by " + move + " (mm)");
   return all.empty() ? "" : ": " + all;
 }
@@ -328,41 +327,40 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
   std::vector<Finding> findings;
   if (check.is_lost) {
     findings.push_back({Severity::kError, "rig-lost",
-                        "so many cameras are off that nothing tells which of them moved: calibrate the rig anew"});
+                        "too many cameras are off to tell which cameras moved: calibrate the rig again"});
   } else {
     for (const RigCheck::Camera& camera : check.cameras) {
       const std::string who = name_of(rig, camera.id);
       if (camera.state == State::kMoved)
         findings.push_back({Severity::kError, "moved-camera",
-                            format_text("%s has moved, its picture by %.1f pixels%s. Put it back, or calibrate anew",
+                            format_text("%s has moved, its image by %.1f pixels%s. Put it back, or calibrate again",
                                         who.c_str(), camera.shift_px, motion_of(camera).c_str())});
       if (camera.state == State::kLens)
         findings.push_back(
             {Severity::kError, "changed-lens",
              format_text(
-                 "%s: its focal length has changed by %+.1f %%, its picture by %.1f pixels: has somebody turned focus "
-                 "or zoom, or is its focus automatic? Calibrate anew once it stays",
+                 "%s: its focal length has changed by %+.1f %%, displacing its image by %.1f pixels: was focus or zoom "
+                 "turned, or is autofocus on? Fix the focus, then calibrate again",
                  who.c_str(), 100 * camera.focal_change, camera.shift_px)});
     }
-    if (check.shift_px > kLeastShift)
-      findings.push_back(
-          {Severity::kError, "rig-off",
-           format_text(
-               "all cameras are off by %.1f pixels or so, each otherwise: the rig was bent, or is not as good as it "
-               "says: calibrate anew",
-               check.shift_px)});
+    if (check.shift_px > kMinShift)
+      findings.push_back({Severity::kError, "rig-off",
+                          format_text("all cameras are off by about %.1f pixels in different directions: the rig was "
+                                      "bent, or its calibration is "
+                                      "less accurate than stated. Calibrate again",
+                                      check.shift_px)});
   }
   for (const RigCheck::Camera& camera : check.cameras)
     if (camera.state == State::kUnknown)
       findings.push_back(
           {Severity::kWarning, "unseen-camera",
-           format_text("%s saw the light at %zu places alone: nothing can be said of it. Move the light before "
-                       "it, too",
+           format_text("%s saw the light at only %zu positions, too few for a check. Move the light in front of this "
+                       "camera too",
                        name_of(rig, camera.id).c_str(), camera.sights)});
   if (check.bar && bar_length > 0 && std::abs(*check.bar / bar_length - 1) > kScaleOff)
     findings.push_back({Severity::kWarning, "wrong-scale",
-                        format_text("the bar measures %.1f mm by this rig, not %.1f: %s", 1e3 * *check.bar,
-                                    1e3 * bar_length, "the rig's scale is off, or the bar is another one")});
+                        format_text("the bar measures %.1f mm in this rig instead of %.1f mm: %s", 1e3 * *check.bar,
+                                    1e3 * bar_length, "the rig's scale is wrong, or it is a different bar")});
   return findings;
 }
 

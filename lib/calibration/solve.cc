@@ -17,24 +17,24 @@
 namespace lf {
 namespace {
 
-constexpr double kLeastSigma = 1e-3;     // pixels; no light is measured better, and exact data must not divide by zero
-constexpr double kSolveRobust = 2;       // sigmas where the Cauchy loss bends
-constexpr double kFits = 4;              // pixels: a first layout that is as near is right
-constexpr double kGoodFit = 0.5;         // share of the observations
-constexpr double kCoarse = 8;            // pixels: how far off sights may be in a first layout
-constexpr double kSolveSettled = 0.05;   // change of sigma
-constexpr size_t kEnoughToBegin = 4000;  // observations to begin with
-constexpr size_t kEnoughPositions = 50;
+constexpr double kMinSigma = 1e-3;  // pixels; below any real noise, avoids division by zero with exact data
+constexpr double kSolveRobust = 2;  // scale of the Cauchy loss, sigmas
+constexpr double kFits = 4;         // pixels; residual scale of a correct first layout
+constexpr double kGoodFit = 0.5;
+constexpr double kCoarse = 8;           // pixels; tolerance of a first layout
+constexpr double kSolveSettled = 0.05;  // change of sigma
+constexpr size_t kMaxInitialObservations = 4000;
+constexpr size_t kMinPositions = 50;
 
 struct PairLayout {
   const char* name;
   int (*place)(Reconstruction& scene, const Tracks& tracks, double threshold);
 };
-constexpr PairLayout kPairLayouts[] = {{"averaged pairs", layout_from_averages}, {"a pair", layout_from_a_pair}};
+constexpr PairLayout kPairLayouts[] = {{"averaged pairs", global_layout}, {"a pair", incremental_layout}};
 
-// Every nth position: poses, and the choice of a lens model, need not look at all of very many.
-Tracks sample_of(Tracks tracks, size_t enough = kEnoughToBegin) {
-  const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kEnoughPositions);
+// Keeps every nth position: enough for poses and for the selection of a lens model.
+Tracks subsample_tracks(Tracks tracks, size_t enough = kMaxInitialObservations) {
+  const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kMinPositions);
   if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   return tracks;
 }
@@ -42,7 +42,7 @@ Tracks sample_of(Tracks tracks, size_t enough = kEnoughToBegin) {
 class RigSolver {
  public:
   RigSolver(const Tracks& tracks, const SolveOptions& options)
-      : tracks_(tracks), options_(options), sample_(sample_of(tracks)) {
+      : tracks_(tracks), options_(options), sample_(subsample_tracks(tracks)) {
     solution_.scene = make_scene(tracks, options);
   }
 
@@ -62,7 +62,7 @@ class RigSolver {
     step("uncertainty");
     judge();
     if (!tracks_.ordered) compare_halves();
-    settle_doubtful_targets(scene(), tracks_, solution_.model.sigma, solution_.sigma, solution_.inliers);
+    retriangulate_weak_targets(scene(), tracks_, solution_.model.sigma, solution_.sigma, solution_.inliers);
     return std::move(solution_);
   }
 
@@ -72,7 +72,6 @@ class RigSolver {
     if (options_.progress) options_.progress(what);
   }
 
-  // The share of the observations that fit what there is, softly.
   double fit() {
     double sum = 0;
     for (const double l : residual_lengths(scene(), sample_.observations))
@@ -80,7 +79,6 @@ class RigSolver {
     return sum / static_cast<double>(sample_.observations.size());
   }
 
-  // Tries one start after the other until one is good.
   void find_layout() {
     const Reconstruction empty = scene();
     Reconstruction best;
@@ -104,7 +102,7 @@ class RigSolver {
     if (has_layout())
       attempt(
           "the prior rig's layout", [&] { return nominal_layout(); }, false);
-    // Without lenses known, a few focal lengths (in widths of an image) are tried.
+    // Without a prior, tries several focal lengths (relative to the image size).
     for (const double f : {1.0, 0.7, 1.4, 2.0, 0.5}) {
       if (options_.prior && f != 1.0) break;
       for (const auto& [name, place] : kPairLayouts)
@@ -118,11 +116,11 @@ class RigSolver {
             },
             !options_.prior);
     }
-    if (best_fit == 0) throw Error("no two cameras see the light in a way that fits together");
+    if (best_fit == 0) throw Error("no two cameras see the light consistently");
     scene() = std::move(best);
   }
 
-  // A prior may have lenses alone.
+  // A prior rig may contain only lenses.
   bool has_layout() const {
     if (!options_.prior) return false;
     const std::vector<Camera>& cameras = options_.prior->cameras;
@@ -134,22 +132,22 @@ class RigSolver {
     std::vector<Pose> poses;
     for (size_t i = 0; i < tracks_.cameras.size(); i++) {
       const Pose& pose = options_.prior->cameras[*options_.prior->index_of_id(tracks_.cameras[i].id)].pose;
-      // Relative to the first: nothing is lost far from the origin.
+      // Relative to the first camera, to keep precision far from the origin.
       scene().cameras[i].set_pose({pose.position - options_.prior->cameras[0].pose.position, pose.orientation});
       scene().cameras[i].used = true;
       poses.push_back(pose);
     }
     if (!(neighbour_distance(poses) > 0)) return false;
-    targets_from_poses(scene(), tracks_, 4 * kCoarse);
+    triangulate_from_poses(scene(), tracks_, 4 * kCoarse);
     return true;
   }
 
   double sigma_now() { return sigma_of(tracks_); }
   double sigma_of(const Tracks& tracks) {
-    return std::max(kLeastSigma, robust_sigma(residual_lengths(scene(), tracks.observations)));
+    return std::max(kMinSigma, robust_sigma(residual_lengths(scene(), tracks.observations)));
   }
 
-  // Adjusts with a scale of errors that follows what is left of them.
+  // Adjusts with a robust loss; the error scale follows the residuals.
   void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
     AdjustmentOptions o = solution_.model;
     o.free = free;
@@ -169,7 +167,6 @@ class RigSolver {
     solution_.model.shared[kF] = false;
   }
 
-  // Targets and cameras that the first layout missed or mistook.
   void complete() {
     const double reach = std::min(kCoarse, 6 * sigma_now());
     triangulate_targets(scene(), tracks_, reach);
@@ -179,14 +176,15 @@ class RigSolver {
   }
 
   void free_lenses() {
-    // Free principal points follow what errors of features have in common, and the focal lengths follow these: they
-    // must show that they are needed.
+    // Free principal points absorb correlated errors of features, and focal lengths follow. Therefore principal points
+    // are shared unless the model selection frees them.
     if (may_be_alike()) solution_.model.shared[kCx] = solution_.model.shared[kCy] = true;
     if (!scene().measured(kF)) {
       robust_shared_f(sample_, 1);
       robust(sample_, {true, true, true}, 1);
     }
-    // A part of the feature tracks says nothing for all: with errors that are alike, more would not be as telling.
+    // For feature tracks, the sample counts alone: their errors are correlated, and more observations would overstate
+    // the evidence.
     const size_t num_observations = (tracks_.ordered ? tracks_ : sample_).observations.size();
     if (options_.distortion || scene().measured(kK1)) {
       solution_.distortion = options_.distortion.value_or(DistortionModel{2, false, scene().measured(kP1)});
@@ -211,8 +209,8 @@ class RigSolver {
     robust(tracks_, solution_.model.free, 2, 8);
   }
 
-  // Those that fitted nowhere, now that the lenses are known: with that of the batch, or a longer or shorter one. Each
-  // that is found may let others be. Returns whether one was.
+  // Resects the remaining cameras with the estimated lens of the batch, or with a longer or shorter focal length. Each
+  // new camera may help to place further cameras. Returns true if cameras were added.
   bool try_left_out_cameras() {
     bool any = false;
     for (const double longer : {1.0, 0.8, 1.25, 0.64, 1.56}) {
@@ -232,7 +230,7 @@ class RigSolver {
         triangulate_targets(scene(), tracks_, kCoarse);
         robust(tracks_, solution_.model.free, 2, 8);
         drop_poor_cameras(scene(), tracks_.observations, std::max(2.0, 6 * sigma_now()));
-        if (count_used() <= before_) break;  // found again and again, and it never fits
+        if (count_used() <= before_) break;  // repeatedly resected, but never fits
         before_ = count_used();
       }
       if (scene().measured(kF)) break;
@@ -243,7 +241,6 @@ class RigSolver {
     return std::count_if(scene().cameras.begin(), scene().cameras.end(), [](const auto& c) { return c.used; });
   }
 
-  // Least squares over what is no outlier, until that does not change.
   void finish() {
     AdjustmentOptions o = solution_.model;
     o.sigma = sigma_now();
@@ -254,8 +251,8 @@ class RigSolver {
       o.trust = 1e6;
       adjust(scene(), tracks_.observations, inliers, o);
       const auto lengths = residual_lengths(scene(), tracks_.observations);
-      // The errors of features have long tails: cut off by the spread of all, more and more of them would be let in.
-      const double sigma = tracks_.ordered ? std::max(kLeastSigma, noise_of(lengths, inliers)) : sigma_now();
+      // Errors of features have long tails. The sigma of all inliers would grow and admit more and more outliers.
+      const double sigma = tracks_.ordered ? std::max(kMinSigma, noise_of(lengths, inliers)) : sigma_now();
       Inliers next = within(lengths, kOutlier, sigma);
       const size_t changed = inliers.size() - std::inner_product(next.begin(), next.end(), inliers.begin(), size_t{0},
                                                                  std::plus<>(), std::equal_to<>());
@@ -269,8 +266,8 @@ class RigSolver {
     solution_.model.sigma = o.sigma;
   }
 
-  // A camera that is out of focus, or bent as no model has it, errs more than others: its sights count for less, and
-  // are no outliers for it. Returns whether there is one.
+  // Down-weights noisy cameras (out of focus, or with unmodelled distortion), so that their observations are not
+  // outliers. Returns true if there is a noisy camera.
   bool weigh_cameras() {
     solution_.camera_noise = noise_of_cameras(scene(), tracks_.observations);
     bool any = false;
@@ -288,7 +285,8 @@ class RigSolver {
     finish();
     if (may_be_alike()) {
       const auto shared = solution_.model.shared;
-      choose_alike(scene(), sample_of(tracks_, 3 * kEnoughToBegin), solution_.model, solution_.trials);
+      choose_shared_terms(scene(), subsample_tracks(tracks_, 3 * kMaxInitialObservations), solution_.model,
+                          solution_.trials);
       if (solution_.model.shared != shared) finish();
     }
     estimate_track_noise(scene(), tracks_);
@@ -299,14 +297,14 @@ class RigSolver {
     solution_.disagreement = disagreement_of_halves(scene(), tracks_, solution_.inliers, solution_.model);
     if (!(solution_.disagreement > 1)) return;
     solution_.model.sigma *= solution_.disagreement;
-    AdjustmentOptions o = solution_.model;  // priors count for more now
+    AdjustmentOptions o = solution_.model;  // updates the weight of priors
     adjust(scene(), tracks_.observations, solution_.inliers, o);
     solution_.uncertainty = estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model);
   }
 
   void use_known_poses() {
-    if (!knows_poses(options_)) return;
-    const PosePriorUse use =
+    if (!has_known_poses(options_)) return;
+    const PosePriorResult use =
         use_pose_priors(scene(), tracks_, options_,
                         estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model));
     solution_.contradicted_poses = use.contradicted;
@@ -317,7 +315,7 @@ class RigSolver {
     return inlier_sigma(scene(), tracks_.observations, lengths, inliers, solution_.model, solution_.uncertainty);
   }
 
-  // Noise and uncertainty: each depends on the other where parameters are known before.
+  // Estimates noise and uncertainty alternately, because they depend on each other if there are priors.
   void judge() {
     const auto lengths = residual_lengths(scene(), tracks_.observations);
     std::vector<double> good;
@@ -327,16 +325,16 @@ class RigSolver {
     for (int round = 0; round < 2; round++) {
       const double before = solution_.model.sigma;
       solution_.uncertainty = estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model);
-      solution_.model.sigma = std::max(kLeastSigma, noise_of(lengths, solution_.inliers));
+      solution_.model.sigma = std::max(kMinSigma, noise_of(lengths, solution_.inliers));
       if (std::abs(solution_.model.sigma / before - 1) < 0.01) break;
     }
     solution_.sigma = solution_.model.sigma;
   }
 
-  Tracks tracks_;  // whose observations' sigmas are estimated
+  Tracks tracks_;  // a copy, with estimated sigmas
   const SolveOptions& options_;
   const Tracks sample_;
-  std::ptrdiff_t before_ = 0;  // cameras in use before others were tried
+  std::ptrdiff_t before_ = 0;  // number of used cameras before the last attempt to add some
   Solution solution_;
 };
 
@@ -352,8 +350,8 @@ Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { retur
 
 namespace {
 
-constexpr double kHeldOut = 0.1;       // share of the observations
-constexpr int kLeastTargetSights = 4;  // of a target that gives one up
+constexpr double kHeldOut = 0.1;
+constexpr int kMinTargetDetections = 4;  // minimum of a target with a held-out observation
 constexpr double kChoiceRobust = 2;
 constexpr double kChoiceSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
@@ -380,7 +378,7 @@ ModelFit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions
   return fit;
 }
 
-// Sights that seem right, of targets that can do without one: at most one each.
+// Selects held-out observations: inliers of targets with enough other observations, at most one per target.
 std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
   std::vector<int> sights(tracks.num_positions * 2);
   const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };
@@ -393,7 +391,7 @@ std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
   std::vector<size_t> held;
   for (const size_t i : order) {
     if (held.size() >= most) break;
-    if (sights[light(i)] < kLeastTargetSights) continue;
+    if (sights[light(i)] < kMinTargetDetections) continue;
     sights[light(i)]--;
     held.push_back(i);
   }
@@ -425,8 +423,8 @@ struct Candidate {
   AdjustmentOptions options;
 };
 
-// Of candidates from the smallest model to the largest: the index of the one that the tracks call for. Each starts from
-// the one before it, or from `scene`, which is near one of them.
+// Returns the index of the model that the tracks support; candidates are ordered by size. Fits start from the previous
+// candidate, or from `scene` if it is near one of the candidates.
 enum class Start { kPrevious, kScene };
 size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Candidate>& candidates, Start from,
               size_t num_observations, std::vector<ModelTrial>& trials) {
@@ -490,8 +488,8 @@ bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const Distor
   apply_model(more, candidates[1].options);
   std::vector<ModelTrial> tried;
   const size_t chosen = choose(scene, tracks, candidates, Start::kScene, num_observations, tried);
-  // The first is in the table already, where others were tried, with a criterion that counts from another noise: only
-  // differences mean something.
+  // The first candidate is already in the table if models were compared before, with a criterion based on another
+  // noise. The absolute values are not comparable, so differences are used.
   for (ModelTrial& trial : trials) {
     if (!trial.chosen) continue;
     tried[1].bic += trial.bic - tried[0].bic;
@@ -501,8 +499,8 @@ bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const Distor
   return chosen > 0;
 }
 
-void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
-                  std::vector<ModelTrial>& trials) {
+void choose_shared_terms(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
+                         std::vector<ModelTrial>& trials) {
   std::vector<Candidate> candidates = {
       {"all f, c alike", options}, {"f per camera, c alike", options}, {"f, c per camera", options}};
   for (size_t m = 0; m < candidates.size(); m++) {

@@ -10,57 +10,56 @@
 
 namespace lf {
 
-// How many radial terms, whether all cameras have the same, and whether p1 and p2 are free, too.
+// Free distortion parameters of the cameras.
 struct DistortionModel {
-  int terms = 0;            // 0, 1: k1, 2: k1 and k2
-  bool shared = false;      // about the same in all cameras
-  bool tangential = false;  // each camera has p1 and p2 of its own, as lenses stand askew by chance
+  int terms = 0;            // number of radial terms; 1: k1, 2: k1 and k2
+  bool shared = false;      // radial terms are about equal in all cameras
+  bool tangential = false;  // free p1 and p2 per camera, because lens decentring is random
   bool operator==(const DistortionModel&) const = default;
   std::string name() const;
 };
 
-// One model of distortion that was tried.
 struct ModelTrial {
   std::string model;
-  double bic = 0;  // Bayesian information criterion: less is better
-  // Rms error of observations held out, pixels; nothing where the BIC already speaks against the model.
+  double bic = 0;  // Bayesian information criterion; lower is better
+  // RMS error of held-out observations, pixels; nullopt if the BIC rejects the model.
   std::optional<double> transfer_px;
   bool chosen = false;
 };
 
 struct SolveOptions {
-  std::optional<Rig> prior;                                        // nominal lenses and layout; cameras are found by id
-  std::vector<std::optional<CameraCovariance>> prior_covariances;  // for each camera of the prior rig; may be empty
-  std::optional<DistortionModel> distortion;                       // nothing: chosen by evidence
+  // nominal lenses and layout; cameras are matched by id
+  std::optional<Rig> prior;
+  std::vector<std::optional<CameraCovariance>> prior_covariances;  // per camera of the prior rig; may be empty
+  std::optional<DistortionModel> distortion;                       // nullopt: selected automatically
   std::function<void(const std::string& step)> progress;           // called before each step; may throw to cancel
 };
 
 struct Solution {
-  Reconstruction scene;  // cameras and targets in the scale and frame of the solver: see align()
-  Inliers inliers;       // which observations count, a value for each
-  double sigma = 0;      // estimated standard deviation of the inliers in x and in y, pixels
-  // For each camera its noise over that of most, where it errs more in a light's tracks; else 1.
+  Reconstruction scene;  // in the solver's scale and frame, see align()
+  Inliers inliers;       // per observation
+  double sigma = 0;      // standard deviation of the inliers in x and y, pixels
+  // Per camera, noise relative to the median camera: above 1 for noisy cameras with tracks of a light, otherwise 1.
   std::vector<double> camera_noise;
-  double expected_rms = 0;  // rms of residuals' lengths if all were noise like their middle half, pixels
-  AdjustmentOptions model;  // which lens terms are free
+  double expected_rms = 0;  // RMS residual length expected from the median residual, pixels
+  AdjustmentOptions model;
   DistortionModel distortion;
-  std::vector<ModelTrial> trials;  // empty where nothing was to be chosen
-  std::string start;               // how the first layout was found
-  Uncertainty uncertainty;         // uncertainty in the solver's frame and scale
-  double disagreement = 0;         // how far halves of the tracks disagree (disagreement_of_halves()); 0: not compared
-  std::vector<size_t> contradicted_poses;  // cameras that are not where the prior rig's covariance allows
+  std::vector<ModelTrial> trials;          // empty if nothing was selected
+  std::string start;                       // method of the first layout
+  Uncertainty uncertainty;                 // in the solver's frame and scale
+  double disagreement = 0;                 // disagreement_of_halves(); 0: not compared
+  std::vector<size_t> contradicted_poses;  // cameras that contradict the covariance of the prior rig
 };
 
-// Everything but the frame: poses, lenses and targets from tracks. Throws Error where nothing can be found at all.
+// Estimates poses, lenses and targets from tracks, up to the gauge. Throws Error if there is no solution.
 Solution solve_tracks(const Tracks& tracks, const SolveOptions& options);
 
-// The lens terms that are free under a model of distortion, and those that cameras share.
+// Sets the free and the shared lens terms of a distortion model.
 void apply_model(const DistortionModel& model, AdjustmentOptions& options);
 
-// Fits `scene` under each model, from none to two terms a camera, and takes the one that the tracks call for: a larger
-// model only where both the Bayesian information criterion and the error of observations held out improve on the
-// best so far. `scene` becomes the chosen fit. `tracks` may be a part of `num_observations` like them, for which the
-// criterion is.
+// Fits `scene` under each distortion model, from none to two terms per camera. Selects a larger model only if both the
+// Bayesian information criterion and the error of held-out observations improve. `scene` becomes the selected fit.
+// `tracks` may be a representative sample of `num_observations`; the criterion refers to that number.
 struct ModelChoice {
   DistortionModel model;
   std::vector<ModelTrial> trials;
@@ -68,14 +67,14 @@ struct ModelChoice {
 ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations);
 
-// Decides, as choose_distortion() does, whether p1 and p2 are free beside `model`, whose terms `options` has and whose
-// fit `scene` is.
+// Decides with the same criteria if p1 and p2 are estimated in addition to `model`. `options` and `scene` are the terms
+// and the fit of `model`.
 bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const DistortionModel& model,
                        const AdjustmentOptions& options, size_t num_observations, std::vector<ModelTrial>& trials);
 
-// Decides, as choose_distortion() does, whether the focal lengths, and the principal points, of all cameras are about
-// the same: sets that in `options`, whose lens terms are those of the distortion chosen, and adds to `trials`.
-void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
-                  std::vector<ModelTrial>& trials);
+// Decides with the same criteria if focal lengths and principal points are equal in all cameras. Sets `options` and
+// appends to `trials`. `options` must have the lens terms of the selected distortion model.
+void choose_shared_terms(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
+                         std::vector<ModelTrial>& trials);
 
 }  // namespace lf

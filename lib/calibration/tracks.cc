@@ -42,7 +42,7 @@ void check_tracks(const Tracks& tracks, const std::string& name) {
     if (o.light > (tracks.bar ? 1u : 0u))
       fail("observations", i, "light " + std::to_string(o.light) + (tracks.bar ? ": must be 0 or 1" : ": not a bar"));
     const Tracks::Camera& camera = tracks.cameras[o.camera];
-    // Half an image beyond the border is a light that a detector extrapolated; more is a mistaken size or unit.
+    // Detectors may extrapolate up to half an image beyond the border; more indicates a wrong size or unit.
     const bool near = std::abs(o.pixel.x - camera.width / 2.0) <= camera.width &&
                       std::abs(o.pixel.y - camera.height / 2.0) <= camera.height;
     if (!near)
@@ -58,7 +58,7 @@ namespace {
 
 using nlohmann::json;
 
-// What files of tracks, and of sights of lights, begin with.
+// Header of both variants of the format.
 constexpr char kTracksFormat[] = "lightfield-tracks";
 constexpr int kTracksVersion = 1;
 
@@ -107,7 +107,6 @@ Tracks parse_tracks(const std::string& text, const std::string& name) {
 }
 
 std::string tracks_to_json(const Tracks& tracks) {
-  // One line a position: small enough to read.
   std::vector<json> positions(tracks.num_positions, json::array());
   for (const Observation& o : tracks.observations) {
     json value = {tracks.cameras[o.camera].id, o.pixel.x, o.pixel.y};
@@ -133,7 +132,7 @@ namespace fs = std::filesystem;
 using Table = std::vector<std::vector<double>>;
 
 Table read_table(const fs::path& path) {
-  const NumbersWithPoint numbers;
+  const ScopedCLocale numbers;
   Table table;
   std::istringstream text(read_text_file(path.string()));
   size_t number = 0;
@@ -142,7 +141,7 @@ Table read_table(const fs::path& path) {
     std::vector<double> row;
     const char* at = line.c_str();
     for (char* end;; at = end) {
-      const double value = std::strtod(at, &end);  // knows "nan"
+      const double value = std::strtod(at, &end);  // also parses "nan"
       if (end == at) break;
       row.push_back(value);
     }
@@ -159,7 +158,7 @@ Table read_table(const fs::path& path) {
 }
 
 Lens read_rad(const fs::path& path, double first_pixel) {
-  const NumbersWithPoint numbers;
+  const ScopedCLocale numbers;
   std::map<std::string, double> values;
   std::istringstream text(read_text_file(path.string()));
   for (std::string line; std::getline(text, line);) {
@@ -229,9 +228,9 @@ MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_
 
 namespace {
 
-Sight parse_sight(const JsonValue& value, const LightSights::Camera& camera) {
+LightDetection parse_sight(const JsonValue& value, const LightDetections::Camera& camera) {
   const std::vector<JsonValue> v = value.elements(4);
-  Sight sight;
+  LightDetection sight;
   sight.pixel = {v[0].number(), v[1].number()};
   sight.sigma = v[2].number();
   sight.brightness = v[3].number();
@@ -243,21 +242,21 @@ Sight parse_sight(const JsonValue& value, const LightSights::Camera& camera) {
   return sight;
 }
 
-// Shorter numbers, none of which says less than a light is measured to.
+// Rounds to shorten numbers; `steps` exceeds the accuracy of detections.
 double rounded(double value, double steps) { return std::round(value * steps) / steps; }
 
 }  // namespace
 
-std::optional<LightSights> parse_light_sights(const std::string& text, const std::string& name) {
+std::optional<LightDetections> parse_light_detections(const std::string& text, const std::string& name) {
   const json root = parse_json(text, name);
   const JsonValue file(root, name);
   file.require_format(kTracksFormat, kTracksVersion);
   if (file.find("positions")) return std::nullopt;
-  LightSights sights;
+  LightDetections sights;
   if (const auto bar = file.find("bar")) sights.bar = bar->flag();
   std::set<uint32_t> ids;
   for (const JsonValue& value : file.at("cameras").elements()) {
-    LightSights::Camera& camera = sights.cameras.emplace_back();
+    LightDetections::Camera& camera = sights.cameras.emplace_back();
     camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
     if (!ids.insert(camera.id).second) value.fail_inside("id: " + std::to_string(camera.id) + " comes twice");
     camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
@@ -265,9 +264,9 @@ std::optional<LightSights> parse_light_sights(const std::string& text, const std
     for (const JsonValue& entry : value.at("frames").elements()) {
       const std::vector<JsonValue> parts = entry.elements();
       if (parts.empty()) entry.fail("must begin with its time");
-      LightSights::Frame frame{parts[0].number(), {}};
+      LightDetections::Frame frame{parts[0].number(), {}};
       if (!camera.frames.empty() && !(frame.time > camera.frames.back().time))
-        parts[0].fail("must be later than that of the frame before");
+        parts[0].fail("must be later than the previous frame");
       for (size_t i = 1; i < parts.size(); i++) frame.sights.push_back(parse_sight(parts[i], camera));
       camera.frames.push_back(std::move(frame));
     }
@@ -275,20 +274,20 @@ std::optional<LightSights> parse_light_sights(const std::string& text, const std
   return sights;
 }
 
-std::string light_sights_to_json(const LightSights& sights) {
+std::string light_detections_to_json(const LightDetections& sights) {
   std::string text = "{\n \"format\": \"" + std::string(kTracksFormat) +
                      "\",\n \"version\": " + std::to_string(kTracksVersion) +
                      ",\n \"bar\": " + (sights.bar ? "true" : "false") + ",\n \"cameras\": [";
   const char* between = "\n";
-  for (const LightSights::Camera& camera : sights.cameras) {
+  for (const LightDetections::Camera& camera : sights.cameras) {
     text += between + std::string("  {\"id\": ") + std::to_string(camera.id) +
             ", \"width\": " + std::to_string(camera.width) + ", \"height\": " + std::to_string(camera.height) +
             ", \"frames\": [";
     between = ",\n";
     const char* before = "\n";
-    for (const LightSights::Frame& frame : camera.frames) {
+    for (const LightDetections::Frame& frame : camera.frames) {
       json entry = {rounded(frame.time, 1e9)};
-      for (const Sight& s : frame.sights)
+      for (const LightDetection& s : frame.sights)
         entry.push_back({rounded(s.pixel.x, 1e4), rounded(s.pixel.y, 1e4), std::max(1e-4, rounded(s.sigma, 1e4)),
                          std::max(0.1, rounded(s.brightness, 10))});
       text += before + ("   " + entry.dump());

@@ -15,15 +15,14 @@ namespace {
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
-// Calls row(to, from, samples) for all rows of one plane.
 template <typename To, typename From, typename Row>
 void for_rows(To* to, ptrdiff_t to_stride, const From* from, ptrdiff_t from_stride, int width, int height, Row row) {
   for (int y = 0; y < height; y++, to += to_stride, from += from_stride) row(to, from, width);
 }
 
-// Overloads by name.
+// Names for the overloads of add_sum_row().
 void add_sums(int16_t* to, const int16_t* from, int n) { add_sum_row(to, from, n); }
-void add_lost_sums(uint16_t* to, const uint16_t* from, int n) { add_sum_row(to, from, n); }
+void add_missing_sums(uint16_t* to, const uint16_t* from, int n) { add_sum_row(to, from, n); }
 
 template <typename T>
 void copy_row(T* to, const T* from, int n) {
@@ -37,10 +36,10 @@ void Accumulator::reset(PixelFamily family, int width, int height) {
   width_ = width;
   height_ = height;
   touched_ = {};
-  kept_.reset();
-  card_sums_.clear();
-  if (looked_at_) looked_at_->reset(PixelFamily::kNone, 0, 0);
-  own_set_ = own_lost_set_ = false;
+  borrowed_.reset();
+  gpu_sums_.clear();
+  if (fetched_) fetched_->reset(PixelFamily::kNone, 0, 0);
+  own_set_ = own_missing_set_ = false;
   zeros_.resize(width);
   uncovered_.clear();
 }
@@ -52,31 +51,29 @@ bool Accumulator::fits(PixelFamily family, const Rect& rect) const {
 }
 
 SumPlanes Accumulator::own() {
-  return packed_sums(family_, all(), sum_.data(), own_lost_set_ ? lost_.data() : nullptr);
+  return packed_sums(family_, all(), sum_.data(), own_missing_set_ ? missing_.data() : nullptr);
 }
 
-// What is on a card.
 ConstSumPlanes Accumulator::fetched() const {
-  if (card_sums_.size() == 1 && card_sums_.front()->rect() == all()) return card_sums_.front()->fetch();
-  if (!looked_at_) looked_at_ = std::make_unique<Accumulator>();
-  if (looked_at_->family() == PixelFamily::kNone) {
-    looked_at_->reset(family_, width_, height_);
-    for (const std::shared_ptr<gl::CardSum>& sum : card_sums_) looked_at_->add(sum->fetch());
+  if (gpu_sums_.size() == 1 && gpu_sums_.front()->rect() == all()) return gpu_sums_.front()->fetch();
+  if (!fetched_) fetched_ = std::make_unique<Accumulator>();
+  if (fetched_->family() == PixelFamily::kNone) {
+    fetched_->reset(family_, width_, height_);
+    for (const std::shared_ptr<gl::GpuSum>& sum : gpu_sums_) fetched_->add(sum->fetch());
   }
-  return looked_at_->whole();
+  return fetched_->whole();
 }
 
-// All sums so far of a whole picture that need not be copied, wherever they are.
 std::optional<ConstSumPlanes> Accumulator::kept() const {
-  return card_sums_.empty() ? kept_ : std::optional(fetched());
+  return gpu_sums_.empty() ? borrowed_ : std::optional(fetched());
 }
 
 ConstSumPlanes Accumulator::whole() const {
   if (const auto kept = this->kept()) return *kept;
-  const uint16_t* const lost = own_lost_set_ ? lost_.data() : nullptr;
+  const uint16_t* const lost = own_missing_set_ ? missing_.data() : nullptr;
   if (own_set_) return packed_sums(family_, all(), sum_.data(), lost);
   ConstSumPlanes nothing{.family = family_, .rect = all()};
-  for (const int16_t*& plane : nothing.plane) plane = zeros_.data();  // one row for all, stride 0
+  for (const int16_t*& plane : nothing.plane) plane = zeros_.data();  // one row of zeros with stride 0
   return nothing;
 }
 
@@ -90,29 +87,30 @@ void Accumulator::materialize() {
     return;
   }
   const ConstSumPlanes from = *kept;
-  // Its memory lives until the end of this.
-  const std::vector<std::shared_ptr<gl::CardSum>> card_sums = std::move(card_sums_);
-  card_sums_.clear();
-  kept_.reset();
-  if (from.lost) materialize_lost();
+  // Keeps the GPU sums alive until the copy is done.
+  const std::vector<std::shared_ptr<gl::GpuSum>> gpu_sums = std::move(gpu_sums_);
+  gpu_sums_.clear();
+  borrowed_.reset();
+  if (from.lost) materialize_missing();
   const SumPlanes to = own();
   for (int c = 0; c < 3; c++)
     for_rows(to.plane[c], to.stride[c], from.plane[c], from.stride[c], plane_width(family_, to.rect, c),
              plane_height(family_, to.rect, c), copy_row<int16_t>);
-  if (from.lost) for_rows(to.lost, to.lost_stride, from.lost, from.lost_stride, width_, height_, copy_row<uint16_t>);
+  if (from.lost)
+    for_rows(to.lost, to.missing_stride, from.lost, from.missing_stride, width_, height_, copy_row<uint16_t>);
 }
 
-void Accumulator::materialize_lost() {
-  if (own_lost_set_) return;
-  own_lost_set_ = true;
-  lost_.resize(static_cast<size_t>(width_) * height_);
-  std::memset(lost_.data(), 0, lost_.size() * sizeof(lost_[0]));
+void Accumulator::materialize_missing() {
+  if (own_missing_set_) return;
+  own_missing_set_ = true;
+  missing_.resize(static_cast<size_t>(width_) * height_);
+  std::memset(missing_.data(), 0, missing_.size() * sizeof(missing_[0]));
 }
 
 bool Accumulator::add(const FragmentPlanes& in) {
   if (!fits(in.family, in.rect)) return false;
   materialize();
-  if (in.lost) materialize_lost();
+  if (in.lost) materialize_missing();
   const SumPlanes to = part_of(own(), in.rect);
   const int w = in.rect.width(), h = in.rect.height();
   if (family_ == PixelFamily::kRgb) {
@@ -124,7 +122,7 @@ bool Accumulator::add(const FragmentPlanes& in) {
     for (int c = 1; c < 3; c++)
       for_rows(to.plane[c], to.stride[c], in.plane[c], in.stride[c], chroma_size(w), chroma_size(h), add_chroma_row);
   }
-  if (in.lost) for_rows(to.lost, to.lost_stride, in.lost, in.lost_stride, w, h, add_lost_row);
+  if (in.lost) for_rows(to.lost, to.missing_stride, in.lost, in.missing_stride, w, h, add_missing_row);
   touched_ = unite(touched_, in.rect);
   return true;
 }
@@ -139,61 +137,62 @@ bool Accumulator::add(const Fragment& fragment) {
 bool Accumulator::add(const ConstSumPlanes& in) {
   if (!fits(in.family, in.rect)) return false;
   materialize();
-  if (in.lost) materialize_lost();
+  if (in.lost) materialize_missing();
   const SumPlanes to = part_of(own(), in.rect);
   for (int c = 0; c < 3; c++)
     for_rows(to.plane[c], to.stride[c], in.plane[c], in.stride[c], plane_width(family_, in.rect, c),
              plane_height(family_, in.rect, c), add_sums);
   if (in.lost)
-    for_rows(to.lost, to.lost_stride, in.lost, in.lost_stride, in.rect.width(), in.rect.height(), add_lost_sums);
+    for_rows(to.lost, to.missing_stride, in.lost, in.missing_stride, in.rect.width(), in.rect.height(),
+             add_missing_sums);
   touched_ = unite(touched_, in.rect);
   return true;
 }
 
-bool Accumulator::add_kept(const ConstSumPlanes& sums) {
+bool Accumulator::add_borrowed(const ConstSumPlanes& sums) {
   if (!touched_.empty() || sums.rect != all()) return add(sums);
   if (!fits(sums.family, sums.rect)) return false;
-  kept_ = sums;
+  borrowed_ = sums;
   touched_ = sums.rect;
   return true;
 }
 
-bool Accumulator::add_kept(std::shared_ptr<gl::CardSum> sum) {
+bool Accumulator::add_borrowed(std::shared_ptr<gl::GpuSum> sum) {
   if (sum->view() != all() || !fits(sum->family(), sum->rect())) return false;
-  const bool are_alone = touched_.empty() || !card_sums_.empty();
-  if (!are_alone || (!card_sums_.empty() && card_sums_.front()->group() != sum->group())) return add(sum->fetch());
+  const bool are_alone = touched_.empty() || !gpu_sums_.empty();
+  if (!are_alone || (!gpu_sums_.empty() && gpu_sums_.front()->group() != sum->group())) return add(sum->fetch());
   touched_ = unite(touched_, sum->rect());
-  card_sums_.push_back(std::move(sum));
-  if (looked_at_) looked_at_->reset(PixelFamily::kNone, 0, 0);
+  gpu_sums_.push_back(std::move(sum));
+  if (fetched_) fetched_->reset(PixelFamily::kNone, 0, 0);
   return true;
 }
 
-bool Accumulator::add_lost_weights(const Rect& rect, const std::vector<float>& weights) {
-  // Lost weight has a value per pixel in both families, wherever the rectangle begins.
+bool Accumulator::add_missing_weights(const Rect& rect, const std::vector<float>& weights) {
+  // Missing weight has one value per pixel in both families, so the rectangle may start at an odd pixel.
   const Rect even{rect.x0 & ~1, rect.y0 & ~1, rect.x1, rect.y1};
   if (rect.empty() || !fits(family_, even) || weights.size() != area(rect)) return false;
   materialize();
-  materialize_lost();
+  materialize_missing();
   const int w = rect.width();
   std::vector<uint16_t> row(w);
   for (int y = 0; y < rect.height(); y++) {
     const float* in = &weights[static_cast<size_t>(y) * w];
-    // The comparison comes first so that a NaN is nothing.
+    // This order of comparisons turns NaN into 0.
     for (int x = 0; x < w; x++)
-      row[x] = static_cast<uint16_t>((in[x] > 0 ? std::min(in[x], 1.f) : 0.f) * kLostOne + 0.5f);
-    add_sum_row(&lost_[static_cast<size_t>(rect.y0 + y) * width_ + rect.x0], row.data(), w);
+      row[x] = static_cast<uint16_t>((in[x] > 0 ? std::min(in[x], 1.f) : 0.f) * kMissingOne + 0.5f);
+    add_sum_row(&missing_[static_cast<size_t>(rect.y0 + y) * width_ + rect.x0], row.data(), w);
   }
   touched_ = unite(touched_, rect);
   return true;
 }
 
-void Accumulator::set_uncovered(const OwnerMap& whole_view) {
-  if (whole_view.region() != all()) throw Error("the owner map of uncovered pixels does not span the picture");
+void Accumulator::set_uncovered(const FaceIdMap& whole_view) {
+  if (whole_view.region() != all()) throw Error("the face-id map of uncovered pixels does not cover the picture");
   uncovered_.resize(static_cast<size_t>(width_) * height_);
   for (int y = 0; y < height_; y++) {
     const int32_t* owner = whole_view.row(0, y);
     uint8_t* out = &uncovered_[static_cast<size_t>(y) * width_];
-    for (int x = 0; x < width_; x++) out[x] = owner[x] == OwnerMap::kNone;
+    for (int x = 0; x < width_; x++) out[x] = owner[x] == FaceIdMap::kNone;
   }
 }
 
@@ -203,20 +202,20 @@ void Accumulator::resolve(const Background& background, const RgbLayout& layout,
 }
 
 gl::ShareGroup Accumulator::share_group() const {
-  return !card_sums_.empty() && !own_lost_set_ && uncovered_.empty() ? card_sums_.front()->group() : 0;
+  return !gpu_sums_.empty() && !own_missing_set_ && uncovered_.empty() ? gpu_sums_.front()->group() : 0;
 }
 
 bool Accumulator::is_gone() const {
-  return std::ranges::any_of(card_sums_, [](const auto& sum) { return sum->is_gone(); });
+  return std::ranges::any_of(gpu_sums_, [](const auto& sum) { return sum->is_gone(); });
 }
 
-std::shared_ptr<gl::CardSum> Accumulator::resolve_on_card(const Background& background, const Levels& levels,
-                                                          gl::CardPicture to, std::string& why) const {
+std::shared_ptr<gl::GpuSum> Accumulator::resolve_on_gpu(const Background& background, const Levels& levels,
+                                                        gl::GpuPicture to, std::string& why) const {
   if (share_group() == 0) {
-    why = "it is not on a card";
+    why = "it is not on a GPU";
     return nullptr;
   }
-  std::shared_ptr<gl::CardSum> sum = card_sums_.size() == 1 ? card_sums_.front() : gl::CardSum::add(card_sums_, why);
+  std::shared_ptr<gl::GpuSum> sum = gpu_sums_.size() == 1 ? gpu_sums_.front() : gl::GpuSum::add(gpu_sums_, why);
   if (!sum) return nullptr;
   to.gain = levels.gain;
   to.offset = levels.offset;
@@ -252,8 +251,8 @@ std::vector<float> Accumulator::coverage() const {
   if (const ConstSumPlanes sum = whole(); sum.lost)
     for (int y = 0; y < height_; y++)
       for (int x = 0; x < width_; x++) {
-        const int lost = std::min<int>(sum.lost[y * sum.lost_stride + x], kLostOne);
-        coverage[static_cast<size_t>(y) * width_ + x] = static_cast<float>(kLostOne - lost) / kLostOne;
+        const int lost = std::min<int>(sum.lost[y * sum.missing_stride + x], kMissingOne);
+        coverage[static_cast<size_t>(y) * width_ + x] = static_cast<float>(kMissingOne - lost) / kMissingOne;
       }
   for (size_t i = 0; i < uncovered_.size(); i++)
     if (uncovered_[i]) coverage[i] = 0;
@@ -263,7 +262,7 @@ std::vector<float> Accumulator::coverage() const {
 std::optional<ConstSumPlanes> Accumulator::sums() const {
   if (touched_.empty()) return std::nullopt;
   Rect rect = touched_;
-  if (family_ == PixelFamily::kI420) {  // lost weights may begin at an odd pixel
+  if (family_ == PixelFamily::kI420) {  // missing weights may start at an odd pixel
     rect.x0 &= ~1;
     rect.y0 &= ~1;
   }

@@ -10,18 +10,18 @@
 #include "base/memory.h"
 #include "composite/resolve.h"
 #include "image/image.h"
-#include "render/gl/card_sum.h"
+#include "render/gl/gpu_sum.h"
 #include "render/ownership.h"
 #include "render/sum_planes.h"
 
 namespace lf {
 
-// The compositor's arithmetic: image = sum of fragments, divided by 1 - (sum of lost weight) where weight was lost.
-// Sums as in SumPlanes, saturating: fragments of a picture, whose weights sum to 1, never get there; if foreign ones
-// do, luma and RGB still do not depend on the order of adding. Not thread-safe.
+// Adds up the fragments of a picture and divides by 1 - (sum of missing weight). Sums are as in SumPlanes and saturate.
+// Valid weights sum to 1 and never reach saturation; with invalid input, luma and RGB still do not depend on the order
+// of the fragments. Not thread-safe.
 class Accumulator {
  public:
-  // Forgets everything. Keeps its memory.
+  // Keeps the memory.
   void reset(PixelFamily family, int width, int height);
 
   PixelFamily family() const { return family_; }
@@ -29,65 +29,64 @@ class Accumulator {
   int height() const { return height_; }
 
   bool fits(PixelFamily family, const Rect& rect) const;
-  // False, and nothing is added, where fits() says no: if the family differs or the rectangle is not inside the picture
-  // or begins at an odd pixel in kI420; for a Fragment also if its planes don't fill the rectangle.
+  // Returns false and adds nothing unless fits(): the family matches, and the rectangle is inside the picture and, in
+  // kI420, starts at an even pixel. The planes of a Fragment must also fill its rectangle.
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
-  // Adds sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
-  bool add_kept(const ConstSumPlanes& sums);
-  // Adds what is on a card. It comes to this process's memory when something else is added to it, or somebody looks at
-  // it.
-  bool add_kept(std::shared_ptr<gl::CardSum> sum);
-  // The weights of a camera whose answer never came count as lost: `weights` as from pixel_weights() over `rect`.
-  bool add_lost_weights(const Rect& rect, const std::vector<float>& weights);
-  // Pixels that no face of the mesh owns show the background too (without it they stay as they are: black).
-  void set_uncovered(const OwnerMap& whole_view);
+  // Adds sums that stay valid until reset(). If they cover the whole picture and stay alone, they are not copied.
+  bool add_borrowed(const ConstSumPlanes& sums);
+  // Adds a sum in GPU memory. It is downloaded when CPU data is added or the result is read on the CPU.
+  bool add_borrowed(std::shared_ptr<gl::GpuSum> sum);
+  // Counts the weights of a camera that did not answer as missing. `weights`: from pixel_weights() over `rect`.
+  bool add_missing_weights(const Rect& rect, const std::vector<float>& weights);
+  // Makes pixels without a mesh face show the background; without this call they stay black.
+  void set_uncovered(const FaceIdMap& whole_view);
 
-  // The finished picture, see resolve().
+  // See resolve() in resolve.h.
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
-  // The contexts in whose textures resolve_on_card() may be called, as all that was added is on their card; 0: it is
-  // not.
+  // Returns the share group for resolve_on_gpu(); 0 unless all sums are on the GPU of the group.
   gl::ShareGroup share_group() const;
-  // Whether what was added was on a card that was there no more when somebody looked at it: all weight is lost.
+  // True if a GPU sum was lost before it could be downloaded; all its weight then counts as missing.
   bool is_gone() const;
-  // The one of what was added whose drawer makes the picture then. share_group() is not 0.
-  const gl::CardSum& first_on_card() const { return *card_sums_.front(); }
-  // The same as resolve() in such textures, once CardSum::wait() of what it returns has returned; `to` says which. Null
-  // with the reason in `why` if that can't be done.
-  std::shared_ptr<gl::CardSum> resolve_on_card(const Background& background, const Levels& levels, gl::CardPicture to,
-                                               std::string& why) const;
-  // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
+  // Returns the sum that determines the renderer of the picture. Requires share_group() != 0.
+  const gl::GpuSum& first_gpu_sum() const { return *gpu_sums_.front(); }
+  // Like resolve() above, but on the GPU of share_group(). The picture is ready after GpuSum::wait() on the result.
+  // `to`: the target textures. Returns null and sets `why` on failure.
+  std::shared_ptr<gl::GpuSum> resolve_on_gpu(const Background& background, const Levels& levels, gl::GpuPicture to,
+                                             std::string& why) const;
+  // Returns the share of each pixel's weight that is not missing, 0 to 1, accurate to 1e-4; 0 for uncovered pixels.
   std::vector<float> coverage() const;
-  // Call after resolve(): the picture before shows where most of the weight was lost, see conceal().
+  // Call after resolve(). Shows the previous picture where most weight is missing, see conceal() in resolve.h.
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
-  // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. Valid until
-  // the next call that is not const.
+  // Returns the sum over the bounding rectangle of all additions; nothing if nothing was added. Valid until the next
+  // non-const call.
   std::optional<ConstSumPlanes> sums() const;
 
  private:
   Rect all() const { return {0, 0, width_, height_}; }
   std::optional<ConstSumPlanes> kept() const;
   ConstSumPlanes fetched() const;
-  SumPlanes own();               // the sum of the whole picture in own memory, after materialize()
-  ConstSumPlanes whole() const;  // the sum of the whole picture, in own or kept memory, or zeros
-  void materialize();            // copies what was added into own memory
-  void materialize_lost();
+  SumPlanes own();               // requires materialize()
+  ConstSumPlanes whole() const;  // own, borrowed or zero
+  void materialize();
+  void materialize_missing();
 
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
-  Rect touched_;                                         // bounds all rectangles that were added
-  std::optional<ConstSumPlanes> kept_;                   // the only sums so far, in the caller's memory
-  std::vector<std::shared_ptr<gl::CardSum>> card_sums_;  // or on a card
-  mutable std::unique_ptr<Accumulator> looked_at_;       // what these come to, once somebody has looked at it
-  bool own_set_ = false, own_lost_set_ = false;          // whether sum_, lost_ hold anything yet; they are cleared late
-  UninitializedVector<int16_t> sum_;                     // three planes, of the whole picture
-  UninitializedVector<uint16_t> lost_;
-  std::vector<int16_t> zeros_;      // a row of zeros
-  std::vector<uint8_t> uncovered_;  // per pixel, not 0: no face owns it; empty: not known
+  Rect touched_;
+  std::optional<ConstSumPlanes> borrowed_;             // the only sums so far, in the caller's memory
+  std::vector<std::shared_ptr<gl::GpuSum>> gpu_sums_;  // alternative to borrowed_: sums in GPU memory
+  mutable std::unique_ptr<Accumulator> fetched_;       // gpu_sums_ added up on the CPU, on demand
+  // True if sum_, missing_ are in use; they are cleared on first use.
+  bool own_set_ = false, own_missing_set_ = false;
+  UninitializedVector<int16_t> sum_;
+  UninitializedVector<uint16_t> missing_;
+  std::vector<int16_t> zeros_;
+  std::vector<uint8_t> uncovered_;  // per pixel, not 0: no mesh face; empty: unknown
 };
 
 }  // namespace lf

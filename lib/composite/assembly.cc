@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "render/camera_projection.h"
-#include "render/gl/card_sum.h"
+#include "render/gl/gpu_sum.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 #include "wire/answer_codec.h"
@@ -41,11 +41,11 @@ void Assembly::begin(const ViewRequest& request, const CameraSet& lost) {
 
 void Assembly::release() {
   accumulator_.reset(family_, request_.view.width, request_.view.height);
-  kept_.reset();
+  borrowed_.reset();
   pixels_.clear();
 }
 
-bool Assembly::is_beyond_rig(const wire::AnswerHeader& answer) const {
+bool Assembly::has_unknown_cameras(const wire::AnswerHeader& answer) const {
   return rig_ && answer.rig_hash == rig_hash_ && !answer.cameras.empty() &&
          answer.cameras.ranges().back().last >= rig_->cameras.size();
 }
@@ -54,17 +54,17 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return add(answer, std::move(bytes), nullptr);
 }
 
-Assembly::Verdict Assembly::add_on_card(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::CardSum> sum) {
-  const wire::FragmentHeader of_all{{}, answer.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_lost()};
+Assembly::Verdict Assembly::add_on_gpu(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::GpuSum> sum) {
+  const wire::FragmentHeader of_all{{}, answer.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_missing()};
   return add(wire::AnswerView{answer, {{of_all, {}}}}, nullptr, std::move(sum));
 }
 
 Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes,
-                                std::shared_ptr<gl::CardSum> card_sum) {
+                                std::shared_ptr<gl::GpuSum> gpu_sum) {
   if (answer.view_id != request_.view_id || answer.sequence != request_.sequence) return Verdict::kOtherRequest;
   if (expected_rig_ == 0) expected_rig_ = answer.rig_hash;
   if (answer.rig_hash != expected_rig_) return Verdict::kOtherRig;
-  if (is_beyond_rig(answer)) return Verdict::kBadFragment;
+  if (has_unknown_cameras(answer)) return Verdict::kBadFragment;
   if (answer.view_width != request_.view.width || answer.view_height != request_.view.height)
     return Verdict::kBadFragment;
   if (family_ == PixelFamily::kNone && answer.family != PixelFamily::kNone) {
@@ -85,7 +85,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   std::optional<Coverage::Sums> sums;
   if (any_sums && !answer.cameras.empty()) sums.emplace(coverage_, answer.cameras);
   for (const wire::FragmentView& fragment : answer.fragments)
-    all_good = add_fragment(fragment, sums, bytes, card_sum) && all_good;
+    all_good = add_fragment(fragment, sums, bytes, gpu_sum) && all_good;
   Source& source = sources_[key];
   source.parts.add(answer.part);
   source.blind = answer.blind;
@@ -99,10 +99,11 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
-// `sums`: of which cameras it is, if it is of several; twice the same one (a duplicated packet, two nodes with one
-// camera) would be too bright. False if it does not fit, which is no damage.
+// `sums`: the cameras of a sum; null for sums without a camera list. Adding the same camera twice (duplicated packet,
+// or two nodes with one camera) would make the picture too bright. Returns false if the fragment does not fit; damaged
+// fragments return true.
 bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
-                            const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::CardSum>& card_sum) {
+                            const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::GpuSum>& gpu_sum) {
   std::optional<FragmentPlanes> planes;
   if (fragment.codec != wire::Codec::kRaw16) {
     planes = decoder_.decode(fragment);
@@ -116,13 +117,13 @@ bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Co
   } else {
     if (!accumulator_.fits(fragment.family, fragment.rect) || (sums && !sums->add(fragment.rect))) return false;
     have_unnamed_sums_ |= !sums;
-    card_sum ? accumulator_.add_kept(card_sum) : planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
+    gpu_sum ? accumulator_.add_borrowed(gpu_sum) : planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
   }
   fragments_++;
   return true;
 }
 
-// Of the answers' family, which all have.
+// All fragments have the family of the answer, so add_pixels() does not check the family.
 bool Assembly::add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes) {
   const CameraIndex camera = *fragment.camera;
   if (camera >= rig_->cameras.size() || coverage_.has(camera)) return false;
@@ -133,15 +134,15 @@ bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_pt
   bool copied;
   const ConstSumPlanes sums = decoder_.sums(fragment, &copied);
   if (!bytes || copied) return accumulator_.add(sums);
-  const bool added = accumulator_.add_kept(sums);
-  if (added && !kept_) kept_ = bytes;
+  const bool added = accumulator_.add_borrowed(sums);
+  if (added && !borrowed_) borrowed_ = bytes;
   return added;
 }
 
-// Cameras that may have a weight somewhere for which something may not have come.
+// Returns the contributing cameras that may be incomplete.
 CameraSet Assembly::absent(const ViewPlan& plan) const {
   if (have_unnamed_sums_) return {};
-  CameraRanges there;  // all they have to give
+  CameraRanges there;
   for (const auto& [key, source] : sources_) {
     if (!source.parts.complete() || source.spoilt) continue;
     CameraRanges giving = key.second;
@@ -166,7 +167,7 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   const CameraSet absent = this->absent(plan);
   if (absent.empty() && !mark_uncovered) return;
 
-  const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  const FaceIdMap owners(plan, {0, 0, view.width, view.height});
   add_missing(plan, absent, owners);
   if (mark_uncovered) accumulator_.set_uncovered(owners);
 }
@@ -177,7 +178,7 @@ CameraRanges Assembly::blind() const {
   return blind;
 }
 
-bool Assembly::all_is_missing() {
+bool Assembly::is_empty() {
   if (!rig_ || fragments_ > 0) return false;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);
   const size_t wanted = plan.contributors().size();
@@ -192,10 +193,10 @@ void Assembly::finish_partial() {
   render_pixels(plan);
   CameraSet absent = this->absent(plan);
   std::erase_if(absent, [this](CameraIndex camera) { return !cameras_.contains(camera); });
-  if (!absent.empty()) add_missing(plan, absent, OwnerMap(plan, {0, 0, request_.view.width, request_.view.height}));
+  if (!absent.empty()) add_missing(plan, absent, FaceIdMap(plan, {0, 0, request_.view.width, request_.view.height}));
 }
 
-// What the cameras would have contributed.
+// Renders the received pixels as the cameras' nodes would have done.
 void Assembly::render_pixels(const ViewPlan& plan) {
   std::vector<lf::Source> sources;
   CameraSet incomplete;
@@ -213,25 +214,25 @@ void Assembly::render_pixels(const ViewPlan& plan) {
   }
   incomplete_ = CameraRanges(incomplete);
   if (sources.empty()) return;
-  const OwnerRuns runs(plan, rect);
+  const FaceRuns runs(plan, rect);
   const SumRenderer renderer(plan, runs, sources, family_);
   const size_t area = wire::area(rect);
   pixel_sum_.resize(3 * area);
-  pixel_lost_.resize(area);
-  const bool any_lost =
-      renderer.render_rows(rect.y0, rect.y1, packed_sums(family_, rect, pixel_sum_.data(), pixel_lost_.data()));
-  accumulator_.add_kept(packed_sums<const int16_t, const uint16_t>(family_, rect, pixel_sum_.data(),
-                                                                   any_lost ? pixel_lost_.data() : nullptr));
+  pixel_missing_.resize(area);
+  const bool any_missing =
+      renderer.render_rows(rect.y0, rect.y1, packed_sums(family_, rect, pixel_sum_.data(), pixel_missing_.data()));
+  accumulator_.add_borrowed(packed_sums<const int16_t, const uint16_t>(family_, rect, pixel_sum_.data(),
+                                                                       any_missing ? pixel_missing_.data() : nullptr));
 }
 
-void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners) {
+void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const FaceIdMap& owners) {
   for (const CameraIndex camera : absent) {
     const Rect rect = plan.camera_rect(camera);
     std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
-    coverage_.take_out(camera, rect, weights);
+    coverage_.subtract(camera, rect, weights);
     if (std::ranges::all_of(weights, [](float w) { return w == 0; })) continue;
     if (!std::ranges::binary_search(lost_, camera)) missing_++;
-    accumulator_.add_lost_weights(rect, weights);
+    accumulator_.add_missing_weights(rect, weights);
   }
 }
 
@@ -244,7 +245,7 @@ void copy(const ConstSumPlanes& from, const SumPlanes& to) {
                   to.plane[c] + y * to.stride[c]);
   if (!from.lost) return;
   for (int y = 0; y < from.rect.height(); y++)
-    std::copy_n(from.lost + y * from.lost_stride, from.rect.width(), to.lost + y * to.lost_stride);
+    std::copy_n(from.lost + y * from.missing_stride, from.rect.width(), to.lost + y * to.missing_stride);
 }
 
 }  // namespace
@@ -266,10 +267,10 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   return wire::encode_fragments(header, fragments, coding.quality, std::move(memory), serial_for);
 }
 
-std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,
-                        ViewFocus::Answers& answers) {
+std::string add_consistency(std::span<const uint8_t> unit, const wire::ConsistencyHeader& header,
+                            const ViewRequest& request, ViewDepths::Answers& answers) {
   if (request.rig_hash != 0 && header.rig_hash != request.rig_hash) return "of another rig";
-  wire::MomentsShape asked;
+  wire::ConsistencyShape asked;
   if (const FocalMap* map = request.view.focus.map.get()) {
     if (!header.gains)
       asked = {map->columns, map->rows, request.trials.size()};
@@ -277,7 +278,7 @@ std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader
       asked = {FocalMap::nodes(map->columns, 2), FocalMap::nodes(map->rows, 2), 1};
   }
   std::string reason;
-  std::optional<wire::MomentsUnit> came = wire::decode_moments(unit, asked, &reason);
+  std::optional<wire::ConsistencyUnit> came = wire::decode_consistency(unit, asked, &reason);
   if (!came) return reason;
   if (came->gains) {
     answers.gains.add(*came->gains);

@@ -10,135 +10,132 @@
 #include "base/memory.h"
 #include "base/worker_pool.h"
 #include "composite/accumulator.h"
-#include "composite/arrivals.h"
-#include "focus/view_focus.h"
+#include "composite/answer_coverage.h"
+#include "focus/view_depths.h"
 #include "node/answer_encoder.h"
 #include "render/ownership.h"
 #include "view/view_request.h"
 #include "wire/answer_codec.h"
+#include "wire/consistency_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/moments_codec.h"
 
 namespace lf {
 
-// Puts the picture of one request together from the answers of any number of nodes, whole or part by part, in any
-// order: adds fragments up, and renders from plain pixels, for cameras that give nothing else. Reused from request to
-// request. Not thread-safe.
+// Assembles the picture of one request from the answers of any number of nodes, in any order and in parts. Adds up
+// fragments, and renders unwarped pixels of cameras that can only deliver pixels. Reusable. Not thread-safe.
 class Assembly {
  public:
-  // Sets the rig, or null: with it fragments that never came count as lost weight, and pixels outside the mesh show the
-  // background.
+  // Sets the rig; may be null. The rig makes absent fragments count as missing weight, and shows the background outside
+  // the mesh.
   void set_rig(std::shared_ptr<const Rig> rig);
-  // `lost`: cameras that are known to give nothing, ascending: what they should have given is lost, but not missing.
-  // Throws Error if the request names cameras out of service that the rig does not have.
+  // Starts a new request. `lost`: cameras without frames, ascending; their weight counts as missing, but missing()
+  // leaves out these cameras. Throws Error if the request has out-of-service cameras that are not in the rig.
   void begin(const ViewRequest& request, const CameraSet& lost = {});
 
   enum class Verdict {
     kAdded,
     kOtherRequest,  // another view or sequence number
-    kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
-    kNeedsRig,      // plain pixels, which only somebody who knows the rig can use
-    kBadFragment,   // another pixel family or view size than the first answer's, or cameras that have been there
-                    // already, or that the rig does not have, or too many sets of cameras; other fragments were added
+    kOtherRig,      // another rig than the request, this compositor or the first answer
+    kNeedsRig,      // unwarped pixels, but no rig is set
+    // Another pixel family or view size than the first answer, cameras that have already contributed or are not in the
+    // rig, or too many camera sets; the valid fragments were added.
+    kBadFragment,
   };
-  // Damaged fragments are left out and counted; the others of the answer are added. `bytes`: what owns the payloads
-  // and keeps them where they are; with it the sums of a whole view are used in their place, until release() or
-  // begin().
+  // Adds the fragments of an answer. Damaged fragments are skipped and counted. `bytes`: owner of the payloads; if
+  // given, the sums of a whole view are used without a copy until release() or begin().
   Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes = nullptr);
 
-  // The same of an answer whose one fragment is on a card: `answer` is what comes before it.
-  Verdict add_on_card(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::CardSum> sum);
+  // As above, for an answer with a single fragment in GPU memory. `answer`: the header that precedes the fragment.
+  Verdict add_on_gpu(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::GpuSum> sum);
 
-  // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the
-  // family of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map
-  // of the whole view and changes nothing if the background is black.
+  // Call once after the last answer, before picture(): counts the weight of absent cameras as missing. `fallback`:
+  // pixel family for a request without pixels. `mark_uncovered`: see Accumulator::set_uncovered; costs a face-id map of
+  // the whole view and has no effect on a black background.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
-  // Call before finish(): whether there is something to be seen in the view and nothing of it has come. Then missing()
-  // is known, and a picture, which would be more work than any other, need not be made: it would show nothing.
-  bool all_is_missing();
+  // Call before finish(). True if the view has visible cameras and none of them answered. missing() is then valid. Skip
+  // the picture in this case: it would show nothing and cost more than any other.
+  bool is_empty();
 
-  // finish() of a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
+  // Replaces finish() in a compositor inside a tree: cameras without any answer belong to another compositor and do not
+  // count as missing.
   void finish_partial();
 
-  // Whether an answer of this rig speaks for cameras that the rig does not have: who believed it would miss them in all
-  // that comes.
-  bool is_beyond_rig(const wire::AnswerHeader& answer) const;
+  // True if an answer for this rig claims cameras that are not in the rig. Believing it would make these cameras
+  // missing from every later picture.
+  bool has_unknown_cameras(const wire::AnswerHeader& answer) const;
 
-  // The pixel family of the answers so far; kNone before the first that names one.
   PixelFamily family() const { return family_; }
   const Accumulator& picture() const { return accumulator_; }
   unsigned fragments() const { return fragments_; }
-  // Fragments that came and could not be decoded.
   unsigned damaged() const { return damaged_; }
-  // Cameras of which something should have come and did not, or damaged; known after finish() and with a rig alone,
-  // else 0.
+  // Number of cameras with missing or damaged contributions. Valid after finish(); 0 without a rig.
   unsigned missing() const { return missing_; }
-  // Whether nothing is missing or damaged, as far as is known by then.
+  // True if no part is missing or damaged, as far as the compositor knows.
   bool complete() const { return missing_ == 0 && damaged_ == 0; }
-  // Cameras that the answers so far speak for and that have pictures.
+  // Cameras of the received answers that have images.
   const CameraRanges& seeing() const { return seeing_; }
-  // All cameras that the answers so far speak for, with pictures or without.
+  // All cameras of the received answers, with or without images.
   const CameraRanges& cameras() const { return cameras_; }
-  // Cameras that the answers so far speak for and that have no pictures.
+  // Cameras of the received answers that have no images.
   CameraRanges blind() const;
-  // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
+  // The largest |capture time - target time| of the answers in nanoseconds, and its capture time (kNoTime: unknown).
   uint64_t skew() const { return skew_; }
   uint64_t actual_time() const { return actual_time_; }
-  uint64_t rig_hash() const { return expected_rig_; }  // hash of the answers' rig; 0 before the first answer
-  // The picture has been taken: lets go of what it was made from.
+  uint64_t rig_hash() const { return expected_rig_; }  // 0 before the first answer
+  // Releases the input memory; call when the picture has been taken.
   void release();
 
  private:
-  // What has come of one answer; nodes may share a number, but not cameras.
+  // The received parts of one answer. Nodes may share a number, but not cameras.
   struct Source {
     wire::AnswerParts parts;
     CameraRanges blind;
-    bool spoilt = false;  // some fragments could not be added
+    bool spoilt = false;  // true if some fragments could not be added
     bool sums = false;
   };
-  // `card_sum`: payload of the only fragment; null: it has its own.
-  Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes, std::shared_ptr<gl::CardSum> card_sum);
+  // `gpu_sum`: payload of the only fragment; null: the fragments carry their payloads.
+  Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes, std::shared_ptr<gl::GpuSum> gpu_sum);
   CameraSet absent(const ViewPlan& plan) const;
-  void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
+  void add_missing(const ViewPlan& plan, const CameraSet& absent, const FaceIdMap& owners);
   void render_pixels(const ViewPlan& plan);
   bool add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
-                    const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::CardSum>& card_sum);
+                    const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::GpuSum>& gpu_sum);
   bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 
   std::shared_ptr<const Rig> rig_;
-  uint64_t rig_hash_ = 0;  // hash of rig_; 0 without a rig
+  uint64_t rig_hash_ = 0;  // 0 without a rig
   MeshCache mesh_;
   ViewRequest request_;
   CameraSet lost_;
-  uint64_t expected_rig_ = 0;  // hash that answers must carry, 0: not known yet
+  uint64_t expected_rig_ = 0;  // rig hash that answers must have; 0: not known yet
   Accumulator accumulator_;
-  std::shared_ptr<const void> kept_;  // owns memory that accumulator_ refers to
+  std::shared_ptr<const void> borrowed_;  // owner of the memory borrowed by accumulator_
   wire::FragmentDecoder decoder_;
   PixelFamily family_ = PixelFamily::kNone;
-  std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // by the node's number and its cameras
+  std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // key: node number and cameras
   Coverage coverage_;
   CameraPixels pixels_;
-  CameraRanges incomplete_;                 // cameras whose pixels have come in part
-  UninitializedVector<int16_t> pixel_sum_;  // rendered from pixels_
-  UninitializedVector<uint16_t> pixel_lost_;
+  CameraRanges incomplete_;  // cameras with incomplete pixels
+  UninitializedVector<int16_t> pixel_sum_;
+  UninitializedVector<uint16_t> pixel_missing_;
   CameraRanges cameras_, seeing_;
-  bool have_unnamed_sums_ = false;  // sums that do not tell which cameras are in them
+  bool have_unnamed_sums_ = false;  // true if some sums do not list their cameras
   unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;
   uint64_t skew_ = 0, actual_time_ = kNoTime;
 };
 
-// What a compositor inside a tree sends on: the sum of what was added, as the answer of one node. With 16 bits a value
-// the picture at the root is that of one compositor to the bit (unless a value saturated); with 8 it is rounded once
-// more for each level of the tree, within half a level; JPEG adds its error. `header.family` is the accumulator's.
-// `memory` is recycled. Throws Error if the header is not fit for the wire.
+// Encodes the output of a compositor inside a tree: the sum, as the answer of one node. Sums with 16 bits per value
+// give a final picture that is bit-identical to the result of a single compositor (unless a value saturated). If 8 bits
+// are used, each tree level adds a rounding error of at most half a level; JPEG adds its error. `header.family` must
+// equal the accumulator's. `memory` is recycled. Throws Error if the header cannot be encoded.
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const Coding& coding,
                           ByteBuffer memory);
 
-// Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Returns
-// why it could not be added; "": it was.
-std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,
-                        ViewFocus::Answers& answers);
+// Adds the photo-consistency unit of one node to the answers of the request. Returns the reason if the unit does not
+// fit; "" on success.
+std::string add_consistency(std::span<const uint8_t> unit, const wire::ConsistencyHeader& header,
+                            const ViewRequest& request, ViewDepths::Answers& answers);
 
 }  // namespace lf

@@ -7,7 +7,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "composite/resolve.cc"
-#include <hwy/foreach_target.h>  // has to precede highway.h
+#include <hwy/foreach_target.h>  // must precede highway.h
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
@@ -15,13 +15,11 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// to[0..] += v.
 template <class D, class V, typename T>
 HWY_INLINE void add_to(D d, T* to, V v) {
   hn::StoreU(hn::SaturatedAdd(hn::LoadU(d, to), v), d, to);
 }
 
-// Bytes as sums.
 template <class D, class V>
 HWY_INLINE auto levels(D d, V bytes) {
   return hn::ShiftLeft<kSumFractionBits>(hn::PromoteTo(d, bytes));
@@ -57,8 +55,8 @@ void add_rgb(int16_t* HWY_RESTRICT r, int16_t* HWY_RESTRICT g, int16_t* HWY_REST
   });
 }
 
-// n / 255 in units of 1 / kLostOne is 128 n + (n + 1) / 2, which is n * 32768 / 255 to the nearest.
-void add_lost(uint16_t* HWY_RESTRICT lost, const uint8_t* HWY_RESTRICT in, int n) {
+// n / 255 in units of 1 / kMissingOne, rounded to nearest: 128 n + (n + 1) / 2 = n * 32768 / 255.
+void add_missing_weight(uint16_t* HWY_RESTRICT lost, const uint8_t* HWY_RESTRICT in, int n) {
   for_lanes<uint16_t>(n, [&](auto d, int i) HWY_ATTR {
     const auto v = hn::PromoteTo(d, hn::LoadU(hn::Rebind<uint8_t, decltype(d)>(), in + i));
     add_to(d, lost + i, hn::Add(hn::ShiftLeft<7>(v), hn::ShiftRight<1>(hn::Add(v, hn::Set(d, 1)))));
@@ -69,7 +67,7 @@ void add_sums(int16_t* HWY_RESTRICT sum, const int16_t* HWY_RESTRICT in, int n) 
   for_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR { add_to(d, sum + i, hn::LoadU(d, in + i)); });
 }
 
-void add_lost_sums(uint16_t* HWY_RESTRICT lost, const uint16_t* HWY_RESTRICT in, int n) {
+void add_missing_sums(uint16_t* HWY_RESTRICT lost, const uint16_t* HWY_RESTRICT in, int n) {
   for_lanes<uint16_t>(n, [&](auto d, int i) HWY_ATTR { add_to(d, lost + i, hn::LoadU(d, in + i)); });
 }
 
@@ -77,22 +75,22 @@ void scales_of(float* HWY_RESTRICT scale, const uint16_t* HWY_RESTRICT lost, int
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<int32_t, decltype(d)> d32;
     const hn::Rebind<uint16_t, decltype(d)> d16;
-    const auto lost_weight = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, lost + i)));
-    const auto left = hn::Sub(hn::Set(d, kLostOne), lost_weight);
+    const auto missing_weight = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, lost + i)));
+    const auto left = hn::Sub(hn::Set(d, kMissingOne), missing_weight);
     const auto enough = hn::Ge(left, hn::Set(d, kLeastWeight));
-    const auto one = hn::Set(d, kLostOne / static_cast<float>(1 << kSumFractionBits));
+    const auto one = hn::Set(d, kMissingOne / static_cast<float>(1 << kSumFractionBits));
     hn::StoreU(hn::IfThenElseZero(enough, hn::Div(one, left)), d, scale + i);
   });
 }
 
-// To the nearest of 0..255, halves up.
+// Rounds to the nearest of 0..255, halves up.
 template <class D, class V>
 HWY_INLINE auto to_bytes(D d, V v) {
   const auto level = hn::Min(hn::Max(hn::Add(v, hn::Set(d, 0.5f)), hn::Zero(d)), hn::Set(d, 255.f));
   return hn::DemoteTo(hn::Rebind<uint8_t, D>(), hn::ConvertTo(hn::Rebind<int32_t, D>(), level));
 }
 
-// The factor is less than 1.
+// Requires factor < 1.
 void written(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, float factor, float offset, int n) {
   const auto fixed = static_cast<int16_t>(factor * 32768 + 0.5f);
   const auto added = static_cast<int16_t>(offset * (1 << kSumFractionBits) + (1 << (kSumFractionBits - 1)));
@@ -118,26 +116,27 @@ void scaled(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const fl
   });
 }
 
-// Plain loops that the compiler makes vector code of, for each instruction set: nothing of std:: in here.
+// Plain loops that the compiler vectorizes for each instruction set. They must not use std:: functions.
 
-HWY_INLINE int32_t at_most_one(uint16_t lost) { return lost < kLostOne ? lost : kLostOne; }
+HWY_INLINE int32_t at_most_one(uint16_t lost) { return lost < kMissingOne ? lost : kMissingOne; }
 
-void pairs_of(int32_t* HWY_RESTRICT lost, int32_t* HWY_RESTRICT hidden, const uint16_t* HWY_RESTRICT row_lost,
+void pairs_of(int32_t* HWY_RESTRICT lost, int32_t* HWY_RESTRICT hidden, const uint16_t* HWY_RESTRICT missing_of_row,
               const float* HWY_RESTRICT row_scale, int w) {
   const int pairs = w / 2;
-  if (row_lost)
-    for (int i = 0; i < pairs; i++) lost[i] += at_most_one(row_lost[2 * i]) + at_most_one(row_lost[2 * i + 1]);
+  if (missing_of_row)
+    for (int i = 0; i < pairs; i++)
+      lost[i] += at_most_one(missing_of_row[2 * i]) + at_most_one(missing_of_row[2 * i + 1]);
   for (int i = 0; i < pairs; i++) hidden[i] += (row_scale[2 * i] == 0) + (row_scale[2 * i + 1] == 0);
   if (w % 2 == 0) return;
-  if (row_lost) lost[pairs] += at_most_one(row_lost[w - 1]);
+  if (missing_of_row) lost[pairs] += at_most_one(missing_of_row[w - 1]);
   hidden[pairs] += row_scale[w - 1] == 0;
 }
 
 void chroma_scales_of(float* HWY_RESTRICT scale, float* HWY_RESTRICT share, const int32_t* HWY_RESTRICT lost,
                       const int32_t* HWY_RESTRICT hidden, float pixels, int n) {
-  constexpr float kOne = kLostOne / static_cast<float>(1 << kSumFractionBits);
+  constexpr float kOne = kMissingOne / static_cast<float>(1 << kSumFractionBits);
   for (int i = 0; i < n; i++) {
-    const float left = kLostOne - static_cast<float>(lost[i]) / pixels;
+    const float left = kMissingOne - static_cast<float>(lost[i]) / pixels;
     const float enough = left < kLeastWeight ? 0.f : 1.f, some = left < kLeastWeight ? 1.f : left;
     scale[i] = enough * (kOne / some);
     share[i] = (1 - enough) + enough * (static_cast<float>(hidden[i]) / pixels);
@@ -169,9 +168,9 @@ namespace lf {
 HWY_EXPORT(add_bytes);
 HWY_EXPORT(add_signed_bytes);
 HWY_EXPORT(add_rgb);
-HWY_EXPORT(add_lost);
+HWY_EXPORT(add_missing_weight);
 HWY_EXPORT(add_sums);
-HWY_EXPORT(add_lost_sums);
+HWY_EXPORT(add_missing_sums);
 
 void add_row(int16_t* sum, const uint8_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_bytes)(sum, in, n); }
 void add_chroma_row(int16_t* sum, const uint8_t* in, int n) {
@@ -180,9 +179,11 @@ void add_chroma_row(int16_t* sum, const uint8_t* in, int n) {
 void add_rgb_row(int16_t* r, int16_t* g, int16_t* b, const uint8_t* in, int n) {
   HWY_DYNAMIC_DISPATCH(add_rgb)(r, g, b, in, n);
 }
-void add_lost_row(uint16_t* lost, const uint8_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_lost)(lost, in, n); }
+void add_missing_row(uint16_t* lost, const uint8_t* in, int n) {
+  HWY_DYNAMIC_DISPATCH(add_missing_weight)(lost, in, n);
+}
 void add_sum_row(int16_t* sum, const int16_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_sums)(sum, in, n); }
-void add_sum_row(uint16_t* lost, const uint16_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_lost_sums)(lost, in, n); }
+void add_sum_row(uint16_t* lost, const uint16_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_missing_sums)(lost, in, n); }
 
 HWY_EXPORT(scales_of);
 HWY_EXPORT(written);
@@ -202,8 +203,8 @@ void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float backg
   HWY_DYNAMIC_DISPATCH(scaled)(out, sum, scale, background, levels.gain, levels.offset, n);
 }
 
-void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w) {
-  HWY_DYNAMIC_DISPATCH(pairs_of)(lost, hidden, row_lost, row_scale, w);
+void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* missing_of_row, const float* row_scale, int w) {
+  HWY_DYNAMIC_DISPATCH(pairs_of)(lost, hidden, missing_of_row, row_scale, w);
 }
 void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n) {
   HWY_DYNAMIC_DISPATCH(chroma_scales_of)(scale, share, lost, hidden, pixels, n);
@@ -228,27 +229,26 @@ void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
   for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
 }
 
-// Rows are made in parts of so many pixels: few parts of a view that is not covered whole need more than rounding.
+// Rows are processed in parts of this many pixels: in a partly covered view, few parts need more than rounding.
 constexpr int kPart = 128;
 constexpr int kChromaPart = kPart / 2;
 
-// Which parts of rows need more than rounding.
 class Weights {
  public:
   Weights(const ConstSumPlanes& sum, const uint8_t* uncovered)
       : sum_(sum), uncovered_(uncovered), width_(sum.rect.width()) {}
 
-  const uint16_t* lost(int x, int y) const { return sum_.lost ? sum_.lost + y * sum_.lost_stride + x : nullptr; }
-  // Whether row y is its sums as they are.
+  const uint16_t* lost(int x, int y) const { return sum_.lost ? sum_.lost + y * sum_.missing_stride + x : nullptr; }
+  // True if row y needs no scaling and no background.
   bool rounds_only(int y) const {
     return !(sum_.lost && any_set(lost(0, y), width_)) && !(uncovered_ && any_set(hidden(0, y), width_));
   }
-  // The factors for the sums of `n` pixels from x of row y on, 0 where the background shows; false if these are their
-  // sums as they are.
+  // Computes the scale factors for `n` pixels of row y from x on; 0 where the background shows. Returns false if the
+  // part needs only rounding.
   bool scales(int x, int y, int n, float* scale) const {
-    const bool some_lost = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered_ && any_set(hidden(x, y), n);
-    if (!some_lost && !some_hidden) return false;
-    if (some_lost)
+    const bool some_missing = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered_ && any_set(hidden(x, y), n);
+    if (!some_missing && !some_hidden) return false;
+    if (some_missing)
       make_scales(scale, lost(x, y), n);
     else
       std::fill_n(scale, n, 1 / kOneLevel);
@@ -304,7 +304,6 @@ void interleave(uint8_t* __restrict out, const uint8_t* __restrict cb, const uin
   }
 }
 
-// The planes of a picture in kI420, and how sums become them.
 struct Planar {
   const ConstSumPlanes& sum;
   const Weights& weights;
@@ -321,7 +320,7 @@ struct Planar {
   }
 };
 
-// The one or two rows that have the chroma row cy, where these are their sums as they are.
+// Writes the chroma row cy and its one or two luma rows, without scaling.
 void resolve_whole(const Planar& to, int cy, int rows) {
   const int w = to.sum.rect.width(), cw = chroma_size(w);
   for (int y = 2 * cy; y < 2 * cy + rows; y++)
@@ -339,12 +338,12 @@ void resolve_whole(const Planar& to, int cy, int rows) {
   }
 }
 
-// `w` pixels (at most kPart, even but at the picture's end) of the one or two rows that have the chroma row cy, from x
-// on.
+// Writes `w` pixels from x of the chroma row cy and its one or two luma rows. `w` is at most kPart, and even except at
+// the right border.
 void resolve_part(const Planar& to, int x, int w, int cy, int rows) {
   const int cw = chroma_size(w), cx = x / 2;
   float scale[kPart], share[kChromaPart], chroma_scale[kChromaPart];
-  int32_t lost[kChromaPart] = {}, hidden[kChromaPart] = {};  // sums over the pixels of a chroma sample
+  int32_t lost[kChromaPart] = {}, hidden[kChromaPart] = {};
   bool plain = true;
   for (int y = 2 * cy; y < 2 * cy + rows; y++) {
     const int16_t* const in = to.sum.plane[0] + y * to.sum.stride[0] + x;
@@ -357,7 +356,6 @@ void resolve_part(const Planar& to, int x, int w, int cy, int rows) {
     scale_row(out, in, scale, to.back.y, to.levels, w);
     add_pairs(lost, hidden, to.weights.lost(x, y), scale, w);
   }
-  // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
   if (!plain) {
     const int pairs = w / 2;
     const auto pixels = static_cast<float>(rows);
@@ -400,12 +398,12 @@ void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Backgrou
 
 namespace {
 
-constexpr int kNone = kLostOne / 8, kFull = kLostOne / 4;  // weight left
+constexpr int kNone = kMissingOne / 8, kFull = kMissingOne / 4;  // thresholds of the remaining weight
 constexpr int kMixBits = 8;
 
-// Share of the picture before, 0 to 1 << kMixBits.
+// Returns the share of the previous picture, 0 to 1 << kMixBits.
 int share_before(int lost) {
-  const int left = kLostOne - std::min(lost, kLostOne);
+  const int left = kMissingOne - std::min(lost, kMissingOne);
   if (left >= kFull) return 0;
   return ((kFull - std::max(left, kNone)) << kMixBits) / (kFull - kNone);
 }
@@ -421,7 +419,7 @@ void conceal(const ConstSumPlanes& sum, const ImageView& before, uint8_t* const 
   const int width = sum.rect.width(), height = sum.rect.height();
   const int bytes = sum.family == PixelFamily::kRgb ? before.layout.pixel_stride : 1;
   for (int y = 0; y < height; y++) {
-    const uint16_t* lost = sum.lost + y * sum.lost_stride;
+    const uint16_t* lost = sum.lost + y * sum.missing_stride;
     const uint8_t* from = before.plane[0] + y * before.stride[0];
     uint8_t* to = plane[0] + y * stride[0];
     for (int x = 0; x < width; x++) {
@@ -435,7 +433,7 @@ void conceal(const ConstSumPlanes& sum, const ImageView& before, uint8_t* const 
   for (int cy = 0; cy < chroma_size(height); cy++)
     for (int cx = 0; cx < chroma_size(width); cx++) {
       const int x1 = std::min(2 * cx + 1, width - 1), y1 = std::min(2 * cy + 1, height - 1);
-      const uint16_t *top = sum.lost + 2 * cy * sum.lost_stride, *bottom = sum.lost + y1 * sum.lost_stride;
+      const uint16_t *top = sum.lost + 2 * cy * sum.missing_stride, *bottom = sum.lost + y1 * sum.missing_stride;
       const int share = share_before((top[2 * cx] + top[x1] + bottom[2 * cx] + bottom[x1]) / 4);
       if (share == 0) continue;
       for (int c = 1; c < 3; c++)

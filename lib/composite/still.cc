@@ -3,7 +3,7 @@
 
 #include <numeric>
 
-#include "image/correction.h"
+#include "image/image_filters.h"
 #include "render/camera_projection.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
@@ -11,7 +11,7 @@
 namespace lf {
 
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                   Resampling resampling, const Background& background, gl::SumDrawer* card) {
+                   Resampling resampling, const Background& background, gl::GlesRenderer* gpu) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
   const RenderJob job(rig, mesh, view, all);
@@ -22,25 +22,26 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   ByteBuffer sharp;
   std::vector<int16_t> samples;
   std::vector<uint16_t> lost;
-  // Cameras one by one, so that a large array's images need not be in memory together: sums do not depend on who adds.
+  // Processes one camera at a time, so that a large array's images never share memory. The sum does not depend on the
+  // grouping.
   for (const CameraIndex camera : job.cameras()) {
     const Camera& rig_camera = rig.cameras[camera];
     Source source{camera, &rig_camera, images(camera).view()};
     if (camera == job.cameras().front()) sum.reset(source.image.family, view.width, view.height);
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);
-    const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, card);
+    const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, gpu);
     still.drawing = renderer.drawing();
     const Rect rect = renderer.rect();
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
     samples.resize(3 * area);
     lost.resize(area);
-    const bool any_lost =
+    const bool any_missing =
         renderer.render_rows(rect.y0, rect.y1, packed_sums(sum.family(), rect, samples.data(), lost.data()));
     sum.add(packed_sums<const int16_t, const uint16_t>(sum.family(), rect, samples.data(),
-                                                       any_lost ? lost.data() : nullptr));
+                                                       any_missing ? lost.data() : nullptr));
   }
-  sum.set_uncovered(OwnerMap(job.plan(), {0, 0, view.width, view.height}));
+  sum.set_uncovered(FaceIdMap(job.plan(), {0, 0, view.width, view.height}));
   still.coverage = sum.coverage();
   still.picture = sum.resolve(background);
   return still;

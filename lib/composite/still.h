@@ -7,28 +7,26 @@
 #include "image/image.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "view/view.h"
 
 namespace lf {
 
-// Views of an array that stands still, rendered in one go from its images: the whole path from camera images to a
-// picture without a stream in between, and the same picture to the bit.
+// Renders a view of a static array directly from its images, without a stream. The picture is bit-identical to the
+// output of a pipeline.
 
-// What one view came to.
 struct Still {
-  Image picture;                     // has the images' family; RGB where no camera contributes
-  std::vector<float> coverage;       // per pixel, 0..1: how much of its weight cameras could give
-  std::vector<CameraIndex> cameras;  // cameras that contributed, ascending
-  Drawing drawing;                   // of the last camera's part
+  Image picture;                     // family of the images; RGB if no camera contributes
+  std::vector<float> coverage;       // per pixel, 0..1: share of the weight that cameras could deliver
+  std::vector<CameraIndex> cameras;  // ascending
+  GpuStatus drawing;                 // status of the last camera
 };
 
-// Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).
-// `mesh`: of `rig`. The view must be valid. `resampling`: as of a node; kSharpened sharpens images of which the view
-// shows what bilinear samples lose (render/camera_projection.h).
-// `card`: draws the cameras' parts, see SumRenderer; null: the CPU does.
+// Loads each contributing camera's image once. Throws Error unless all images have the same family. `mesh`: the mesh of
+// `rig`. The view must be valid. `resampling`: kSharpened sharpens images if the view shows detail that bilinear
+// sampling loses (render/camera_projection.h). `gpu`: draws the sums, see SumRenderer; null: CPU.
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                    Resampling resampling = Resampling::kBilinear, const Background& background = {},
-                   gl::SumDrawer* card = nullptr);
+                   gl::GlesRenderer* gpu = nullptr);
 
 }  // namespace lf

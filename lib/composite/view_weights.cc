@@ -35,7 +35,7 @@ float luma(const Colour& c) { return ycbcr_of(c.r, c.g, c.b).y; }
 
 uint8_t byte(float value) { return static_cast<uint8_t>(std::clamp(value + 0.5f, 0.f, 255.f)); }
 
-// Replaces the colour of each pixel by colour(x, y, luma before), of a picture of that size.
+// Replaces the colour of each pixel by colour(x, y, luma before).
 template <typename F>
 void repaint(const WeightOverlay::Picture& picture, int width, int height, const F& colour) {
   const auto row = [&](int plane, int y) { return picture.plane[plane] + y * picture.stride[plane]; };
@@ -75,10 +75,10 @@ void repaint(const WeightOverlay::Picture& picture, int width, int height, const
 
 }  // namespace
 
-void WeightOverlay::find_nodes(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners,
+void WeightOverlay::find_nodes(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners,
                                const CameraRanges& seeing) {
   const View& view = plan.view();
-  // The last ones may lie outside: they are as those inside.
+  // Nodes beyond the right and bottom border repeat the border.
   columns_ = (view.width - 1) / kStep + 2;
   const int rows = (view.height - 1) / kStep + 2;
   nodes_.assign(static_cast<size_t>(columns_) * rows, {});
@@ -86,7 +86,7 @@ void WeightOverlay::find_nodes(const Rig& rig, const ViewPlan& plan, const Owner
   for (int j = 0; j < rows; j++)
     for (int i = 0; i < columns_; i++)
       nodes_[static_cast<size_t>(j) * columns_ + i].owned =
-          owners.at(place(i, view.width), place(j, view.height)) != OwnerMap::kNone;
+          owners.at(place(i, view.width), place(j, view.height)) != FaceIdMap::kNone;
   for (const CameraIndex camera : plan.contributors()) {
     if (!seeing.contains(camera)) continue;
     const Rect& rect = plan.camera_rect(camera);
@@ -109,7 +109,7 @@ void WeightOverlay::find_nodes(const Rig& rig, const ViewPlan& plan, const Owner
   }
 }
 
-// Of nodes where the array has a face alone: at its border nothing is darker for what is beside it.
+// Interpolates over covered nodes only, so that the border of the array does not darken.
 WeightOverlay::Node WeightOverlay::at(int x, int y) const {
   const int i = x / kStep, j = y / kStep;
   const float across = static_cast<float>(x % kStep) / kStep, down = static_cast<float>(y % kStep) / kStep;
@@ -127,22 +127,22 @@ WeightOverlay::Node WeightOverlay::at(int x, int y) const {
   return {sum.r * scale, sum.g * scale, sum.b * scale, sum.seen * scale, sum.owned};
 }
 
-void WeightOverlay::draw(ShownWeights what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
+void WeightOverlay::draw(WeightOverlayMode what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
                          const Picture& picture) {
-  if (what == ShownWeights::kNone) return;
+  if (what == WeightOverlayMode::kNone) return;
   const View& view = request.view;
   const Mesh& mesh = mesh_.get(rig, request.out_of_service);
   const ViewPlan plan(rig, mesh, view);
-  const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  const FaceIdMap owners(plan, {0, 0, view.width, view.height});
   colours_ = camera_colours(mesh, rig.cameras.size());
   find_nodes(rig, plan, owners, seeing);
-  if (what == ShownWeights::kCoverage) {
+  if (what == WeightOverlayMode::kCoverage) {
     constexpr int kShades = 256;
     std::array<std::array<uint8_t, 3>, kShades> heats;
     for (int i = 0; i < kShades; i++) heats[i] = heat_colour(i / (kShades - 1.0));
     repaint(picture, view.width, view.height, [&](int x, int y, float light) {
-      if (owners.at(x, y) == OwnerMap::kNone) return Colour{kNoHeat, kNoHeat, kNoHeat};
-      const float lost = std::clamp(1 - at(x, y).seen, 0.f, 1.f), through = kHeatUnderlay * (1 - lost) * light;
+      if (owners.at(x, y) == FaceIdMap::kNone) return Colour{kNoValueGrey, kNoValueGrey, kNoValueGrey};
+      const float lost = std::clamp(1 - at(x, y).seen, 0.f, 1.f), through = kUnderlayOpacity * (1 - lost) * light;
       const std::array<uint8_t, 3>& heat = heats[static_cast<size_t>(lost * (kShades - 1) + 0.5f)];
       return Colour{heat[0] + through, heat[1] + through, heat[2] + through};
     });
@@ -150,12 +150,12 @@ void WeightOverlay::draw(ShownWeights what, const Rig& rig, const ViewRequest& r
   }
   repaint(picture, view.width, view.height, [&](int x, int y, float light) {
     const int32_t owner = owners.at(x, y);
-    if (owner == OwnerMap::kNone) return Colour();
-    const bool is_line = !plan.blend() && ((x > 0 && owners.at(x - 1, y) != owner) ||
-                                           (y > 0 && owners.at(x, y - 1) != owner));
+    if (owner == FaceIdMap::kNone) return Colour();
+    const bool is_line =
+        !plan.blend() && ((x > 0 && owners.at(x - 1, y) != owner) || (y > 0 && owners.at(x, y - 1) != owner));
     if (is_line) return Colour{kMapLine, kMapLine, kMapLine};
     const Node node = at(x, y);
-    const float scale = map_light(light);
+    const float scale = map_brightness(light);
     return Colour{scale * node.r, scale * node.g, scale * node.b};
   });
 }

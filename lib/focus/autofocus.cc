@@ -6,17 +6,17 @@
 #include <cmath>
 
 #include "focus/focus_array.h"
-#include "focus/trial_levels.h"
+#include "focus/hypothesis_levels.h"
 
 namespace lf {
 namespace {
 
-constexpr double kNearestMeant = 0.3;  // of the focus distance
-constexpr double kAround = 1.5;        // the second stage: by which factor nearer and farther
-constexpr int kSweptPlanes = static_cast<int>(kMaxTrials) - 1;
-constexpr double kFarFocus = 3;  // so much farther than it reaches, a focus says nothing of what is near
-constexpr double kInside = 0.9;  // of that factor
-constexpr double kFarthestApart = FocalMap::kFinestStep / 2.0;  // pixels
+constexpr double kNearestMeant = 0.3;  // part of the focus distance
+constexpr double kAround = 1.5;        // range of the second stage: factor nearer and farther
+constexpr int kSweptPlanes = static_cast<int>(kMaxHypotheses) - 1;
+constexpr double kFarFocus = 3;  // ratio of focus distance to reach beyond which the focus does not limit the search
+constexpr double kInside = 0.9;  // part of kAround - 1
+constexpr double kFarthestApart = FocalMap::kMinStep / 2.0;  // pixels
 
 }  // namespace
 
@@ -34,7 +34,7 @@ std::optional<double> focus_distance_at(const View& view, const Vec2& pixel) {
   const std::optional<Vec2> ray = view.lens.unproject(pixel);
   if (!ray || !(inverse > 0)) return std::nullopt;
   const Vec3 normal = glm::transpose(view.pose.rotation()) * map.from.normal;
-  // As in ViewPlan: (normal . d) t = 1 / inverse - eye distance; and t is the distance along the axis, since d.z = 1.
+  // As in ViewPlan: (normal . d) t = 1 / inverse - eye distance. t is the distance along the axis because d.z = 1.
   const double t = (1 / inverse - map.from.signed_distance(view.pose.position)) / glm::dot(normal, Vec3(*ray, 1));
   if (!(t > 0) || !std::isfinite(t)) return std::nullopt;
   return t;
@@ -64,13 +64,13 @@ void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<doub
     farthest = 0;
   }
   view.focus.map = std::make_shared<FocalMap>(plane_map(view, from, nearest, farthest));
-  request.trials = {{Trial::Kind::kBlurred, 0}};
+  request.trials = {{DepthHypothesis::Kind::kBlurred, 0}};
   for (int k = 0; k < kSweptPlanes; k++)
-    request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kSweptPlanes)});
+    request.trials.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kSweptPlanes)});
 }
 
 double sweep_reach(const Rig& rig, const View& view) {
-  const double pixels = FocusArray(rig).spacing() * view.lens.fx();  // that move from camera to camera for each 1/m
+  const double pixels = FocusArray(rig).spacing() * view.lens.fx();  // disparity of neighbouring cameras per 1/m
   return pixels > 0 ? kSweptPlanes * kFarthestApart / pixels : 0;
 }
 

@@ -8,26 +8,25 @@
 
 namespace lf {
 
-// The distance along the view's axis at which its focal map has a pixel: what a viewer's plane has to be at to be sharp
-// there. The median of 3 x 3 nodes. Nothing if the surface is behind the eye there, or at infinity. The view has a map.
+// Returns the distance along the view's axis at which a focal plane makes `pixel` sharp, from the median of 3 x 3 map
+// nodes. Returns nothing if the surface is behind the viewpoint there, or at infinity. The view must have a map.
 std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
 
-// A small view of what is around a pixel of a view, which is then its middle.
-inline constexpr int kSweptPixels = 64;  // pixels along a side of view_around()
+// Returns a small view centred on `pixel`, without a focal map.
+inline constexpr int kSweptPixels = 64;  // side of view_around(), pixels
 View view_around(const View& view, const Vec2& pixel);
 
-// Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
-// to try. Two stages: all depths that a viewer could mean, from infinity to three tenths of the focus distance, or if
-// that is far, to `reach` (inverse distance, 1/m; see sweep_reach()); and then those around `found` (see
-// focus_distance_at()). `from`: see FocalMap.
+// Turns a request for a view without a map into an autofocus request: the map becomes the viewer's plane, and the
+// hypotheses are planes. The first stage (no `found`) covers all depths from infinity to 0.3 of the focus distance. For
+// a focus much farther than `reach` (inverse distance, 1/m; see sweep_reach()), it covers the depths up to `reach`. The
+// second stage covers the depths around `found` (see focus_distance_at()). `from`: see FocalMap.
 void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found, double reach = 0);
 
-// How near the first stage of a sweep can reach without leaving anything out, 1/m: from plane to plane what
-// neighbouring cameras see moves by half of what the trials blur it.
+// Returns the largest inverse distance, 1/m, that the first stage covers without gaps: from plane to plane, the
+// disparity between neighbouring cameras changes by half the box that blurs the hypotheses. 0 for a single camera.
 double sweep_reach(const Rig& rig, const View& view);
 
-// Whether a distance that a second stage around `found` came to is inside what that stage tried, and not at its limit,
-// beyond which nothing was tried.
+// True if `distance`, the result of a second stage around `found`, is clear of the limits of that stage's range.
 bool is_inside_sweep(double distance, double found);
 
 }  // namespace lf

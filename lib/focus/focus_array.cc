@@ -7,13 +7,13 @@
 #include <numeric>
 
 #include "base/maths.h"
-#include "focus/trial_levels.h"
+#include "focus/hypothesis_levels.h"
 #include "render/ownership.h"
 
 namespace lf {
 
 Plane array_plane(const Rig& rig) {
-  // Means of differences: an array far from the origin keeps its precision.
+  // Means of differences keep precision if the array is far from the origin.
   const Vec3 first = rig.cameras[0].pose.position;
   Vec3 offset(0), axis(0);
   for (const Camera& camera : rig.cameras) {
@@ -28,7 +28,7 @@ Plane array_plane(const Rig& rig) {
 
 namespace {
 
-// Metres from a camera to the one next to it, the median; 0 if no two stand at different places.
+// Returns the median distance from a camera to the nearest other one, metres; 0 if all are at one place.
 double spacing_of(const Rig& rig) {
   std::vector<double> spacings;
   for (const Camera& camera : rig.cameras) {
@@ -42,7 +42,7 @@ double spacing_of(const Rig& rig) {
   return spacings.empty() ? 0 : median(std::move(spacings));
 }
 
-// Metres between the corners of triangles, the median; 0 if the mesh has no edges.
+// Returns the median length of the mesh edges, metres; 0 without edges.
 double edge_of(const Rig& rig, const Mesh& mesh) {
   std::vector<double> edges;
   for (const MeshFace& face : mesh.faces)
@@ -52,12 +52,12 @@ double edge_of(const Rig& rig, const Mesh& mesh) {
   return edges.empty() ? 0 : median(std::move(edges));
 }
 
-// Evidence at some points of a grid of nodes, `apart` nodes apart.
+// Evidence at every `apart`-th node of each row and column.
 struct SparseEvidence {
   int apart, columns;
   std::vector<float> at;
 
-  // At all nodes: bilinear in between. There is a point at or beyond the last column and row.
+  // Interpolates bilinearly to all nodes. The last points are at or beyond the last column and row.
   std::vector<float> spread(const FocalMap& map) const {
     std::vector<float> evidence(map.levels.size());
     std::vector<float> row(static_cast<size_t>(columns));
@@ -76,13 +76,13 @@ struct SparseEvidence {
   }
 };
 
-// Square root of 1 - sum w^2 of the owner's corners, times `scale`, at the places of a grid of nodes.
+// Returns sqrt(1 - sum w^2), times `scale`, for the corners of the face at each pixel of a sparse view.
 std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   const View& view = job.plan().view();
   std::vector<float> evidence(static_cast<size_t>(view.width) * static_cast<size_t>(view.height));
   for (int y = 0; y < view.height; y++) {
     if (y < job.runs().region().y0 || y >= job.runs().region().y1) continue;
-    for (const OwnerRun& run : job.runs().row(y)) {
+    for (const FaceRun& run : job.runs().row(y)) {
       const FacePlan& face = job.plan().faces()[run.face];
       for (int x = std::max(run.x0, 0); x < std::min(run.x1, view.width); x++) {
         const FaceWeights weights = face_weights(face, job.plan().rays().at(x, y));
@@ -96,8 +96,8 @@ std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   return evidence;
 }
 
-// The same at the points of the grid that has the weights of a view that is not blended by the mesh.
-std::vector<float> sparse_evidence(const BlendGrid& grid, double scale) {
+// The same at the points of a WeightGrid, for views that are not blended by the mesh.
+std::vector<float> sparse_evidence(const WeightGrid& grid, double scale) {
   std::vector<float> evidence;
   evidence.reserve(static_cast<size_t>(grid.columns()) * static_cast<size_t>(grid.rows()));
   for (int j = 0; j < grid.rows(); j++)
@@ -120,7 +120,7 @@ FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig
   const double spacing = spacing_of(rig);
   if (!(spacing > 0)) return;
   spacing_ = spacing;
-  // Cells of a grid are alike. Triangles between cameras that stand anywhere reach farther than to the nearest camera.
+  // The cells of a grid are alike. Triangles between irregularly placed cameras reach beyond the nearest camera.
   edge_ = spacing;
   if (rig.topology.type != Topology::Type::kGrid)
     edge_ = std::max(edge_, edge_of(rig, mesh ? *mesh : mesh_.get(rig, {})));
@@ -138,7 +138,8 @@ double FocusArray::width_of(const View& view) const {
   }
   const auto last =
       beside.begin() +
-      std::min<ptrdiff_t>(std::min(view.blending.nearest, kTrialCameras), static_cast<ptrdiff_t>(beside.size())) - 1;
+      std::min<ptrdiff_t>(std::min(view.blending.nearest, kHypothesisCameras), static_cast<ptrdiff_t>(beside.size())) -
+      1;
   std::ranges::nth_element(beside, last);
   return std::max(edge_, 2 * *last);
 }
@@ -149,13 +150,14 @@ std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_o
   const FocalMap& map = *view.focus.map;
   if (!rig_) return std::vector<float>(map.levels.size(), 1);
   const Mesh& mesh = given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service);
-  View sparse = trial_view(view);
+  View sparse = hypothesis_view(view);
   if (!sparse.blending.is_mesh()) {
     const ViewPlan plan(*rig_, mesh, sparse);
     if (!plan.blend()) return std::vector<float>(map.levels.size(), 0);  // nothing is in focus
-    return SparseEvidence{BlendGrid::kStep, plan.blend()->columns(), sparse_evidence(*plan.blend(), scale)}.spread(map);
+    return SparseEvidence{WeightGrid::kStep, plan.blend()->columns(), sparse_evidence(*plan.blend(), scale)}.spread(
+        map);
   }
-  // A pixel for every kApart-th node, where that stands.
+  // One pixel for every kApart-th node, at the node's position.
   sparse.width = (map.columns - 1) / kApart + 2;
   sparse.height = (map.rows - 1) / kApart + 2;
   std::array<double, Lens::kMaxParams> params = sparse.lens.params();

@@ -14,7 +14,7 @@ namespace {
 struct ModelInfo {
   std::string_view name;
   int num_params;
-  int num_focal;  // 1: f, 2: fx fy; always the first parameters
+  int num_focal;
 };
 
 constexpr ModelInfo kModels[] = {
@@ -22,17 +22,17 @@ constexpr ModelInfo kModels[] = {
 
 const ModelInfo& info(LensModel model) { return kModels[static_cast<int>(model)]; }
 
-// The smallest positive root of d/dr [r (1 + k1 r^2 + k2 r^4)] = 1 + 3 k1 q + 5 k2 q^2, q = r^2.
+// Returns the smallest positive root of d/dr [r (1 + k1 r^2 + k2 r^4)] = 1 + 3 k1 q + 5 k2 q^2, q = r^2.
 double first_fold_radius(double k1, double k2) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   const double a = 5 * k2, b = 3 * k1;
   if (a == 0) return b < 0 ? std::sqrt(-1 / b) : kNever;
   const double discriminant = b * b - 4 * a;
   if (discriminant < 0) return kNever;
-  // The root 2 / (-b + sqrt(D)) of the pair is the stable form of the smaller positive one.
+  // 2 / (-b + sqrt(D)) is the numerically stable form of the smaller positive root.
   const double denominator = -b + std::sqrt(discriminant);
   if (denominator > 0) return std::sqrt(2 / denominator);
-  // Where k2 < 0 there is a fold, if only far away: rounding has cancelled the denominator.
+  // For k2 < 0 there is always a fold. If it is far away, rounding has cancelled the denominator.
   return a < 0 ? std::sqrt((b + std::sqrt(discriminant)) / (-2 * a)) : kNever;
 }
 
@@ -104,12 +104,12 @@ std::optional<Vec2> Lens::distort(const Vec2& u) const {
 
 namespace {
 
-// Finds out that an iteration has come back to an earlier state (Brent 1980). Rounding makes Newton's method end in a
-// cycle of a few numbers where it can't reach its tolerance, and all later steps go round in it.
+// Detects that an iteration has returned to an earlier state (Brent 1980). If rounding keeps Newton's method from
+// reaching its tolerance, it cycles through a few numbers for all remaining steps.
 template <typename State>
 class CycleFinder {
  public:
-  // Steps that remain to be done of the `left` ones, in order to end in the same state as all of them would.
+  // Returns how many of the remaining `left` steps are needed to reach the same final state.
   int left_of(int left, const State& state) {
     if (found_) return left;
     since_++;
@@ -148,7 +148,8 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
       radial(max_radius_) + (has_tangential ? 3 * std::hypot(p1_, p2_) * max_radius_ * max_radius_ : 0);
   if (std::isfinite(max_radius_) && target > reach + 1e-9 * (1 + target + reach)) return std::nullopt;
 
-  // Radial part alone first: r (1 + k1 r^2 + k2 r^4) grows on [0, max_radius], so bracketed Newton always converges.
+  // Solve the radial part first: r (1 + k1 r^2 + k2 r^4) increases on [0, max_radius], so bracketed Newton always
+  // converges.
   double low = 0, high = max_radius_;
   if (std::isinf(high))
     for (high = 1 + target; radial(high) < target && std::isfinite(high); high *= 2) {
@@ -170,7 +171,7 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   Vec2 u = target > 0 ? distorted * (r / target) : Vec2(0, 0);
   if (!has_tangential) return u;
 
-  // Full Newton with the analytic Jacobian of distort(). It converges within a few steps where the lens has an inverse.
+  // Full Newton with the analytic Jacobian of distort(). Converges within a few steps wherever the lens has an inverse.
   CycleFinder<Vec2> cycle;
   for (int left = kMaxNewtonSteps; left > 0;) {
     if (steps) ++*steps;
@@ -192,9 +193,9 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   return u;
 }
 
-double Lens::mean_steps(int width, int height) const {
+double Lens::mean_iterations(int width, int height) const {
   if (!has_distortion()) return 0;
-  constexpr int kPlaces = 8;  // in each direction
+  constexpr int kPlaces = 8;
   int steps = 0;
   for (int j = 0; j < kPlaces; j++)
     for (int i = 0; i < kPlaces; i++) {

@@ -12,28 +12,28 @@
 
 namespace lf {
 
-// COLMAP's camera models under COLMAP's names; the number of each is also its code on the wire.
+// COLMAP's camera models with COLMAP's names. The values are the codes on the wire.
 enum class LensModel { kSimplePinhole = 0, kPinhole = 1, kSimpleRadial = 2, kRadial = 3, kOpenCv = 4 };
 
-// A lens maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel.
+// Maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel.
 //
-// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (X/Z, Y/Z). Distortion maps these to distorted
-// ones (COLMAP's models.h, OpenCV's calib3d): with r^2 = u^2 + v^2,
+// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (u, v) = (X/Z, Y/Z). Distortion (COLMAP's
+// models.h, OpenCV's calib3d) gives, with r^2 = u^2 + v^2,
 //   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
-// and the pixel is (fx u' + cx, fy v' + cy). Beyond the first radius at which r (1 + k1 r^2 + k2 r^4) stops growing a
-// ray is outside the image (it would fold back in).
+// and the pixel is (fx u' + cx, fy v' + cy). Rays beyond the first radius where r (1 + k1 r^2 + k2 r^4) stops growing
+// would fold back into the image and count as outside.
 class Lens {
  public:
   static constexpr int kMaxParams = 8;
-  static constexpr int kMaxRadialSteps = 100, kMaxNewtonSteps = 50;  // of undistort()
+  static constexpr int kMaxRadialSteps = 100, kMaxNewtonSteps = 50;  // iteration limits of undistort()
 
   Lens() : Lens(LensModel::kSimplePinhole, {1, 0, 0}) {}
-  // `params` in COLMAP's order for the model; the rest is ignored. Throws Error if one is not finite or a focal length
-  // is not positive; the message begins with "params[i]: ".
+  // `params`: in COLMAP's order for the model; further values are ignored. Throws Error ("params[i]: ...") if a value
+  // is not finite or a focal length is not positive.
   Lens(LensModel model, const std::array<double, kMaxParams>& params);
 
   static Lens pinhole(double f, double cx, double cy);
-  // The lens of a view: f = (height/2) / tan(fov_y/2), principal point in the middle. fov_y in degrees, in (0, 180).
+  // Returns a lens with f = (height/2) / tan(fov_y/2) and the principal point in the middle. `fov_y_deg`: in (0, 180).
   static Lens from_fov_y(double fov_y_deg, int width, int height);
 
   LensModel model() const { return model_; }
@@ -50,22 +50,22 @@ class Lens {
   double p1() const { return p1_; }
   double p2() const { return p2_; }
   bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
-  // The same lens with its image, and so its principal point, moved by so many pixels.
   Lens shifted(const Vec2& pixels) const;
-  // The largest undistorted radius that the lens sees (infinity without a fold).
+  // Largest undistorted radius that the lens sees; infinity without a fold.
   double max_radius() const { return max_radius_; }
 
-  // Undistorted to distorted normalised coordinates; nothing beyond max_radius().
+  // Maps undistorted to distorted normalised coordinates. Returns nothing beyond max_radius().
   std::optional<Vec2> distort(const Vec2& undistorted) const;
-  // The inverse, to 1e-12 of a focal length; nothing where no ray falls. Adds the steps of its iterations to *steps
-  // (may be null): at most kMaxRadialSteps + kMaxNewtonSteps.
+  // Inverse of distort(), accurate to 1e-12 focal lengths. Returns nothing if no ray falls there. Adds the number of
+  // iterations, at most kMaxRadialSteps + kMaxNewtonSteps, to *steps (may be null).
   std::optional<Vec2> undistort(const Vec2& distorted, int* steps = nullptr) const;
-  // The mean cost of unproject() over the pixels of an image, in steps; 0 for a pinhole. Measured at 64 pixels.
-  double mean_steps(int width, int height) const;
+  // Returns the mean cost of unproject() over an image, in iterations, measured at 64 pixels; 0 for a pinhole.
+  double mean_iterations(int width, int height) const;
 
-  // Camera coordinates to a pixel position (may lie outside the image); nothing for Z <= 0 or beyond max_radius().
+  // Maps camera coordinates to a pixel position, which may be outside of the image. Returns nothing for Z <= 0 or
+  // beyond max_radius().
   std::optional<Vec2> project(const Vec3& x_camera) const;
-  // Pixel position to undistorted normalised coordinates (u, v): the line of sight (u, v, 1).
+  // Returns the undistorted normalised coordinates (u, v) of a pixel position. The line of sight is (u, v, 1).
   std::optional<Vec2> unproject(const Vec2& pixel) const;
 
  private:
@@ -82,7 +82,7 @@ std::optional<LensModel> lens_model_from_code(unsigned code);
 int lens_model_num_params(LensModel model);
 int lens_model_num_focal(LensModel model);  // 1: f, 2: fx fy; always the first parameters, then cx cy
 
-// The members "model" and "params" of a camera or a view. Throws Error naming the place.
+// Reads the members "model" and "params" of a camera or view. Throws Error with the place.
 Lens parse_lens(const JsonValue& object);
 void put_lens(const Lens& lens, nlohmann::ordered_json& object);
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kPole = 1e-12;  // sqrt(2) sin of half the angle to straight up or down
 
-// Between which two nodes of `count` a pixel lies, and how far from the first.
+// The two of `count` nodes around a pixel, and the interpolation weight of the second.
 struct Between {
   Between(double pixel, int step, int count) {
     const double at = std::clamp((pixel + 0.5) / step - 0.5, 0.0, count - 1.0);
@@ -37,16 +37,16 @@ Pose look_at(const Vec3& eye, const Vec3& target, const Vec3& down) {
   return {eye, glm::normalize(glm::quat_cast(Mat3(x, y, z)))};
 }
 
-Quat quat_from_euler(const Euler& degrees) {
+Quat quat_from_euler(const EulerAngles& degrees) {
   const auto turn = [](double angle_deg, const Vec3& axis) { return glm::angleAxis(angle_deg * (M_PI / 180), axis); };
   return glm::normalize(turn(degrees.yaw, {0, 1, 0}) * turn(degrees.pitch, {1, 0, 0}) * turn(degrees.roll, {0, 0, 1}));
 }
 
-// With half angles y, p, r of yaw, pitch, roll the product of the three turns is
+// With half angles y, p, r of yaw, pitch, roll, the product of the three rotations is
 //   w + qx = (cos p + sin p) cos(y - r),  qy - qz = (cos p + sin p) sin(y - r),
-//   w - qx = (cos p - sin p) cos(y + r),  qy + qz = (cos p - sin p) sin(y + r),
-// so that near a pole only the angle that no longer matters loses digits.
-Euler euler_from_quat(const Quat& orientation) {
+//   w - qx = (cos p - sin p) cos(y + r),  qy + qz = (cos p - sin p) sin(y + r).
+// Near a pole, only the angle that no longer matters loses precision.
+EulerAngles euler_from_quat(const Quat& orientation) {
   const Quat q = glm::normalize(orientation);
   const double up = std::hypot(q.w + q.x, q.y - q.z), down = std::hypot(q.w - q.x, q.y + q.z);
   const double difference = std::atan2(q.y - q.z, q.w + q.x), sum = std::atan2(q.y + q.z, q.w - q.x);
@@ -79,10 +79,10 @@ FocalMap FocalMap::refined(int width, int height) const {
   fine.farthest = farthest;
   fine.nearest = nearest;
   fine.levels.resize(static_cast<size_t>(fine.columns) * static_cast<size_t>(fine.rows));
-  // Whole numbers: a fine node lies (2 i + 1 - ratio) / (2 ratio) coarse ones from the first.
+  // Integer arithmetic. A fine node is (2 i + 1 - ratio) / (2 ratio) coarse nodes from the first coarse node.
   const int ratio = step / fine.step, whole = 2 * ratio;
   struct Place {
-    int first, second, part;  // of `whole`
+    int first, second, part;  // part: in 1 / `whole`
   };
   const auto place = [&](int i, int count) {
     const int at = std::clamp(2 * i + 1 - ratio, 0, whole * (count - 1));
@@ -132,9 +132,9 @@ void FocalMap::inverse_row(double x, double spacing, double y, int count, float*
   const auto inverse = [&](int i) {
     return far_end + scale * (upper[i] + part * static_cast<float>(lower[i] - upper[i]));
   };
-  // In nodes: of the first position, and from one to the next.
+  // In nodes: the first position, and the distance between positions.
   const double first = (x + 0.5) / step - 0.5, along = spacing / step;
-  const auto past = [&](int node) {  // the first position at this node or beyond it
+  const auto past = [&](int node) {
     return static_cast<int>(std::clamp(std::ceil((node - first) / along), 0.0, static_cast<double>(count)));
   };
   int i = past(0);
@@ -171,12 +171,12 @@ void validate(const FocalSurface& surface, int width, int height) {
                 std::to_string(map.step));
   if (map.columns != FocalMap::nodes(width, map.step) || map.rows != FocalMap::nodes(height, map.step))
     throw Error("focal_map: " + std::to_string(map.columns) + " x " + std::to_string(map.rows) +
-                " nodes are not those of the view");
+                " nodes do not match the size of the view");
   if (map.levels.size() > FocalMap::kMaxNodes)
     throw Error("focal_map: at most " + std::to_string(FocalMap::kMaxNodes) + " nodes, not " +
                 std::to_string(map.levels.size()));
   if (map.levels.size() != static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows))
-    throw Error("focal_map: " + std::to_string(map.levels.size()) + " levels do not fill it");
+    throw Error("focal_map: " + std::to_string(map.levels.size()) + " levels do not match its size");
   if (!(map.farthest >= 0) || !(map.nearest > map.farthest) || !std::isfinite(map.nearest))
     throw Error("focal_map: inverse distances must be 0 <= farthest < nearest");
 }

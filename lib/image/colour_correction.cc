@@ -6,11 +6,11 @@
 #include <cstring>
 
 #include "base/text.h"
-#include "image/correction.h"
+#include "image/image_filters.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "image/colour_correction.cc"
-#include <hwy/foreach_target.h>  // has to precede highway.h
+#include <hwy/foreach_target.h>  // must precede highway.h
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -20,22 +20,20 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Tables = ColourCorrection::Tables;
 using D = hn::ScalableTag<int16_t>;
 using V = hn::Vec<D>;
-// Bytes, one for each lane.
 using D8 = hn::Rebind<uint8_t, D>;
 inline constexpr D d;
-inline constexpr int kMostLanes = 64;  // of any instruction set that this is compiled for, and more
+inline constexpr int kMaxLanes = 64;  // upper bound for all instruction sets
 
 HWY_INLINE V set(int value) { return hn::Set(d, static_cast<int16_t>(value)); }
-// a b of numbers with `fraction` bits is one with 15 bits less than both have.
+// Fixed-point product; has 15 fraction bits fewer than both factors together.
 HWY_INLINE V times(V a, V b) { return hn::MulFixedPoint15(a, b); }
 HWY_INLINE V plus(V a, V b) { return hn::SaturatedAdd(a, b); }
 
-// Three numbers for each of as many colours as a vector has lanes.
 struct Triple {
   V of[3];
 };
 
-// Pixels with an even place in a row, and with an odd one: 7 bits of fraction.
+// Pixels at even and odd positions of a row, 7 fraction bits.
 struct Pairs {
   V even, odd;
 };
@@ -48,20 +46,19 @@ HWY_INLINE Pairs load_pairs(const uint8_t* from) {
           hn::BitCast(d, hn::ShiftRight<1>(hn::And(both, hn::Set(du, 0xff00))))};
 }
 
-// Levels of 0 to 255.
 HWY_INLINE void store_pairs(const Pairs& level, uint8_t* to) {
   const hn::Repartition<uint8_t, D> d8x2;
   hn::StoreU(hn::BitCast(d8x2, hn::Or(level.even, hn::ShiftLeft<8>(level.odd))), d8x2, to);
 }
 
-// Of the table: 5 bits of fraction.
+// Looks up residuals; 5 fraction bits.
 HWY_INLINE Triple rest_at(const uint32_t* table, V index) {
   const hn::Repartition<int32_t, D> d32;
   const auto* const from = reinterpret_cast<const int32_t*>(table);
   const auto pairs = hn::BitCast(d32, index);
   const auto even = hn::GatherIndex(d32, from, hn::And(pairs, hn::Set(d32, 0xffff)));
   const auto odd = hn::GatherIndex(d32, from, hn::ShiftRight<16>(pairs));
-  // Ten bits become 16: where the first of a pair has them, and where the second has.
+  // Expands 10-bit values to 16 bits, for even and odd lanes.
   const auto join = [&](auto e, auto o) HWY_ATTR {
     return hn::BitCast(d, hn::Or(hn::And(hn::ShiftRight<19>(e), hn::Set(d32, 0x0000fff8)),
                                  hn::And(hn::ShiftRight<3>(o), hn::Set(d32, static_cast<int32_t>(0xfff80000u)))));
@@ -84,7 +81,6 @@ HWY_INLINE Triple rest_at(const uint32_t* table, V index) {
 }
 #endif
 
-// Of three levels, 0 to 255.
 HWY_INLINE V table_index(V a, V b, V c) {
   const V high = set(0xf8);
   return hn::Or(hn::ShiftLeft<7>(hn::And(a, high)), hn::Or(hn::ShiftLeft<2>(hn::And(b, high)), hn::ShiftRight<3>(c)));
@@ -95,13 +91,12 @@ HWY_INLINE V mean_of(V a, V b) {
   return hn::BitCast(d, hn::AverageRound(hn::BitCast(du, a), hn::BitCast(du, b)));
 }
 
-// What a row of samples has in common.
 struct Row {
-  const int16_t *above, *below;  // factors, from the first sample on
-  int16_t between;               // 15 bits of fraction
+  const int16_t *above, *below;
+  int16_t between;  // weight of `below`, 15 fraction bits
 
   Row(const Tables& tables, int y, int x0) {
-    constexpr int kApart = ColourCorrection::kRowsApart;
+    constexpr int kApart = ColourCorrection::kFactorRowStep;
     above = tables.factor.data() + static_cast<ptrdiff_t>(y / kApart) * tables.factor_columns + x0;
     below = above + tables.factor_columns;
     between = static_cast<int16_t>(y % kApart * (32768 / kApart));
@@ -112,13 +107,13 @@ struct Row {
   }
 };
 
-// Bytes of 2 x 2 pixels for each lane, and where they go.
 struct Quads {
   const uint8_t *upper, *lower, *cb, *cr;
   uint8_t *out_upper, *out_lower, *out_cb, *out_cr;
 };
 
-// Levels have 7 bits of fraction, sums 5, sums times the lens's factor 4: 16 bits hold twice 255 and what is negative.
+// Levels have 7 fraction bits, sums 5, and sums times the vignetting factor 4. In 16 bits there is room for twice 255
+// and for negative values.
 template <bool kHasRest>
 HWY_INLINE void quads(const Tables& t, const Quads& at, V factor) {
   const D8 d8;
@@ -165,13 +160,13 @@ HWY_INLINE void quad_row(const Tables& t, const Quads& row, const Row& factors, 
   const int whole = n - (half_last ? 1 : 0);
   for (; i + lanes <= whole; i += lanes) quads<kHasRest>(t, at(i), factors.at(i));
   if (i == n) return;
-  if (!half_last && n >= lanes) {  // some twice
+  if (!half_last && n >= lanes) {  // overlaps the previous vector
     quads<kHasRest>(t, at(n - lanes), factors.at(n - lanes));
     return;
   }
-  // What is left of a row that is short, or ends with half a pair.
-  alignas(64) uint8_t in[4][2 * kMostLanes] = {}, out[4][2 * kMostLanes];
-  alignas(64) int16_t factor[kMostLanes] = {};
+  // Rest of a short row, or of a row that ends with half a pair.
+  alignas(64) uint8_t in[4][2 * kMaxLanes] = {}, out[4][2 * kMaxLanes];
+  alignas(64) int16_t factor[kMaxLanes] = {};
   const int left = n - i, luma = 2 * left - (half_last ? 1 : 0);
   const Quads from = at(i);
   std::memcpy(in[0], from.upper, static_cast<size_t>(luma));
@@ -193,7 +188,7 @@ HWY_INLINE void quad_row(const Tables& t, const Quads& row, const Row& factors, 
 template <bool kHasRest>
 void i420_rows(const Tables& t, const PlaneCopy& y, const PlaneCopy& cb, const PlaneCopy& cr) {
   const Rect& part = cb.part;
-  // The last column of chroma is of one column of luma where an image has an odd width.
+  // If the image width is odd, the last chroma column belongs to a single luma column.
   const bool half_last = 2 * part.x1 > y.width;
   for (int row = part.y0; row < part.y1; row++) {
     const ptrdiff_t upper = 2 * row * y.stride + 2 * part.x0;
@@ -254,8 +249,8 @@ void rgb_rows(const Tables& t, const PlaneCopy& plane, const RgbLayout& layout) 
       pixels<kStride>(t, layout, from + kStride * i, to + kStride * i, factors.at(i));
       continue;
     }
-    alignas(64) uint8_t in[4 * kMostLanes] = {}, out[4 * kMostLanes];
-    alignas(64) int16_t factor[kMostLanes] = {};
+    alignas(64) uint8_t in[4 * kMaxLanes] = {}, out[4 * kMaxLanes];
+    alignas(64) int16_t factor[kMaxLanes] = {};
     std::memcpy(in, from, static_cast<size_t>(kStride * n));
     for (int k = 0; k < n; k++)
       factor[k] = static_cast<int16_t>(factors.above[k] +
@@ -280,7 +275,7 @@ double determinant(const std::array<double, 9>& m) {
   return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
 }
 
-// Between RGB and the family's channels, Y, Cb, Cr of full-range BT.601 without the 128 offset.
+// Conversions between RGB and the channels of the family: Y, Cb, Cr of full-range BT.601 without the 128 offset.
 Vec3 to_channels(PixelFamily family, const Vec3& rgb) {
   if (family == PixelFamily::kRgb) return rgb;
   const double y = 0.299 * rgb.x + 0.587 * rgb.y + 0.114 * rgb.z;
@@ -293,14 +288,14 @@ Vec3 to_rgb(PixelFamily family, const Vec3& channels) {
   return {y + 1.402 * cr, y - 0.114 * 1.772 / 0.587 * cb - 0.299 * 1.402 / 0.587 * cr, y + 1.772 * cb};
 }
 
-// What a model makes of the channels of a family, with its powers read from tables: to a thousandth of a level.
+// Applies a model to the channels of a family. Powers are tabulated, accurate to a thousandth of a level.
 class Model {
  public:
   Model(const ColourModel& model, PixelFamily family) : model_(model), family_(family) {
     for (int i = 0; i <= kSteps; i++) {
-      light_.push_back(light_of(kMostLevel * i / kSteps, model.gamma));
-      const double root = kMostRoot * i / kSteps;
-      level_.push_back(level_of(root * root));
+      light_.push_back(decode_gamma(kMostLevel * i / kSteps, model.gamma));
+      const double root = kMaxRoot * i / kSteps;
+      level_.push_back(encode_gamma(root * root));
     }
   }
   Vec3 operator()(const Vec3& channels) const {
@@ -311,18 +306,18 @@ class Model {
     for (int c = 0; c < 3; c++) {
       const double* const row = &model_.matrix[static_cast<size_t>(3 * c)];
       const double sum = row[0] * light[0] + row[1] * light[1] + row[2] * light[2];
-      // Light is the square of what the table goes by: levels are steep near none.
-      out[c] = read(level_, std::copysign(std::sqrt(std::abs(sum)), sum) / kMostRoot);
+      // The table is indexed by the square root of light, because levels are steep near 0.
+      out[c] = read(level_, std::copysign(std::sqrt(std::abs(sum)), sum) / kMaxRoot);
     }
     return to_channels(family_, out);
   }
 
  private:
   static constexpr int kSteps = 4096;
-  // Corners of YCbCr's cube are colours far outside of RGB's.
-  static constexpr double kMostLevel = 640, kMostRoot = 16;
+  // Corners of the YCbCr cube are far outside of RGB.
+  static constexpr double kMostLevel = 640, kMaxRoot = 16;
 
-  // At `place` of 0 to 1, or as much below zero.
+  // `place`: -1 to 1; the function is odd.
   static double read(const std::vector<double>& table, double place) {
     const double at = std::min(std::abs(place), 1.0) * kSteps;
     const auto i = std::min<size_t>(static_cast<size_t>(at), kSteps - 1);
@@ -334,7 +329,7 @@ class Model {
   std::vector<double> light_, level_;
 };
 
-// The affine function nearest to the model over colours that there are: a + b x + c y + d z for each channel.
+// Least-squares affine approximation of the model over all valid colours: a + b x + c y + d z for each channel.
 struct Affine {
   double of[3][4];
   Vec3 operator()(const Vec3& v) const {
@@ -344,7 +339,6 @@ struct Affine {
   }
 };
 
-// Solves the 4 x 4 system of normal equations for three right sides at once.
 void solve(double (&a)[4][7]) {
   for (int i = 0; i < 4; i++) {
     int best = i;
@@ -385,21 +379,21 @@ int16_t fixed(double value, int bits) {
   return static_cast<int16_t>(std::clamp<long>(std::lround(std::ldexp(value, bits)), -32768, 32767));
 }
 
-constexpr double kMostSlope = 1.99;  // times the lens's factor, below 2, 13 bits of fraction hold it
-constexpr double kLeastRest = 0.25;  // levels: what is nearer to the affine function is that
+constexpr double kMaxSlope = 1.99;   // below 2, so that the slope times the vignetting factor fits 13 fraction bits
+constexpr double kLeastRest = 0.25;  // levels; smaller residuals are ignored
 
 }  // namespace
 
 HWY_EXPORT(i420);
 HWY_EXPORT(rgb);
 
-double light_of(double level, double gamma) {
+double decode_gamma(double level, double gamma) {
   const double v = std::abs(level);
   const double light = v >= kToe ? std::pow(v / 255, gamma) : v / kToe * std::pow(kToe / 255, gamma);
   return std::copysign(light, level);
 }
 
-double level_of(double light, double gamma) {
+double encode_gamma(double light, double gamma) {
   const double toe = std::pow(kToe / 255, gamma), v = std::abs(light);
   return std::copysign(v >= toe ? 255 * std::pow(v, 1 / gamma) : v / toe * kToe, light);
 }
@@ -414,43 +408,42 @@ double VignettingField::square(double x, double y) const {
   return scale_ * (dx * dx + dy * dy);
 }
 
-double light_share(const ColourModel& model, double r2) {
+double vignetting_factor(const ColourModel& model, double r2) {
   return 1 + r2 * (model.vignetting[0] + r2 * model.vignetting[1]);
 }
 
 Vec3 corrected(const ColourModel& model, const Vec3& level) {
   double light[3];
-  for (int c = 0; c < 3; c++) light[c] = light_of(level[c] - model.black[c], model.gamma);
+  for (int c = 0; c < 3; c++) light[c] = decode_gamma(level[c] - model.black[c], model.gamma);
   Vec3 out;
   for (int c = 0; c < 3; c++) {
     const double* const row = &model.matrix[static_cast<size_t>(3 * c)];
-    out[c] = level_of(row[0] * light[0] + row[1] * light[1] + row[2] * light[2]);
+    out[c] = encode_gamma(row[0] * light[0] + row[1] * light[1] + row[2] * light[2]);
   }
   return out;
 }
 
-double level_factor(double light_share) { return std::pow(light_share, -1 / kPictureGamma); }
+double level_factor(double vignetting_factor) { return std::pow(vignetting_factor, -1 / kPictureGamma); }
 
-std::optional<std::string> fault_of(const ColourModel& model, double most_r2) {
+std::optional<std::string> model_error(const ColourModel& model, double most_r2) {
   using M = ColourModel;
   const auto bounds = [](double least, double most) {
     return ": must be " + number_text(least) + " to " + number_text(most);
   };
   for (int c = 0; c < 3; c++)
-    if (!(std::abs(model.black[c]) <= M::kMostBlack))
-      return "black[" + std::to_string(c) + "]" + bounds(-M::kMostBlack, M::kMostBlack);
-  if (!(model.gamma >= M::kLeastGamma && model.gamma <= M::kMostGamma))
-    return "gamma" + bounds(M::kLeastGamma, M::kMostGamma);
+    if (!(std::abs(model.black[c]) <= M::kMaxBlack))
+      return "black[" + std::to_string(c) + "]" + bounds(-M::kMaxBlack, M::kMaxBlack);
+  if (!(model.gamma >= M::kMinGamma && model.gamma <= M::kMaxGamma))
+    return "gamma" + bounds(M::kMinGamma, M::kMaxGamma);
   for (size_t i = 0; i < model.matrix.size(); i++)
-    if (!(std::abs(model.matrix[i]) <= M::kMostEntry))
-      return "matrix[" + std::to_string(i) + "]" + bounds(-M::kMostEntry, M::kMostEntry);
-  if (!(determinant(model.matrix) >= 1e-4))
-    return "matrix: must keep colours apart: its determinant must be 0.0001 or more";
-  // A parabola in r^2: its ends and its vertex.
+    if (!(std::abs(model.matrix[i]) <= M::kMaxEntry))
+      return "matrix[" + std::to_string(i) + "]" + bounds(-M::kMaxEntry, M::kMaxEntry);
+  if (!(determinant(model.matrix) >= 1e-4)) return "matrix: determinant must be at least 0.0001";
+  // A parabola in r^2: check its ends and its vertex.
   double least = 1, most = 1;
   const auto look_at = [&](double r2) {
-    const double share = light_share(model, r2);
-    // NaN stays.
+    const double share = vignetting_factor(model, r2);
+    // Keeps NaN.
     if (!(share >= least)) least = share;
     if (!(share <= most)) most = share;
   };
@@ -459,8 +452,8 @@ std::optional<std::string> fault_of(const ColourModel& model, double most_r2) {
     const double vertex = -model.vignetting[0] / (2 * k2);
     if (vertex > 0 && vertex < most_r2) look_at(vertex);
   }
-  if (!(least >= M::kLeastLight && most <= M::kMostLight))
-    return "vignetting: must leave " + number_text(M::kLeastLight) + " to " + number_text(M::kMostLight) +
+  if (!(least >= M::kMinLight && most <= M::kMaxLight))
+    return "vignetting: must leave " + number_text(M::kMinLight) + " to " + number_text(M::kMaxLight) +
            " of the light in all of the image";
   return std::nullopt;
 }
@@ -477,7 +470,7 @@ void ColourCorrection::fit(const ColourModel& model) {
   const Model exact(model, family_);
   const Affine affine = fit_affine(exact, family_);
   for (int k = 0; k < 3; k++) {
-    for (int i = 0; i < 3; i++) tables_.matrix[k][i] = fixed(std::clamp(affine.of[k][i], -kMostSlope, kMostSlope), 13);
+    for (int i = 0; i < 3; i++) tables_.matrix[k][i] = fixed(std::clamp(affine.of[k][i], -kMaxSlope, kMaxSlope), 13);
     tables_.offset[k] = fixed(affine.of[k][3], 5);
   }
   const Vec3 none = family_ == PixelFamily::kRgb ? Vec3(0) : Vec3(0, 128, 128);
@@ -502,10 +495,11 @@ void ColourCorrection::fit(const ColourModel& model) {
 
 void ColourCorrection::tabulate_factor(const ColourModel& model, int width, int height, const Vec2& centre) {
   const VignettingField field(width, height, centre);
-  // 1024 steps of r^2 in place of a power for each sample.
+  // Interpolates between 1024 steps of r^2 instead of computing a power for each sample.
   constexpr int kSteps = 1024;
   std::vector<double> of_square;
-  for (int i = 0; i <= kSteps; i++) of_square.push_back(level_factor(light_share(model, field.most() * i / kSteps)));
+  for (int i = 0; i <= kSteps; i++)
+    of_square.push_back(level_factor(vignetting_factor(model, field.most() * i / kSteps)));
   const auto factor = [&](double x, double y) {
     const double at = std::clamp(field.square(x, y) / field.most(), 0.0, 1.0) * kSteps;
     const int i = std::min(static_cast<int>(at), kSteps - 1);
@@ -515,7 +509,7 @@ void ColourCorrection::tabulate_factor(const ColourModel& model, int width, int 
   const int columns = rgb ? width : chroma_size(width), rows = rgb ? height : chroma_size(height);
   const double step = rgb ? 1 : 2, first = rgb ? 0 : 0.5;
   tables_.factor_columns = columns;
-  for (int row = 0; row < rows + kRowsApart; row += kRowsApart)
+  for (int row = 0; row < rows + kFactorRowStep; row += kFactorRowStep)
     for (int x = 0; x < columns; x++) tables_.factor.push_back(fixed(factor(step * x + first, step * row + first), 14));
 }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/text.h"
-#include "image/correction.h"
+#include "image/image_filters.h"
 
 namespace lf {
 namespace {
@@ -90,13 +90,13 @@ Image to_rgb(const Image& i420) {
   return out;
 }
 
-ImageView fetched(const ImageView& image, const Rect& part, FetchedMemory& memory) {
-  const CardPixels& from = image.on_card;
+ImageView fetched(const ImageView& image, const Rect& part, FetchBuffers& memory) {
+  const GpuPixels& from = image.on_gpu;
   if (!from.image) return image;
   ImageView here = from.image->fetch();
   if (here.family == PixelFamily::kNone || part.empty()) return here;
   if (from.gain != 1) {
-    // What is sharpened looks at its neighbours.
+    // Sharpening reads neighbouring pixels.
     const Rect around = from.sharpened ? intersect({part.x0 - 2, part.y0 - 2, part.x1 + 2, part.y1 + 2},
                                                    {0, 0, image.width, image.height})
                                        : part;
@@ -109,7 +109,7 @@ namespace {
 
 constexpr double kOne = 1 << 16;
 constexpr int32_t kHalf = 1 << 15;
-constexpr int kSixteenths = 16;  // of an input level, in which chroma is taken between samples
+constexpr int kSixteenths = 16;  // chroma is interpolated in sixteenths of an input level
 
 uint8_t to_level(int32_t value) { return static_cast<uint8_t>(std::clamp((value + kHalf) >> 16, 0, 255)); }
 
@@ -117,11 +117,11 @@ int32_t rounded(double value) { return static_cast<int32_t>(std::lround(value));
 
 }  // namespace
 
-YcbcrConversion::YcbcrConversion(const YcbcrKind& from) : from_(from) {
-  constexpr YcbcrKind kOwn;
+YcbcrConversion::YcbcrConversion(const YcbcrFormat& from) : from_(from) {
+  constexpr YcbcrFormat kOwn;
   const double zero = from.full_range ? 0 : 16, luma = 255. / (from.full_range ? 255 : 219);
   for (int y = 0; y < 256; y++) luma_[y] = rounded((y - zero) * luma * kOne);
-  // R - Y, G - Y and B - Y for a Cb or Cr of 1, and what these make of luma by the own weights.
+  // R - Y, G - Y and B - Y for a Cb or Cr of 1, and their luma with our weights.
   const double kg = 1 - from.kr - from.kb, own_kg = 1 - kOwn.kr - kOwn.kb;
   const double blue = 2 * (1 - from.kb), red = 2 * (1 - from.kr);
   const double of_cb = kOwn.kb * blue - own_kg * from.kb * blue / kg;
@@ -136,12 +136,13 @@ YcbcrConversion::YcbcrConversion(const YcbcrKind& from) : from_(from) {
   chroma_of_[1][1] = rounded((red - of_cr) / own_red * level);
 }
 
-// Sixteenths of levels away from the middle, at the middles of 2 x 2 pixels.
+// Computes chroma in the middle of 2 x 2 pixels, in sixteenths of a level relative to 128.
 void YcbcrConversion::sited_row(const ImageView& in, int plane, int y, int32_t* out) const {
   const int width = chroma_size(in.width), height = chroma_size(in.height);
   const uint8_t* const upper = in.plane[plane] + y * in.stride[plane];
   const uint8_t* const lower = in.plane[plane] + std::min(y + 1, height - 1) * in.stride[plane];
-  // A sample half a pixel before the middle is a quarter of the way back to it: the next one has a quarter of the say.
+  // A sample half a pixel before the middle is a quarter of the sample distance away, so the next sample has weight
+  // 1/4.
   const int below = from_.down < 0 ? 1 : 0, beside = from_.right < 0 ? 1 : 0;
   for (int x = 0; x < width; x++) {
     const int next = std::min(x + 1, width - 1);
@@ -178,7 +179,7 @@ namespace {
 
 using Colour = std::array<uint8_t, 3>;
 
-// At 0, 0.1, ..., 1; in between linear.
+// At 0, 0.1, ..., 1; linear in between.
 constexpr std::array<Colour, 11> kScale{{{0, 0, 4},
                                          {22, 11, 57},
                                          {66, 10, 104},
@@ -211,16 +212,16 @@ Image heat_map(std::span<const float> values, int width, int height, double full
     return image.family() == PixelFamily::kRgb && image.width() == width && image.height() == height;
   };
   if (values.size() * 3 != map.data().size() || (underlay && !fits(*underlay)))
-    throw Error("a heat map and what is under it must be of one size");
+    throw Error("heat map: values and underlay must have the same size");
   for (size_t i = 0; i < values.size(); i++) {
     uint8_t* const out = &map.data()[3 * i];
     if (std::isnan(values[i])) {
-      std::fill_n(out, 3, kNoHeat);
+      std::fill_n(out, 3, kNoValueGrey);
       continue;
     }
     const double share = std::clamp(values[i] / full, 0.0, 1.0);
     const Colour colour = heat_colour(share);
-    const double through = underlay ? kHeatUnderlay * (1 - share) * luma(&underlay->data()[3 * i]) : 0;
+    const double through = underlay ? kUnderlayOpacity * (1 - share) * luma(&underlay->data()[3 * i]) : 0;
     for (size_t c = 0; c < 3; c++) out[c] = static_cast<uint8_t>(std::min(255.0, colour[c] + through + 0.5));
   }
   return map;

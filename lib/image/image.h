@@ -18,37 +18,35 @@ namespace lf {
 // of 8 bits, chroma at half resolution (rounded up), centred: chroma sample k sits at luma coordinate 2k + 0.5.
 enum class PixelFamily : uint8_t { kNone = 0, kRgb = 1, kI420 = 2 };
 
-// Interleaved RGB layouts: bytes from pixel to pixel, and where each colour is.
 struct RgbLayout {
   int pixel_stride = 3;
   int r = 0, g = 1, b = 2;
   bool operator==(const RgbLayout&) const = default;
 };
 
-class CardImage;
+class GpuImage;
 
-// Where the pixels of an image are on a graphics card, and what they are to become before they are sampled.
-struct CardPixels {
-  const CardImage* image = nullptr;  // null: they are in this process's memory, as they are to be
-  float gain = 1;                    // that they are to be divided by, see divide_by_gain(); 1: they are not
-  bool sharpened = false;            // and then sharpened, see sharpen()
-  auto operator<=>(const CardPixels&) const = default;
+// Location of pixels on a GPU, and the processing that sampling expects.
+struct GpuPixels {
+  const GpuImage* image = nullptr;  // null: the pixels are in memory and already processed
+  float gain = 1;                   // divisor, see divide_by_gain(); 1: none
+  bool sharpened = false;           // after the division, see sharpen()
+  auto operator<=>(const GpuPixels&) const = default;
 };
 
-// A camera image in somebody else's memory. Valid as long as its owner keeps it.
+// A camera image in memory of its owner, valid as long as the owner keeps the memory.
 struct ImageView {
   PixelFamily family = PixelFamily::kNone;
   int width = 0, height = 0;     // pixels
   RgbLayout layout;              // kRgb
   const uint8_t* plane[3] = {};  // kRgb: plane[0]; kI420: Y, Cb, Cr (offset 128)
   ptrdiff_t stride[3] = {};      // bytes from row to row
-  CardPixels on_card;            // where that has an image there is no plane: who reads pixels takes what is fetched()
+  GpuPixels on_gpu;              // if set, the planes are null; fetched() returns the pixels
 };
 
-// Chroma samples along a side of `luma` pixels.
 inline int chroma_size(int luma) { return (luma + 1) / 2; }
 
-// Packed pixels owned by the image: kRgb as RGB, 3 bytes a pixel; kI420 as Y, Cb, Cr planes one after the other.
+// Packed pixels owned by the image: kRgb as RGB, 3 bytes a pixel; kI420 as consecutive Y, Cb, Cr planes.
 class Image {
  public:
   Image() = default;
@@ -72,95 +70,90 @@ class Image {
   std::vector<uint8_t> data_;
 };
 
-// Bytes of a packed picture of this family and size.
 size_t packed_size(PixelFamily family, int width, int height);
 
-// These convert by full-range BT.601 (JFIF). Chroma is the mean over 2x2 pixels on the way there, the nearest sample on
-// the way back.
+// Full-range BT.601 (JFIF). to_i420() averages chroma over 2x2 pixels, to_rgb() takes the nearest sample.
 Image to_i420(const Image& rgb);
 Image to_rgb(const Image& i420);
 
-// Reads PNG, JPEG and whatever else OpenCV's imgcodecs reads, as 8-bit RGB. Throws Error naming the file.
+// Reads PNG, JPEG and all other formats of OpenCV's imgcodecs, as 8-bit RGB. Throws Error naming the file.
 Image load_image(const std::string& path);
-// Writes an RGB image, as the name's ending says: .png (lossless), .jpg (quality 95). Throws Error naming the file.
+// Writes an RGB image. The extension selects the format: .png (lossless), .jpg (quality 95). Throws Error naming the
+// file.
 void save_image(const Image& rgb, const std::string& path);
 
-// How cameras' images are sampled.
 enum class Resampling {
   kBilinear,
-  kSharpened,  // bilinear, of images that were sharpened (image/correction.h)
+  kSharpened,  // bilinear, on sharpened images (image/image_filters.h)
 };
 
-// An image in textures of a graphics card, which sums are sampled from without its coming here first.
-class CardImage {
+// An image in GPU textures, which can be sampled without a copy in memory.
+class GpuImage {
  public:
-  virtual ~CardImage() = default;
+  virtual ~GpuImage() = default;
 
   struct Texture {
-    unsigned name;  // OpenGL's, of a GL_TEXTURE_2D of at least the plane's size
-    int channel;    // kI420: the one that has the plane's samples. kRgb: all have, one for each byte of a pixel
+    unsigned name;  // OpenGL name of a GL_TEXTURE_2D of at least the plane's size
+    int channel;    // kI420: channel of the plane's samples; kRgb: unused, channels are the bytes of a pixel
   };
-  // Of plane 0 (kRgb), or of Y, Cb, Cr.
+  // `index`: 0 for kRgb; 0 to 2 for Y, Cb, Cr.
   virtual Texture plane(int index) const = 0;
-  // To be called in a context that shares the textures, before they are read: what the context is given from then on
-  // finds in them what is to be there.
+  // Call in a context that shares the textures, before the first access. Later commands of the context see complete
+  // textures.
   virtual void wait() const = 0;
-  // The image in this process's memory, of the same family, size and layout, valid as long as this lives; kNone where
-  // it can't be had. Any thread, as often as anybody wants.
+  // Returns the image in memory, of the same family, size and layout; kNone on failure. Valid as long as this object
+  // lives. May be called from any thread, any number of times.
   virtual ImageView fetch() const = 0;
-  // Whether anybody has asked for that.
   virtual bool is_fetched() const = 0;
 };
 
-// What fetched() makes of an image.
-struct FetchedMemory {
+struct FetchBuffers {
   ByteBuffer divided, sharpened;
 };
 
-// The image in this process's memory, with what its CardPixels say made of `part` of it (inside the image; x0, y0 even
-// in kI420): itself if it is here; kNone where it can't be had. Valid as long as `memory` and the CardImage are left
-// alone.
-ImageView fetched(const ImageView& image, const Rect& part, FetchedMemory& memory);
+// Returns the image in memory, with the processing of its GpuPixels applied to `part` (inside the image; x0, y0 even
+// for kI420). An image in memory is returned as is; kNone on failure. Valid as long as `memory` and the GpuImage are
+// unchanged.
+ImageView fetched(const ImageView& image, const Rect& part, FetchBuffers& memory);
 
-// How 8-bit YCbCr video stands for colours (ITU-R BT.601-7, BT.709-6, BT.2020-2): Y = kr R + (1 - kr - kb) G + kb B.
-struct YcbcrKind {
+// Encoding of 8-bit YCbCr video (ITU-R BT.601-7, BT.709-6, BT.2020-2): Y = kr R + (1 - kr - kb) G + kb B.
+struct YcbcrFormat {
   double kr = 0.299, kb = 0.114;
-  bool full_range = true;      // 0 to 255; else luma from 16 to 235, chroma from 16 to 240
-  double right = 0, down = 0;  // pixels that chroma samples are from the middle of their 2 x 2 pixels: 0 or -0.5
+  bool full_range = true;      // 0 to 255; false: luma 16 to 235, chroma 16 to 240
+  double right = 0, down = 0;  // pixels from the middle of 2 x 2 pixels to the chroma sample: 0 or -0.5
 };
 
-// Makes PixelFamily::kI420 of planar video with chroma at half the resolution of another kind. Each value is that of
-// exact arithmetic to 1 of 255, the mean error of a flat picture at most half of that: where the matrix is another one
-// chroma stands for all of its 2 x 2 pixels, and between samples it is linear. Immutable.
+// Converts planar 4:2:0 video of another encoding to PixelFamily::kI420. Values are within 1 of exact arithmetic, and
+// the mean error of a uniform image is at most half a level. If the matrix differs, one chroma value serves all of its
+// 2 x 2 pixels. Chroma is interpolated linearly. Immutable.
 class YcbcrConversion {
  public:
-  explicit YcbcrConversion(const YcbcrKind& from);
+  explicit YcbcrConversion(const YcbcrFormat& from);
 
-  // `in`: three planes of the kind, `out` of the same size, its rows `stride` bytes apart, and not the same memory.
+  // `in`: three planes in the source encoding. `out`: the same size, rows `stride` bytes apart, must not overlap `in`.
   void convert(const ImageView& in, uint8_t* const out[3], const ptrdiff_t stride[3]) const;
 
  private:
   void sited_row(const ImageView& in, int plane, int y, int32_t* out) const;
 
-  const YcbcrKind from_;
-  std::array<int32_t, 256> luma_;  // 2^16ths of output levels
-  int32_t luma_of_[2];             // for each sixteenth of a level of chroma away from the middle, 2^16ths: of Cb, Cr
-  int32_t chroma_of_[2][2];        // the same of output Cb and Cr
+  const YcbcrFormat from_;
+  std::array<int32_t, 256> luma_;  // output levels in 1/2^16
+  int32_t luma_of_[2];             // output luma for Cb and Cr of 1/16 level, in 1/2^16
+  int32_t chroma_of_[2][2];        // output Cb and Cr for Cb and Cr of 1/16 level, in 1/2^16
 };
 
-// The colour of a share of a scale, R, G, B: from black at 0 over violet, red and orange to pale yellow at 1, always
-// brighter (the scale "inferno" of matplotlib, S. van der Walt and N. Smith 2015), so that it means the same in grey
-// and to the colour-blind. Shares beyond 0..1 count as 0 and 1.
+// Returns the colour (R, G, B) of a value: black at 0, then violet, red, orange, and pale yellow at 1, with increasing
+// brightness, so that the scale works in grey and for colour-blind users. This is "inferno" of matplotlib (S. van der
+// Walt and N. Smith 2015). Values are clamped to 0..1.
 std::array<uint8_t, 3> heat_colour(double share);
 
-// What has no value in a heat map: a grey that is no colour of the scale.
-inline constexpr uint8_t kNoHeat = 96;
+inline constexpr uint8_t kNoValueGrey = 96;
 
-// How much of the luma of a picture under it the black of a heat map lets through.
-inline constexpr float kHeatUnderlay = 0.4f;
+// Opacity of the luma of the underlay where a heat map is black.
+inline constexpr float kUnderlayOpacity = 0.4f;
 
-// Values as colours: width * height of them, row-major; 0 is black and `full` the end of the scale; NaN is kNoHeat.
-// `underlay` (RGB, of that size) shows dimly through by its luma where values are small. Throws Error for another size.
+// Draws width * height values, row-major: 0 is black, `full` the end of the scale, NaN is kNoValueGrey. The luma of
+// `underlay` (RGB, same size) shines through where values are small. Throws Error if a size differs.
 Image heat_map(std::span<const float> values, int width, int height, double full, const Image* underlay = nullptr);
 
 }  // namespace lf

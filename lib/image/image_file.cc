@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Apart from the pixels, so that programs that read and write no files load no OpenCV.
+// Separate from image.cc, so that programs without image files do not load OpenCV.
 #include "image/image_file.h"
 
 #include <algorithm>
@@ -25,24 +25,23 @@
 namespace lf {
 namespace {
 
-// While an object lives, OpenCV does not write to stderr what is an error here.
-class QuietOpenCv {
+// Silences OpenCV's log, since errors are reported as exceptions.
+class ScopedOpenCvSilence {
  public:
-  QuietOpenCv() : before_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-  ~QuietOpenCv() { cv::utils::logging::setLogLevel(before_); }
-  QuietOpenCv(const QuietOpenCv&) = delete;
-  QuietOpenCv& operator=(const QuietOpenCv&) = delete;
+  ScopedOpenCvSilence() : before_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
+  ~ScopedOpenCvSilence() { cv::utils::logging::setLogLevel(before_); }
+  ScopedOpenCvSilence(const ScopedOpenCvSilence&) = delete;
+  ScopedOpenCvSilence& operator=(const ScopedOpenCvSilence&) = delete;
 
  private:
   const cv::utils::logging::LogLevel before_;
 };
 
-// As the header says; may be more than an image can have.
-struct ClaimedSize {
+// As in the header; may exceed the limits.
+struct HeaderSize {
   int64_t width = 0, height = 0;
 };
 
-// Whole numbers in the bytes of a file; nothing where the file ends before.
 class HeaderBytes {
  public:
   HeaderBytes(std::string_view bytes, bool big_endian) : bytes_(bytes), big_endian_(big_endian) {}
@@ -62,18 +61,18 @@ class HeaderBytes {
   bool big_endian_;
 };
 
-std::optional<ClaimedSize> pair_of(std::optional<uint32_t> width, std::optional<uint32_t> height) {
+std::optional<HeaderSize> pair_of(std::optional<uint32_t> width, std::optional<uint32_t> height) {
   if (!width || !height) return std::nullopt;
-  return ClaimedSize{*width, *height};
+  return HeaderSize{*width, *height};
 }
 
-std::optional<ClaimedSize> png_size(std::string_view bytes) {
+std::optional<HeaderSize> png_size(std::string_view bytes) {
   const HeaderBytes header(bytes, true);
   return pair_of(header.number(16, 4), header.number(20, 4));
 }
 
-// The first frame header (SOF) of a JPEG file. Segments before it have a length each.
-std::optional<ClaimedSize> jpeg_size(std::string_view bytes) {
+// The first frame header (SOF) of a JPEG file, after segments with a length each.
+std::optional<HeaderSize> jpeg_size(std::string_view bytes) {
   const HeaderBytes header(bytes, true);
   for (size_t at = 2;;) {
     while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;  // fill bytes
@@ -90,20 +89,20 @@ std::optional<ClaimedSize> jpeg_size(std::string_view bytes) {
   }
 }
 
-std::optional<ClaimedSize> bmp_size(std::string_view bytes) {
+std::optional<HeaderSize> bmp_size(std::string_view bytes) {
   const HeaderBytes header(bytes, false);
   const auto kind = header.number(14, 4);
   if (!kind) return std::nullopt;
   if (*kind == 12) return pair_of(header.number(18, 2), header.number(20, 2));
   const auto size = pair_of(header.number(18, 4), header.number(22, 4));
   if (!size) return std::nullopt;
-  // The height is negative where rows go from the top down.
+  // The height is negative for top-down rows.
   const auto height = static_cast<int32_t>(static_cast<uint32_t>(size->height));
-  return ClaimedSize{size->width, std::abs(int64_t{height})};
+  return HeaderSize{size->width, std::abs(int64_t{height})};
 }
 
 // The first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
-std::optional<ClaimedSize> tiff_size(std::string_view bytes) {
+std::optional<HeaderSize> tiff_size(std::string_view bytes) {
   const HeaderBytes header(bytes, bytes[0] == 'M');
   const auto directory = header.number(4, 4);
   const auto count = directory ? header.number(*directory, 2) : std::nullopt;
@@ -119,22 +118,22 @@ std::optional<ClaimedSize> tiff_size(std::string_view bytes) {
   return pair_of(width, height);
 }
 
-std::optional<ClaimedSize> webp_size(std::string_view bytes) {
+std::optional<HeaderSize> webp_size(std::string_view bytes) {
   const HeaderBytes header(bytes, false);
   const std::string_view kind = bytes.substr(12, 4);
   if (kind == "VP8X") {
     const auto size = pair_of(header.number(24, 3), header.number(27, 3));
-    return size ? std::optional(ClaimedSize{size->width + 1, size->height + 1}) : std::nullopt;
+    return size ? std::optional(HeaderSize{size->width + 1, size->height + 1}) : std::nullopt;
   }
   if (kind == "VP8L") {
     const auto packed = header.number(21, 4);
-    return packed ? std::optional(ClaimedSize{(*packed & 0x3fff) + 1, (*packed >> 14 & 0x3fff) + 1}) : std::nullopt;
+    return packed ? std::optional(HeaderSize{(*packed & 0x3fff) + 1, (*packed >> 14 & 0x3fff) + 1}) : std::nullopt;
   }
   const auto size = pair_of(header.number(26, 2), header.number(28, 2));
-  return size ? std::optional(ClaimedSize{size->width & 0x3fff, size->height & 0x3fff}) : std::nullopt;
+  return size ? std::optional(HeaderSize{size->width & 0x3fff, size->height & 0x3fff}) : std::nullopt;
 }
 
-// The next number of a header in text, after spaces and lines of comment.
+// Returns the next number of a text header, skipping white space and comment lines.
 std::optional<int64_t> next_number(std::string_view text, size_t& at) {
   while (at < text.size() && (std::isspace(static_cast<unsigned char>(text[at])) || text[at] == '#'))
     at = text[at] == '#' ? std::min(text.find('\n', at), text.size()) : at + 1;
@@ -145,16 +144,16 @@ std::optional<int64_t> next_number(std::string_view text, size_t& at) {
   return number;
 }
 
-std::optional<ClaimedSize> pnm_size(std::string_view bytes) {
+std::optional<HeaderSize> pnm_size(std::string_view bytes) {
   size_t at = 2;
   const auto width = next_number(bytes, at);
   const auto height = width ? next_number(bytes, at) : std::nullopt;
   if (!height) return std::nullopt;
-  return ClaimedSize{*width, *height};
+  return HeaderSize{*width, *height};
 }
 
 // "-Y 480 +X 640" after an empty line.
-std::optional<ClaimedSize> hdr_size(std::string_view bytes) {
+std::optional<HeaderSize> hdr_size(std::string_view bytes) {
   size_t at = bytes.find("\n\n");
   if (at == bytes.npos) return std::nullopt;
   at += 2;
@@ -167,10 +166,10 @@ std::optional<ClaimedSize> hdr_size(std::string_view bytes) {
     if (!number) return std::nullopt;
     (is_width ? sides[0] : sides[1]) = *number;
   }
-  return ClaimedSize{sides[0], sides[1]};
+  return HeaderSize{sides[0], sides[1]};
 }
 
-std::optional<ClaimedSize> claimed_size(std::string_view bytes) {
+std::optional<HeaderSize> claimed_size(std::string_view bytes) {
   const auto begins = [&](std::string_view magic) { return bytes.substr(0, magic.size()) == magic; };
   if (begins("\x89PNG\r\n\x1a\n")) return png_size(bytes);
   if (begins("\xff\xd8\xff")) return jpeg_size(bytes);
@@ -184,12 +183,12 @@ std::optional<ClaimedSize> claimed_size(std::string_view bytes) {
 }
 
 ImageSize checked_size(const std::string& path, std::string_view bytes) {
-  const std::optional<ClaimedSize> size = claimed_size(bytes);
+  const std::optional<HeaderSize> size = claimed_size(bytes);
   if (!size || size->width < 1 || size->height < 1) throw Error(path + ": not an image that can be read");
   const auto [width, height] = *size;
-  if (width > kMostImageSide || height > kMostImageSide || width * height > kMostImagePixels)
+  if (width > kMaxImageSide || height > kMaxImageSide || width * height > kMaxImagePixels)
     throw Error(path + ": is " + std::to_string(width) + "x" + std::to_string(height) + " pixels: at most " +
-                std::to_string(kMostImageSide) + " a side and " + std::to_string(kMostImagePixels / 1'000'000) +
+                std::to_string(kMaxImageSide) + " a side and " + std::to_string(kMaxImagePixels / 1'000'000) +
                 " million in all can be read");
   return {static_cast<int>(width), static_cast<int>(height)};
 }
@@ -201,33 +200,33 @@ std::string read_image_file(const std::string& path) {
 }
 
 Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
-  // OpenCV shows what is left of a damaged PNG or JPEG.
+  // OpenCV accepts damaged PNG and JPEG files.
   const std::span coded_bytes(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  if (picture_coding(coded_bytes) != PictureCoding::kOther) {
+  if (detect_image_coding(coded_bytes) != ImageCoding::kOther) {
     try {
-      return decode_picture(coded_bytes, PixelFamily::kRgb);
+      return decode_still(coded_bytes, PixelFamily::kRgb);
     } catch (const Error& error) {
       throw Error(path + ": " + error.what());
     }
   }
-  // The decoder writes to the image's own memory if it finds the size that the header claims.
+  // OpenCV decodes into the image's memory if the size matches.
   Image image(PixelFamily::kRgb, size.width, size.height);
   cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
   const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
-    const QuietOpenCv quiet;
+    const ScopedOpenCvSilence quiet;
     cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
   if (pixels.empty()) throw Error(path + ": not an image that can be read");
   if (pixels.data != image.data().data() || pixels.cols != size.width || pixels.rows != size.height)
-    throw Error(path + ": its header and its pixels are of different sizes");
+    throw Error(path + ": header and pixels have different sizes");
   for (size_t i = 0; i + 2 < image.data().size(); i += 3) std::swap(image.data()[i], image.data()[i + 2]);
   return image;
 }
 
-// OpenCV takes no picture to be read alone, and wants its colours the other way round.
+// OpenCV needs a mutable copy in BGR order.
 cv::Mat to_bgr(const Image& rgb) {
   const cv::Mat from(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
   cv::Mat bgr;
@@ -263,7 +262,7 @@ void save_image(const Image& rgb, const std::string& path) {
     throw Error(path + ": " + e.what());
   }
   if (!coded) throw Error(path + ": can't be written");
-  FileReplacement file(path);
+  AtomicFileWriter file(path);
   file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   file.commit();
 }
@@ -279,14 +278,14 @@ std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality) {
   return bytes;
 }
 
-GreyPicture decode_grey_jpeg(const std::vector<uint8_t>& bytes, int smaller) {
+GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller) {
   try {
     const cv::Mat grey = cv::imdecode(bytes, smaller == 8   ? cv::IMREAD_REDUCED_GRAYSCALE_8
                                              : smaller == 4 ? cv::IMREAD_REDUCED_GRAYSCALE_4
                                              : smaller == 2 ? cv::IMREAD_REDUCED_GRAYSCALE_2
                                                             : cv::IMREAD_GRAYSCALE);
     if (grey.empty()) throw Error("no JPEG");
-    GreyPicture picture{grey.cols, grey.rows, {}};
+    GreyImage picture{grey.cols, grey.rows, {}};
     for (int y = 0; y < grey.rows; y++)
       picture.samples.insert(picture.samples.end(), grey.ptr<uint8_t>(y), grey.ptr<uint8_t>(y) + grey.cols);
     return picture;

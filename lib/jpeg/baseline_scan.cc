@@ -10,7 +10,7 @@
 namespace lf::jpeg {
 namespace {
 
-// As libjpeg has it: none of its codes is all ones.
+// Same rule as libjpeg: no code consists of ones only.
 bool is_prefix_code(const HuffmanSpec& spec) {
   uint32_t code = 0;
   for (int i = 0; i < 16; i++) {
@@ -20,13 +20,14 @@ bool is_prefix_code(const HuffmanSpec& spec) {
   return code > 0;
 }
 
-// Of differences of DC coefficients libjpeg wants no symbol beyond 15, used or not.
+// libjpeg refuses DC symbols above 15, even if unused.
 bool has_symbols(const HuffmanSpec& spec, const DcTable*) {
   return std::all_of(spec.symbols.begin(), spec.symbols.end(), [](uint8_t symbol) { return symbol <= 15; });
 }
 bool has_symbols(const HuffmanSpec&, const AcTable*) { return true; }
 
-// Calls set(first, last, code_bits, symbol) with the range of numbers of `bits` bits that begin with each code.
+// Calls set(first, last, code_bits, symbol) for each code, with the range of `bits`-bit numbers that begin with the
+// code.
 template <typename Set>
 void for_each_code(const HuffmanSpec& spec, int bits, Set set) {
   uint32_t code = 0, index = 0;
@@ -38,7 +39,7 @@ void for_each_code(const HuffmanSpec& spec, int bits, Set set) {
 std::shared_ptr<const DcTable> make(const HuffmanSpec& spec, const DcTable*) {
   auto table = std::make_shared<DcTable>(DcTable{LongCodes(spec), {}});
   for_each_code(spec, DcTable::kBits, [&](uint32_t first, uint32_t last, uint32_t length, uint32_t size) {
-    if (size > 11) return;  // no difference of 8-bit samples
+    if (size > 11) return;  // impossible for 8-bit samples
     std::fill(&table->entries[first], &table->entries[0] + last, (length + size) | length << 8 | size << 16);
   });
   return table;
@@ -51,7 +52,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
   std::array<Single, 1 << AcTable::kBits> singles{};
   for_each_code(spec, AcTable::kBits, [&](uint32_t first, uint32_t last, uint32_t length, uint32_t symbol) {
     const uint32_t run = symbol >> 4, size = symbol & 15;
-    if (size == 0 && run != 0 && run != 15) return;  // no symbol of a baseline scan
+    if (size == 0 && run != 0 && run != 15) return;  // invalid in baseline scans
     const auto steps = static_cast<uint8_t>(symbol == 0 ? AcTable::kEnd : run + 1);
     std::fill(&singles[first], &singles[0] + last,
               Single{static_cast<uint8_t>(length), static_cast<uint8_t>(size), steps});
@@ -63,7 +64,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
     uint32_t bits = 0, steps = 0;
     while (bits < AcTable::kBits) {
       const Single& next = singles[i << bits & (singles.size() - 1)];
-      // Codes that reach beyond the known bits are not known, be it as it may that one fits the zeros shifted in.
+      // Stop at codes that reach beyond the known bits; a match with the zeros shifted in would be accidental.
       if (next.code_bits == 0 || bits + next.code_bits > AcTable::kBits) break;
       if (next.steps != AcTable::kEnd && steps + next.steps > 63) break;
       bits += next.code_bits + next.size;
@@ -85,7 +86,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
   return table;
 }
 
-// The latest used tables.
+// Least recently used cache of tables.
 template <typename Table>
 class Cache {
  public:
@@ -109,7 +110,7 @@ class Cache {
   }
 
  private:
-  static constexpr size_t kEntries = 128;  // 2 MiB of AC tables: a set each for 64 cameras that adapt theirs
+  static constexpr size_t kEntries = 128;  // 2 MiB of AC tables: one set for each of 64 cameras with adaptive tables
   struct Entry {
     size_t hash;
     uint64_t used;
@@ -154,7 +155,7 @@ std::shared_ptr<const AcTable> ac_table(const HuffmanSpec& spec) {
 namespace {
 
 const uint8_t* find_ff(const uint8_t* begin, const uint8_t* end) {
-  if (begin == end) return end;  // which may be null
+  if (begin == end) return end;  // may be null
   const void* const found = std::memchr(begin, 0xff, static_cast<size_t>(end - begin));
   return found ? static_cast<const uint8_t*>(found) : end;
 }
@@ -176,8 +177,8 @@ ScanData::ScanData(std::span<const uint8_t> scan, size_t max_segments) : scan_(s
     }
     while (next != end && *next == 0xff) next++;  // fill bytes before a marker
     if (next == end || *next < 0xd0 || *next > 0xd7) break;
-    // libjpeg, too, thinks that up to two segments may be lost, and that more than that is a damaged marker. Which of
-    // them the bytes before the marker belong to is unknown.
+    // Assume, as libjpeg does, that up to two segments may be lost, and that a larger gap means a damaged marker. The
+    // segment of the bytes before the marker is then unknown.
     const size_t missing = (*next - 0xd0 - segments_.size()) & 7;
     if (missing > 2 || segments_.size() + 1 + missing >= max_segments) break;
     segments_.push_back({begin, missing > 0 ? begin : offset(ff)});
@@ -202,7 +203,7 @@ ScanData::Range ScanData::segment(size_t index) {
       out += size;
       in = ff == end ? end : ff + 2;
     }
-    // A reader looks at bits that follow the last one; two bytes of a marker, at least, lie between segments.
+    // A reader may load bits behind the last bit. At least two bytes of a marker separate segments.
     out[0] = out[1] = 0;
     s.clean_end = static_cast<size_t>(out - bytes_.get());
   }
@@ -211,8 +212,8 @@ ScanData::Range ScanData::segment(size_t index) {
 
 namespace {
 
-// The DC coefficients of 8-bit samples have 11 bits and a sign even where an encoder rounds carelessly: beyond that the
-// data is damaged, and predictors that stay in bounds can't overflow.
+// DC coefficients of 8-bit samples have 11 bits and a sign, even if an encoder rounds carelessly. Larger values mean
+// damage. The limit also prevents overflow of the predictors.
 bool plausible(const int32_t (&predictor)[3]) {
   return std::all_of(predictor, predictor + 3, [](int32_t dc) { return dc >= -2048 && dc <= 2048; });
 }
@@ -246,7 +247,6 @@ McuStream::Position McuStream::start_of_segment(int64_t segment) {
   return start;
 }
 
-// The last known position from which the MCU can be reached.
 McuStream::Position McuStream::nearest_before(int64_t mcu) {
   Position best = start_of_segment(mcu / segment_mcus_);
   for (int64_t row = mcu / mcus_x_; row * mcus_x_ > best.mcu; row--)
@@ -261,12 +261,12 @@ bool McuStream::seek(int x, int y) {
   const int64_t mcu = int64_t{y} * mcus_x_ + x;
   at_ = nearest_before(mcu);
   run_end_ = -1;
-  return pass_to(mcu);
+  return skip_to(mcu);
 }
 
-bool McuStream::pass(int count) { return pass_to(at_.mcu + count); }
+bool McuStream::pass(int count) { return skip_to(at_.mcu + count); }
 
-// Before an MCU is read: goes on in the next segment where one ends, and remembers where rows begin.
+// Prepares for reading an MCU: enters the next segment if necessary, and records the start of rows.
 bool McuStream::start_next() {
   if (at_.mcu >= run_end_) {
     const int64_t segment = at_.mcu / segment_mcus_, row = at_.mcu / mcus_x_;
@@ -278,8 +278,8 @@ bool McuStream::start_next() {
   return at_.bit < end_of_data_;
 }
 
-// Whole bytes left over before a restart marker tell of damage just as bits that are missing. After the last MCU of all
-// some cameras send padding.
+// Whole bytes left before a restart marker indicate damage, just like missing bits. Some cameras send padding behind
+// the last MCU.
 bool McuStream::move_to(const Position& next) {
   if (next.bit > end_of_data_) return false;
   if (next.mcu == run_end_ && next.mcu % segment_mcus_ == 0 && next.mcu < int64_t{mcus_x_} * mcus_y_ &&
@@ -289,7 +289,7 @@ bool McuStream::move_to(const Position& next) {
   return true;
 }
 
-bool McuStream::pass_to(int64_t mcu) {
+bool McuStream::skip_to(int64_t mcu) {
   while (at_.mcu < mcu) {
     if (!start_next()) return false;
     const int64_t stop = std::min(mcu, run_end_);

@@ -14,9 +14,10 @@
 namespace lf::jpeg {
 namespace {
 
-constexpr size_t kLeastRoom = 4096;  // bytes that the output grows by
+constexpr size_t kLeastRoom = 4096;  // minimum growth of the output, bytes
 
-// A row of samples, its last one repeated up to the picture's edge: what the decoder throws away costs fewest bits so.
+// Copies a row and repeats its last sample up to the padded width. The decoder discards the padding; this way it costs
+// the fewest bits.
 void copy_row(uint8_t* to, const uint8_t* from, int n, int padded_n) {
   std::memcpy(to, from, n);
   std::memset(to + n, from[n - 1], padded_n - n);
@@ -34,7 +35,6 @@ void copy_rgb_row(uint8_t* to, const uint8_t* from, int n, int padded_n) {
 
 }  // namespace
 
-// libjpeg's state for one kind of picture.
 class FragmentEncoder::Picture {
  public:
   enum class Kind { kYCbCr, kRgb, kLost };
@@ -74,14 +74,14 @@ class FragmentEncoder::Picture {
 
  private:
   static Picture* self(j_compress_ptr info) { return static_cast<Picture*>(info->client_data); }
-  int unit() const { return kind_ == Kind::kLost ? kLostUnit : kPixelUnit; }
+  int unit() const { return kind_ == Kind::kLost ? kMissingUnit : kPixelUnit; }
   std::string message() {
     char text[JMSG_LENGTH_MAX];
     errors_.manager.format_message(reinterpret_cast<j_common_ptr>(&info_), text);
     return text;
   }
 
-  // Nothing in here has a destructor that a jump would pass over.
+  // No object here may have a destructor, because longjmp() skips destructors.
   bool compress(const FragmentPlanes& fragment, const CodedSize& size, int quality) {
     if (setjmp(errors_.jump)) return false;
     if (quality != quality_) jpeg_set_quality(&info_, quality, TRUE);
@@ -95,7 +95,6 @@ class FragmentEncoder::Picture {
     return true;
   }
 
-  // One row of units, from row y of the fragment on.
   void write_rows(const FragmentPlanes& fragment, int y, int width) {
     const int w = fragment.rect.width(), h = fragment.rect.height(), step = unit();
     const auto row = [&](int i) { return std::min(y + i, h - 1); };
@@ -109,7 +108,7 @@ class FragmentEncoder::Picture {
       return;
     }
     const uint8_t* const plane = kind_ == Kind::kLost ? fragment.lost : fragment.plane[0];
-    const ptrdiff_t stride = kind_ == Kind::kLost ? fragment.lost_stride : fragment.stride[0];
+    const ptrdiff_t stride = kind_ == Kind::kLost ? fragment.missing_stride : fragment.stride[0];
     for (int i = 0; i < step; i++) {
       lines[0][i] = &rows_[static_cast<size_t>(i) * width];
       copy_row(lines[0][i], plane + row(i) * stride, w, width);
@@ -125,13 +124,12 @@ class FragmentEncoder::Picture {
     jpeg_write_raw_data(&info_, planes, step);
   }
 
-  // The header goes nowhere.
+  // Discards the header.
   void begin_output() {
     out_of_memory_ = false;
     destination_.next_output_byte = header_;
-    destination_.free_in_buffer = kind_ == Kind::kLost ? kLostHeader : kPixelHeader;
+    destination_.free_in_buffer = kind_ == Kind::kLost ? kMissingHeader : kPixelHeader;
   }
-  // Called when all room is used up.
   boolean grow_output() {
     const size_t used = out_->size(), room = std::max(kLeastRoom, used / 2);
     try {
@@ -152,8 +150,8 @@ class FragmentEncoder::Picture {
   uint8_t header_[kPixelHeader];
   ByteBuffer* out_ = nullptr;
   bool out_of_memory_ = false;
-  int quality_ = 0;  // that the tables are for
-  ByteBuffer rows_;  // one row of units
+  int quality_ = 0;  // quality of the current tables
+  ByteBuffer rows_;
 };
 
 FragmentEncoder::FragmentEncoder() = default;
@@ -162,31 +160,31 @@ FragmentEncoder::FragmentEncoder(FragmentEncoder&&) noexcept = default;
 FragmentEncoder& FragmentEncoder::operator=(FragmentEncoder&&) noexcept = default;
 
 void FragmentEncoder::encode_pixels(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
-  if (fragment.family == PixelFamily::kNone) throw Error("JPEG: a fragment of no family");
+  if (fragment.family == PixelFamily::kNone) throw Error("JPEG: the fragment has no pixel family");
   const bool rgb = fragment.family == PixelFamily::kRgb;
   auto& picture = rgb ? rgb_ : ycbcr_;
   if (!picture) picture = std::make_unique<Picture>(rgb ? Picture::Kind::kRgb : Picture::Kind::kYCbCr);
   picture->encode(fragment, quality, out);
 }
 
-void FragmentEncoder::encode_lost(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
-  if (!fragment.lost) throw Error("JPEG: a fragment without lost weight");
-  if (!lost_) lost_ = std::make_unique<Picture>(Picture::Kind::kLost);
-  lost_->encode(fragment, quality, out);
+void FragmentEncoder::encode_missing(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+  if (!fragment.lost) throw Error("JPEG: the fragment has no missing weight");
+  if (!missing_) missing_ = std::make_unique<Picture>(Picture::Kind::kLost);
+  missing_->encode(fragment, quality, out);
 }
 
 namespace {
 
-// libjpeg has a fast way through the entropy-coded bytes that needs this many behind every MCU (512 a block), and most
-// fragments are shorter than that: with zeros behind them they decode faster.
+// libjpeg has a fast path through the entropy-coded bytes that needs this many bytes behind every MCU (512 a block).
+// Most fragments are shorter, so they decode faster with zeros behind the scan.
 constexpr size_t kRoomBehind = 6 * 512;
 
-// libjpeg writes RGB rows that begin at an aligned address past the caches: up to four times the time for small
-// pictures, and the rows are read right afterwards.
+// Misaligns RGB rows: libjpeg writes aligned rows with stores that bypass the caches. This takes up to four times as
+// long for small pictures, and the rows are read immediately.
 constexpr size_t kUnaligned = 1;
 
-// The markers that were left out in front of the scan. Baseline; component 1 has table 0, and 2x2 samples a unit if
-// there are others, which have table 1.
+// Writes the markers that are not transmitted. Baseline; component 1 has table 0, and 2x2 samples per unit if there are
+// further components, which have table 1.
 size_t write_header(uint8_t* out, const CodedSize& size, int components) {
   const uint8_t* const begin = out;
   const auto put = [&out](std::initializer_list<int> bytes) {
@@ -201,7 +199,7 @@ size_t write_header(uint8_t* out, const CodedSize& size, int components) {
   return out - begin;
 }
 
-// The quantisation tables of each quality, made by libjpeg's own rule when first asked for.
+// The quantisation tables of each quality, computed by libjpeg on first use.
 class Tables {
  public:
   Tables() {
@@ -212,7 +210,7 @@ class Tables {
   ~Tables() { jpeg_destroy_compress(&info_); }
   Tables(const Tables&) = delete;
 
-  // Luma's (or lost weight's) and chroma's; may jump out to nobody's surprise: it can't fail for 1 to 100.
+  // Returns the tables of luma (or missing weight) and chroma. Needs no setjmp(): libjpeg cannot fail for 1 to 100.
   std::array<JQUANT_TBL, 2>& of(int quality) {
     auto& tables = tables_[quality];
     if (!tables) {
@@ -231,7 +229,7 @@ class Tables {
 
 }  // namespace
 
-// libjpeg's state for the pixels or for the lost weight, and the planes of the picture decoded last.
+// libjpeg's state for the pixels or the missing weight, and the planes of the latest picture.
 class FragmentDecoder::Picture {
  public:
   explicit Picture(bool lost) : components_(lost ? 1 : 3) {
@@ -256,12 +254,12 @@ class FragmentDecoder::Picture {
   bool decode(std::span<const uint8_t> scan, int quality, const CodedSize& size, bool rgb) {
     if (quality < 1 || quality > 100 || size.width < 1 || size.height < 1) return false;
     if (size.width > JPEG_MAX_DIMENSION || size.height > JPEG_MAX_DIMENSION) return false;
-    if (scan.size() < (components_ == 1 ? least_lost_scan(size) : least_pixel_scan(size))) return false;
+    if (scan.size() < (components_ == 1 ? min_missing_scan(size) : min_pixel_scan(size))) return false;
     auto& tables = tables_.of(quality);
     info_.quant_tbl_ptrs[0] = &tables[0];
     info_.quant_tbl_ptrs[1] = &tables[1];
 
-    const size_t header = components_ == 1 ? kLostHeader : kPixelHeader;
+    const size_t header = components_ == 1 ? kMissingHeader : kPixelHeader;
     bytes_.resize(header + scan.size() + kEoi + kRoomBehind);
     write_header(bytes_.data(), size, components_);
     uint8_t* const end = bytes_.data() + header + scan.size();
@@ -275,16 +273,16 @@ class FragmentDecoder::Picture {
     const size_t area = static_cast<size_t>(size.width) * size.height;
     planes_.resize(rgb ? kUnaligned + 3 * area : components_ == 1 ? area : area + area / 2);
     size_ = size;
-    // Never on to the next marker: what follows the scan is nobody's header. A sound scan is used up to its last byte.
+    // A whole scan is consumed to its last byte. Stop there: the bytes behind the scan are not a header.
     const bool whole = rgb ? decompress_rgb() : decompress_planes();
     const bool used_up = source_.next_input_byte >= end;
     jpeg_abort_decompress(&info_);
     return whole && used_up;
   }
 
-  // Of the picture decoded last, which is RGB.
+  // Returns a row of the latest picture, which must be RGB.
   uint8_t* rgb_row(int y) { return planes_.data() + kUnaligned + static_cast<size_t>(y) * size_.width * 3; }
-  // Of the picture decoded last, which is not.
+  // Returns a sample of the latest picture, which must not be RGB.
   uint8_t* plane(int c, int x, int y) {
     const size_t area = static_cast<size_t>(size_.width) * size_.height;
     uint8_t* const begin = planes_.data() + (c == 0 ? 0 : c == 1 ? area : area + area / 4);
@@ -293,11 +291,11 @@ class FragmentDecoder::Picture {
   ptrdiff_t stride(int c) const { return c == 0 ? size_.width : size_.width / 2; }
 
  private:
-  // Nothing in these has a destructor that a jump would pass over.
+  // No object here may have a destructor, because longjmp() skips destructors.
   bool start(bool rgb) {
     jpeg_read_header(&info_, TRUE);
     info_.dct_method = JDCT_ISLOW;
-    // The counterpart of the encoder's averages over 2x2.
+    // Matches the encoder's averages over 2x2 pixels.
     info_.do_fancy_upsampling = FALSE;
     info_.raw_data_out = !rgb;
     return jpeg_start_decompress(&info_);
@@ -318,14 +316,14 @@ class FragmentDecoder::Picture {
   bool decompress_planes() {
     if (setjmp(errors_.jump)) return false;
     if (!start(false)) return false;
-    const int step = components_ == 1 ? kLostUnit : kPixelUnit;
+    const int step = components_ == 1 ? kMissingUnit : kPixelUnit;
     for (int y = 0; y < size_.height; y += step) {
       JSAMPROW lines[3][kPixelUnit];
       JSAMPARRAY planes[3] = {lines[0], lines[1], lines[2]};
       for (int c = 0; c < components_; c++)
         for (int i = 0; i < (c ? step / 2 : step); i++) lines[c][i] = plane(c, 0, (c ? y / 2 : y) + i);
       if (jpeg_read_raw_data(&info_, planes, step) == 0) return false;
-      for (int c = 1; c < components_; c++) {  // rows of a plane lie one after the other
+      for (int c = 1; c < components_; c++) {  // rows of a plane are contiguous
         uint8_t* const chroma = lines[c][0];
         const int n = static_cast<int>(stride(c)) * step / 2;
         for (int i = 0; i < n; i++) chroma[i] ^= 0x80;  // the 128 offset
@@ -360,12 +358,12 @@ bool FragmentDecoder::decode_pixels(std::span<const uint8_t> scan, int quality, 
   return true;
 }
 
-bool FragmentDecoder::decode_lost(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment) {
+bool FragmentDecoder::decode_missing(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment) {
   if (fragment.rect.empty()) return false;
-  if (!lost_) lost_ = std::make_unique<Picture>(true);
-  if (!lost_->decode(scan, quality, coded_size(fragment.rect, kLostUnit), false)) return false;
-  fragment.lost = lost_->plane(0, 0, 0);
-  fragment.lost_stride = lost_->stride(0);
+  if (!missing_) missing_ = std::make_unique<Picture>(true);
+  if (!missing_->decode(scan, quality, coded_size(fragment.rect, kMissingUnit), false)) return false;
+  fragment.lost = missing_->plane(0, 0, 0);
+  fragment.missing_stride = missing_->stride(0);
   return true;
 }
 

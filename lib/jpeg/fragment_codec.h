@@ -12,10 +12,10 @@
 
 namespace lf::jpeg {
 
-// The size that a fragment is coded in, which is part of the wire format.
+// Coded size of fragments, which is part of the wire format.
 
-// Pixels along a side of what is coded as one: the MCU of 4:2:0 for the pixels, a block for the plane of lost weight.
-inline constexpr int kPixelUnit = 16, kLostUnit = 8;
+// Pixels along a side of a coding unit: the MCU of 4:2:0 for pixels, a block for the plane of missing weight.
+inline constexpr int kPixelUnit = 16, kMissingUnit = 8;
 
 inline int padded(int size, int unit) { return (size + unit - 1) / unit * unit; }
 
@@ -26,23 +26,24 @@ inline CodedSize coded_size(const Rect& rect, int unit) {
   return {padded(rect.width(), unit), padded(rect.height(), unit)};
 }
 
-// No scan of this size is shorter: a block of one grey is 6 bits of luma (or lost weight) or 4 of chroma. What a
-// decoder asks before it makes room for the picture.
-inline size_t least_pixel_scan(const CodedSize& size) {
+// Return the minimum bytes of a scan of this size: a uniform block has 6 bits of luma (or missing weight) or 4 of
+// chroma. Decoders check this before they allocate memory.
+inline size_t min_pixel_scan(const CodedSize& size) {
   return static_cast<size_t>(size.width / kPixelUnit) * (size.height / kPixelUnit) * (4 * 6 + 2 * 4) / 8;
 }
-inline size_t least_lost_scan(const CodedSize& size) {
-  return (static_cast<size_t>(size.width / kLostUnit) * (size.height / kLostUnit) * 6 + 7) / 8;
+inline size_t min_missing_scan(const CodedSize& size) {
+  return (static_cast<size_t>(size.width / kMissingUnit) * (size.height / kMissingUnit) * 6 + 7) / 8;
 }
 
-// A baseline JPEG of ours is this header, a scan and EOI: no JFIF marker, no tables. Only the scan travels.
-inline constexpr size_t kPixelHeader = 35, kLostHeader = 25;  // bytes of SOI, SOF0, SOS for three components, for one
+// Our baseline JPEGs consist of this header, a scan and EOI, without JFIF marker or tables. Messages contain the scan
+// only. Header bytes: SOI, SOF0 and SOS, for three components and for a single component.
+inline constexpr size_t kPixelHeader = 35, kMissingHeader = 25;
 inline constexpr size_t kEoi = 2;
 
-// Fragments as JPEG, without what the receiver knows: a scan and nothing else. Baseline, 4:2:0, the Huffman tables of
-// Annex K, its quantisation tables scaled by the quality as the IJG's library does; see spec.md of wire/.
+// Encodes fragments as JPEG scans, without headers and tables that the receiver knows: baseline, 4:2:0, Huffman tables
+// of Annex K, and its quantisation tables scaled by quality as in the IJG library. See wire/spec.md.
 //
-// Keeps libjpeg's state from call to call. One for each thread.
+// Reuses libjpeg's state. Use one object per thread.
 class FragmentEncoder {
  public:
   FragmentEncoder();
@@ -50,18 +51,18 @@ class FragmentEncoder {
   FragmentEncoder(FragmentEncoder&&) noexcept;
   FragmentEncoder& operator=(FragmentEncoder&&) noexcept;
 
-  // Append one scan to `out`: of the pixels; of the lost weight, which the fragment has. `quality` 1 to 100. A fragment
-  // without a family or with more than 65,500 pixels a side is an Error.
+  // Append the scan of the pixels or of the missing weight to `out`. `quality`: 1 to 100. Throw Error if the fragment
+  // has no family, has more than 65,500 pixels a side, or lacks the missing weight.
   void encode_pixels(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
-  void encode_lost(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
+  void encode_missing(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
 
  private:
   class Picture;
-  std::unique_ptr<Picture> ycbcr_, rgb_, lost_;
+  std::unique_ptr<Picture> ycbcr_, rgb_, missing_;
 };
 
-// The way back from FragmentEncoder. Bytes may be anything: what is not a whole scan of the picture's size is damaged.
-// Keeps libjpeg's state, tables and planes from call to call. One for each thread.
+// Decodes the scans of FragmentEncoder. Input may be untrusted: anything but a whole scan of the right size is treated
+// as damaged. Reuses libjpeg's state, tables and planes. Use one object per thread.
 class FragmentDecoder {
  public:
   FragmentDecoder();
@@ -69,15 +70,15 @@ class FragmentDecoder {
   FragmentDecoder(FragmentDecoder&&) noexcept;
   FragmentDecoder& operator=(FragmentDecoder&&) noexcept;
 
-  // Decodes a fragment whose family and rectangle the caller has set, and points its planes (or its lost weight) into
-  // memory of this object, valid until the next call of the same function. False, and the fragment as it was, if the
-  // scan is damaged or the size, the family or the quality is not what FragmentEncoder makes.
+  // Decode a fragment. The caller must set its family and rectangle. On success the fragment's planes (or its missing
+  // weight) point to memory of this object, valid until the next call of the same function. Return false and leave the
+  // fragment unchanged if the scan is damaged, or if size, family or quality are invalid.
   bool decode_pixels(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment);
-  bool decode_lost(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment);
+  bool decode_missing(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment);
 
  private:
   class Picture;
-  std::unique_ptr<Picture> pixels_, lost_;
+  std::unique_ptr<Picture> pixels_, missing_;
 };
 
 }  // namespace lf::jpeg

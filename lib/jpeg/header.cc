@@ -30,7 +30,7 @@ struct Standard {
   HuffmanSpec dc[2], ac[2];
 };
 
-// Those that libjpeg's encoder begins with. Nothing in here has a destructor that a jump would pass over.
+// The default tables of libjpeg's encoder. No object here may have a destructor, because longjmp() skips destructors.
 Standard make_standard() {
   Errors errors;
   jpeg_compress_struct info{};
@@ -65,14 +65,14 @@ bool has_known_colours(const jpeg_decompress_struct& info) {
   }
 }
 
-// Whether a libjpeg error is about a kind of JPEG that libjpeg does not decode, and not about damage.
+// True if a libjpeg error means an unsupported kind of JPEG rather than damage.
 bool is_unsupported(int code) {
   return code == JERR_BAD_PRECISION || code == JERR_SOF_UNSUPPORTED || code == JERR_ARITH_NOTIMPL ||
          code == JERR_COMPONENT_COUNT || code == JERR_CONVERSION_NOTIMPL;
 }
 
-// libjpeg's reader of headers, kept from frame to frame. Its tables are ours, since libjpeg keeps what a frame defines
-// for the next one, and a frame means its own or the standard ones.
+// libjpeg's header reader, reused for all frames. Resets the tables for each frame, because libjpeg would keep tables
+// of earlier frames.
 class Reader {
  public:
   Reader() {
@@ -103,7 +103,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns null, or what is wrong. The text is valid until the next call.
+  // Returns null, or the problem as a text that is valid until the next call.
   const char* read(std::span<const uint8_t> frame, Header& h) {
     reset_tables();
     source_.next_input_byte = frame.data();
@@ -115,7 +115,7 @@ class Reader {
     return error;
   }
 
-  // Of the latest frame that read() refused: it may be intact.
+  // True if read() refused the latest frame as unsupported; the frame may be intact.
   bool is_unsupported_kind() const { return unsupported_; }
 
  private:
@@ -128,7 +128,7 @@ class Reader {
     }
   }
 
-  // Nothing in here has a destructor that a jump would pass over.
+  // No object here may have a destructor, because longjmp() skips destructors.
   bool read_markers() {
     if (setjmp(errors_.jump)) {
       errors_.manager.format_message(reinterpret_cast<j_common_ptr>(&info_), text_);
@@ -162,7 +162,7 @@ const char* Reader::take(Header& h) {
   for (int i = 0; i < h.components; i++) {
     const jpeg_component_info& from = info_.comp_info[i];
     const bool only = h.components == 1;
-    if (from.quant_tbl_no > 3) return "a table's number is beyond 3";
+    if (from.quant_tbl_no > 3) return "a table number is above 3";
     Component& c = h.component[i];
     c.id = static_cast<uint8_t>(from.component_id);
     c.h = static_cast<uint8_t>(only ? 1 : from.h_samp_factor);
@@ -171,15 +171,15 @@ const char* Reader::take(Header& h) {
     h.h_max = std::max<int>(h.h_max, c.h);
     h.v_max = std::max<int>(h.v_max, c.v);
   }
-  // What others need may come later.
+  // Later scans may define the tables of further components.
   for (int i = 0; i < info_.comps_in_scan; i++) {
     const jpeg_component_info& from = *info_.cur_comp_info[i];
-    if (from.dc_tbl_no > 3 || from.ac_tbl_no > 3) return "a table's number is beyond 3";
+    if (from.dc_tbl_no > 3 || from.ac_tbl_no > 3) return "a table number is above 3";
     if (from.component_index >= h.components) continue;
     Component& c = h.component[from.component_index];
     c.dc = static_cast<uint8_t>(from.dc_tbl_no);
     c.ac = static_cast<uint8_t>(from.ac_tbl_no);
-    // None that was defined has zeros alone.
+    // An undefined table has only zeros.
     const UINT16* const natural = quant_[c.quant].quantval;
     if (std::all_of(natural, natural + 64, [](UINT16 q) { return q == 0; })) return "a quantisation table is missing";
     for (int k = 0; k < 64; k++) h.quant[c.quant][k] = natural[kZigzag[k]];
@@ -197,7 +197,7 @@ bool Reader::is_one_baseline_scan(const Header& h) const {
   if (info_.progressive_mode || info_.arith_code || info_.comps_in_scan != h.components) return false;
   for (int i = 0; i < h.components; i++)
     if (info_.cur_comp_info[i] != &info_.comp_info[i]) return false;
-  // From the DC coefficient to the last, all bits of them.
+  // A full scan: all coefficients with all bits.
   if (info_.Ss != 0 || info_.Se != 63 || info_.Ah != 0 || info_.Al != 0) return false;
   const Component &y = h.component[0], &cb = h.component[1], &cr = h.component[2];
   if (y.h != h.h_max || y.v != h.v_max || y.h > 2 || y.v > 2) return false;
@@ -220,13 +220,13 @@ std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* 
   std::optional<Header> header(std::in_place);
   const char* error = reader.read(frame, *header);
   if (!error) {
-    // A coefficient block takes two bits at least, one where a progressive scan has only its DC.
+    // A block takes at least two bits, or one in a progressive scan of DC only.
     const int64_t blocks = int64_t{header->mcus_x()} * header->mcus_y() * header->blocks_per_mcu();
     const auto bits = static_cast<int64_t>(frame.size() - header->scan) * 8;
     if (bits < blocks * (header->one_baseline_scan ? 2 : 1)) error = "too few bytes for the image's size";
   }
   if (!error && !header->one_baseline_scan && header->width * header->height > kMaxWholePixels)
-    error = "too large for a frame that has to be decoded as a whole";
+    error = "too large to be decoded as a whole";
   if (!error) return header;
   if (reason) *reason = error;
   if (unsupported) *unsupported = reader.is_unsupported_kind();

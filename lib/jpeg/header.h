@@ -10,40 +10,41 @@
 
 namespace lf::jpeg {
 
-// A Huffman table as a DHT segment states it (T.81 annex B.2.4.2). symbols[] holds the sum of counts[], zeros after it.
+// A Huffman table of a DHT segment (T.81 annex B.2.4.2). symbols[] has as many values as the sum of counts[], then
+// zeros.
 struct HuffmanSpec {
-  std::array<uint8_t, 16> counts{};  // codes of 1..16 bits
+  std::array<uint8_t, 16> counts{};  // number of codes of 1..16 bits
   std::array<uint8_t, 256> symbols{};
   bool operator==(const HuffmanSpec&) const = default;
 };
 
-// The tables of T.81 annex K.3, for luma (0) and chroma (1): what a frame without DHT segments (Motion JPEG in AVI)
-// means. Thread-safe; libjpeg's.
+// The tables of T.81 annex K.3 for luma (0) and chroma (1), taken from libjpeg. Frames without DHT segments (Motion
+// JPEG in AVI) use these tables. Thread-safe.
 const HuffmanSpec& standard_dc(int chroma);
 const HuffmanSpec& standard_ac(int chroma);
 
 struct Component {
   uint8_t id = 0;
-  uint8_t h = 1, v = 1;               // blocks of an MCU along x and y; 1, 1 where the frame has only this component
-  uint8_t quant = 0, dc = 0, ac = 0;  // indices of tables
+  uint8_t h = 1, v = 1;               // blocks of an MCU along x and y; 1, 1 if this is the only component
+  uint8_t quant = 0, dc = 0, ac = 0;  // table indices
 };
 
-// The most pixels of a frame that has to be decoded as a whole: libjpeg keeps the coefficients of all of it in memory,
-// whereas regions touch no more memory than they cover.
+// Maximum pixels of a frame that must be decoded as a whole. libjpeg keeps all coefficients in memory, whereas decoding
+// regions takes memory for those regions only.
 inline constexpr int kMaxWholePixels = 1 << 26;
 
-// What precedes the entropy-coded bytes of a frame of 8 bits a sample: grey, YCbCr, RGB, CMYK or YCCK.
+// Everything before the entropy-coded bytes of a frame with 8 bits per sample: grey, YCbCr, RGB, CMYK or YCCK.
 struct Header {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize
-  int components = 0;         // 1 (grey) or 3; of four components, the first three
+  int components = 0;         // 1 (grey) or 3; of four components only the first three
   Component component[3];
   int h_max = 1, v_max = 1;    // largest h and v: an MCU covers 8 h_max x 8 v_max pixels
   uint16_t quant[4][64] = {};  // quantisation tables, in zigzag order
-  HuffmanSpec dc[4], ac[4];    // what the file does not define is as T.81 annex K has it, or empty
+  HuffmanSpec dc[4], ac[4];    // tables missing in the file are from T.81 annex K, or empty
   int restart_interval = 0;    // MCUs between restart markers; 0: none
   size_t scan = 0;             // offset of the first scan's entropy-coded bytes
-  // Whether this is one baseline scan of all components of grey or YCbCr with chroma at full or half resolution along
-  // each axis, which is what can be decoded in regions. Else a general decoder has to decode the frame as a whole.
+  // True if the frame can be decoded in regions: one baseline scan of all components, grey or YCbCr with chroma at full
+  // or half resolution along each axis. Otherwise a general decoder must decode the whole frame.
   bool one_baseline_scan = false;
 
   int blocks_per_mcu() const;
@@ -51,8 +52,8 @@ struct Header {
   int mcus_y() const { return (height + 8 * v_max - 1) / (8 * v_max); }
 };
 
-// Reads the marker segments up to the first scan. Returns nothing, and the cause in *reason (fit to be shown to a
-// person), if they are damaged or of an unsupported kind of JPEG; *unsupported tells which. Allocates only for the
+// Reads the marker segments up to the first scan. If they are damaged or the kind of JPEG is unsupported, returns
+// nothing and sets *reason to a text for users; *unsupported tells both cases apart. Allocates memory only for the
 // reason.
 std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason, bool* unsupported = nullptr);
 

@@ -4,16 +4,16 @@
 #include <algorithm>
 #include <cstring>
 
-// Vectors of unknown size can't be kept in arrays; Arm machines have NEON as well.
+// Vectors of unknown size cannot be stored in arrays. Arm machines with SVE have NEON as well.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "jpeg/idct.cc"
-#include <hwy/foreach_target.h>  // has to precede highway.h
+#include <hwy/foreach_target.h>  // must precede highway.h
 #include <hwy/highway.h>
 
-// What one pass adds up, with 13 bits of fraction: from inputs 0, 2, 4, 6 the even half of outputs 0..3, from inputs
-// 1, 3, 5, 7 the odd half. Output i is even + odd, output 7 - i even - odd. These are the sums that the butterflies of
-// jidctint.c come to; being exact, they have no order. No input of 16 bits makes them overflow.
+// Factors of one pass, with 13 fraction bits: inputs 0, 2, 4, 6 give the even half of outputs 0..3, inputs 1, 3, 5, 7
+// the odd half. Output i is even + odd, output 7 - i is even - odd. The sums equal the butterflies of jidctint.c;
+// integer sums are exact, so their order does not matter. They do not overflow for 16-bit inputs.
 #ifndef LF_JPEG_IDCT_SUMS
 #define LF_JPEG_IDCT_SUMS
 namespace lf::jpeg {
@@ -21,9 +21,9 @@ inline constexpr int16_t kEven[4][4] = {
     {8192, 10703, 8192, 4433}, {8192, 4433, -8192, -10704}, {8192, -4433, -8192, 10704}, {8192, -10703, 8192, -4433}};
 inline constexpr int16_t kOdd[4][4] = {
     {11363, 9633, 6437, 2260}, {9633, -2259, -11362, -6436}, {6437, -11362, 2261, 9633}, {2260, -6436, 9633, -11363}};
-// Fraction bits that a pass takes away: the first one leaves 2, the second none, and with them the DCT's factor of 8.
+// Right shift of each pass: the first leaves 2 fraction bits, the second none and also removes the DCT's factor of 8.
 inline constexpr int kShift[2] = {13 - 2, 13 + 2 + 3};
-// What rounds, and 128 in the end.
+// Rounding, and in the second pass the offset of 128.
 inline constexpr int32_t kBias[2] = {1 << 10, (1 << 17) + (128 << 18)};
 }  // namespace lf::jpeg
 #endif
@@ -33,7 +33,7 @@ namespace lf::jpeg::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-// Transforms columns into rows.
+// Transforms columns; writes the result as rows.
 template <int kPass>
 void transform(const int16_t* in, int16_t* out) {
   for (int x = 0; x < 8; x++)
@@ -51,7 +51,7 @@ void transform(const int16_t* in, int16_t* out) {
 
 void idct(const int16_t* block, unsigned, uint8_t* out, ptrdiff_t stride) {
   int16_t natural[64], work[64];
-  for (int i = 0; i < 64; i++) natural[i] = block[idct_place(i / 8, i % 8)];
+  for (int i = 0; i < 64; i++) natural[i] = block[idct_index(i / 8, i % 8)];
   transform<0>(natural, work);
   transform<1>(work, natural);
   for (int i = 0; i < 64; i++) out[i / 8 * stride + i % 8] = static_cast<uint8_t>(std::clamp<int>(natural[i], 0, 255));
@@ -61,13 +61,12 @@ void idct(const int16_t* block, unsigned, uint8_t* out, ptrdiff_t stride) {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using Wide = hn::CappedTag<int32_t, 8>;  // eight columns at once, or four where vectors are short
+using Wide = hn::CappedTag<int32_t, 8>;  // eight columns, or four with short vectors
 using Pairs = hn::Repartition<int16_t, Wide>;
 using VWide = hn::Vec<Wide>;
 using VPairs = hn::Vec<Pairs>;
 constexpr bool kShort = HWY_MAX_BYTES < 32;
 
-// first x a + second x b of each pair.
 HWY_INLINE VWide multiply_add(VPairs pairs, int16_t a, int16_t b) {
   const Wide d;
   const auto factors = static_cast<uint32_t>(static_cast<uint16_t>(a)) | static_cast<uint32_t>(b) << 16;
@@ -77,7 +76,7 @@ HWY_INLINE VWide multiply_add(VPairs pairs, int16_t a, int16_t b) {
   return hn::RearrangeToOddPlusEven(sum, odd);
 }
 
-// One pass over inputs 0 and 2, 1 and 3, 4 and 6, 5 and 7 of each lane. kLow: those from 4 on are zero.
+// One pass over inputs 0 and 2, 1 and 3, 4 and 6, 5 and 7 of each lane. kLow: inputs 4 to 7 are zero.
 template <int kPass, bool kLow>
 HWY_INLINE void transform(VPairs in02, VPairs in13, VPairs in46, VPairs in57, VWide (&out)[8]) {
   for (int i = 0; i < 4; i++) {
@@ -92,8 +91,8 @@ HWY_INLINE void transform(VPairs in02, VPairs in13, VPairs in46, VPairs in57, VW
   }
 }
 
-// From rows of four columns in each block of 128 bits, in the order 0 2 1 3, to pairs of columns 0 and 2 (a) and of 1
-// and 3 (b), each of four rows. What does not fit 16 bits, as happens in damaged blocks alone, is clamped.
+// Converts rows of four columns per 128-bit block, in the order 0 2 1 3, to pairs of columns 0 and 2 (a) and 1 and 3
+// (b), each with four rows. Values beyond 16 bits, which only damaged blocks have, are clamped.
 HWY_INLINE void transpose(VWide row0, VWide row1, VWide row2, VWide row3, VPairs& a, VPairs& b) {
   const hn::Repartition<uint32_t, Wide> d32;
   const hn::Repartition<uint64_t, Wide> d64;
@@ -105,7 +104,7 @@ HWY_INLINE void transpose(VWide row0, VWide row1, VWide row2, VWide row3, VPairs
   b = hn::BitCast(Pairs(), hn::InterleaveUpper(d64, rows01, rows23));
 }
 
-// From columns to rows of bytes: four in each block.
+// Converts columns to rows of bytes, four rows per 128-bit block.
 HWY_INLINE void store_rows(const VWide (&columns)[8], uint8_t* out, ptrdiff_t stride) {
   const Pairs d;
   VPairs both[4];  // columns i and i + 4 of four rows

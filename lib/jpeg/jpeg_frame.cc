@@ -17,14 +17,14 @@
 namespace lf::jpeg {
 namespace {
 
-// A few hundred bytes of empty scans can keep a decoder of a large progressive image busy for minutes. What encoders
-// make has about ten.
+// A few hundred bytes of empty scans can occupy a decoder of a large progressive image for minutes. Encoders write
+// about ten scans.
 constexpr int kMaxScans = 64;
 
 struct Failure : jpeg_error_mgr {
   std::jmp_buf jump;
   char text[JMSG_LENGTH_MAX] = "";
-  bool in_scan = false;  // the headers have been read
+  bool in_scan = false;
 };
 
 [[noreturn]] void fail(j_common_ptr info) {
@@ -33,7 +33,7 @@ struct Failure : jpeg_error_mgr {
   std::longjmp(failure->jump, 1);
 }
 
-// Whether the bytes that libjpeg has just skipped in front of a marker are padding. Some cameras pad their pictures.
+// True if the bytes that libjpeg skipped before a marker are padding, as some cameras send.
 bool skipped_padding(j_common_ptr info) {
   const jpeg_source_mgr& source = *reinterpret_cast<j_decompress_ptr>(info)->src;
   const JOCTET* const end = source.next_input_byte;
@@ -42,8 +42,8 @@ bool skipped_padding(j_common_ptr info) {
   return byte == end;
 }
 
-// libjpeg conceals damage with grey or repeated content and only warns. Here the frame fails. Unknown versions and
-// skipped bytes in headers are harmless. Skipped bytes in a scan are picture data that damage has displaced.
+// libjpeg only warns of damage, and conceals it with grey or repeated content. Here the frame fails. Unknown versions
+// and skipped bytes in headers are harmless, but skipped bytes in a scan are displaced picture data.
 void on_message(j_common_ptr info, int level) {
   const int code = info->err->msg_code;
   if (level >= 0 || code == JWRN_JFIF_MAJOR || code == JWRN_ADOBE_XFORM) return;
@@ -57,7 +57,7 @@ void on_progress(j_common_ptr info) {
   std::longjmp(static_cast<Failure*>(info->err)->jump, 1);
 }
 
-// Two rows of interleaved YCbCr at full resolution, or of grey, to a row of I420 chroma and two of luma.
+// Converts two rows of interleaved YCbCr at full resolution, or of grey, to a row of I420 chroma and two of luma.
 void store_rows(const uint8_t* const rows[2], int components, int y, Image& out) {
   const int w = out.width(), cw = chroma_size(w);
   for (int i = 0; i < 2 && y + i < out.height(); i++) {
@@ -74,7 +74,7 @@ void store_rows(const uint8_t* const rows[2], int components, int y, Image& out)
   }
 }
 
-// One row of inverted CMYK, as Adobe stores it, to RGB.
+// Converts one row of CMYK to RGB. `inverted`: as Adobe stores CMYK.
 void cmyk_to_rgb(const uint8_t* cmyk, int width, bool inverted, uint8_t* rgb) {
   for (int x = 0; x < width; x++, cmyk += 4, rgb += 3) {
     const auto light = [&](int i) { return inverted ? cmyk[i] : 255 - cmyk[i]; };
@@ -82,8 +82,8 @@ void cmyk_to_rgb(const uint8_t* cmyk, int width, bool inverted, uint8_t* rgb) {
   }
 }
 
-// Calls `step` with libjpeg's errors caught. Between setjmp() and longjmp() live no objects with destructors: all are
-// the caller's.
+// Calls `step` and catches libjpeg's errors. No object with a destructor may live between setjmp() and longjmp(), so
+// the caller owns all objects.
 template <typename Step>
 bool decode(jpeg_decompress_struct& info, Failure& failure, std::span<const uint8_t> frame, Step& step) {
   if (setjmp(failure.jump)) return false;
@@ -140,7 +140,7 @@ std::optional<Image> decode_whole(std::span<const uint8_t> frame, std::string* r
     }
     info.out_color_space = info.jpeg_color_space;
     info.dct_method = JDCT_ISLOW;
-    info.do_fancy_upsampling = FALSE;  // samples repeated, so that the mean of 2x2 of them is the one sample again
+    info.do_fancy_upsampling = FALSE;  // repeats samples, so that averaging 2x2 returns the original sample
     jpeg_start_decompress(&info);
     const int width = static_cast<int>(info.output_width), height = static_cast<int>(info.output_height);
     const int components = info.output_components;
@@ -163,16 +163,16 @@ std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* rea
   return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) { read_rgb(info, out, memory); });
 }
 
-// An I420 image that is filled MCU by MCU. Its memory is not initialised and comes from the pool. Not thread-safe, but
-// for reading other MCUs' pixels during a write().
+// An I420 image that is filled MCU by MCU, in uninitialised memory of the pool. Not thread-safe, except that pixels of
+// other MCUs may be read during a write().
 class I420Writer {
  public:
-  // `header`: one_baseline_scan; has to outlive the writer.
+  // `header`: must have one_baseline_scan; must outlive the writer.
   explicit I420Writer(const Header& header);
 
-  // The whole image. Planes go on beyond it to whole MCUs.
+  // Returns the whole image. Its planes are padded to whole MCUs.
   ImageView view() const;
-  // Transforms the MCU at column x, row y of them. Chroma of full resolution along an axis is averaged, two and two.
+  // Transforms the MCU at column x, row y. Averages chroma of full resolution along an axis.
   void write(const McuStream::Mcu& mcu, int x, int y);
 
  private:
@@ -237,7 +237,7 @@ void I420Writer::write_averaged(const McuStream::Mcu& mcu, int block, int compon
     for (int bx = 0; bx < c.h; bx++, block++)
       idct(mcu.block[block], mcu.last[block], &full[by * 8][bx * 8], sizeof full[0]);
 
-  // What lies beyond an odd edge of the image is no part of it: the last sample counts for two.
+  // The last sample counts twice at an odd edge of the image.
   const int step_x = 2 * c.h / header_.h_max, step_y = 2 * c.v / header_.v_max;
   const int last_x = step_x == 2 ? header_.width - 1 - x * 8 * c.h : 16;
   const int last_y = step_y == 2 ? header_.height - 1 - y * 8 * c.v : 16;
@@ -273,14 +273,14 @@ bool JpegFrame::ensure(const Rect& region, std::string* reason) {
   const Rect pixels = intersect(region, {0, 0, header_.width, header_.height});
   if (pixels.empty()) return true;
   const std::lock_guard lock(mutex_);
-  if (!header_.one_baseline_scan) return ensure_whole(reason);
+  if (!header_.one_baseline_scan) return decode_all(reason);
   if (!stream_) {
     stream_ = std::make_unique<jpeg::McuStream>(header_, bytes_);
     writer_ = std::make_unique<jpeg::I420Writer>(header_);
     decoded_.resize(static_cast<size_t>(header_.mcus_x()) * static_cast<size_t>(header_.mcus_y()));
   }
   if (const char* error = stream_->error()) return fail(error, reason);
-  // Chroma samples of a pixel lie in its MCU.
+  // The chroma samples of a pixel are in the pixel's MCU.
   const int w = 8 * header_.h_max, h = 8 * header_.v_max;
   const int begin = pixels.x0 / w, end = (pixels.x1 + w - 1) / w;
   for (int row = pixels.y0 / h; row < (pixels.y1 + h - 1) / h; row++)
@@ -288,7 +288,6 @@ bool JpegFrame::ensure(const Rect& region, std::string* reason) {
   return true;
 }
 
-// MCUs [begin, end) of a row.
 bool JpegFrame::ensure_row(int row, int begin, int end) {
   const auto decoded = decoded_.begin() + static_cast<ptrdiff_t>(row) * header_.mcus_x();
   while (begin < end && decoded[begin]) begin++;
@@ -308,7 +307,7 @@ bool JpegFrame::ensure_row(int row, int begin, int end) {
   return true;
 }
 
-bool JpegFrame::ensure_whole(std::string* reason) {
+bool JpegFrame::decode_all(std::string* reason) {
   if (!whole_ && damage_.empty()) {
     whole_ = jpeg::decode_whole(bytes_, &damage_);
     if (whole_ && (whole_->width() != header_.width || whole_->height() != header_.height)) {

@@ -9,12 +9,12 @@
 
 namespace lf::jpeg {
 
-// libjpeg's default is to end the process.
+// Replaces libjpeg's error handling, which ends the process.
 struct Errors {
-  jpeg_error_mgr manager;  // first: libjpeg hands back a pointer to it
+  jpeg_error_mgr manager;  // must be first: libjpeg returns a pointer to this member
   std::jmp_buf jump;
 
-  // Errors go to `jump`; warnings too, if they are errors for the caller. Nothing is printed.
+  // Errors jump to `jump`, and so do warnings if `warnings_too`. Prints nothing.
   jpeg_error_mgr* install(bool warnings_too) {
     jpeg_std_error(&manager);
     manager.error_exit = fail;
@@ -25,7 +25,7 @@ struct Errors {
  private:
   [[noreturn]] static void fail(j_common_ptr info) { std::longjmp(reinterpret_cast<Errors*>(info->err)->jump, 1); }
   static void fail_on_warning(j_common_ptr info, int level) {
-    if (level < 0) fail(info);  // others are traces
+    if (level < 0) fail(info);  // other levels are traces
   }
 };
 

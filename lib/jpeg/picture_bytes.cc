@@ -44,13 +44,13 @@ void read_png_bytes(png_structp png, png_bytep to, size_t count) {
   input->left = input->left.subspan(count);
 }
 
-// No object with a destructor lives between setjmp() and longjmp(): all are the caller's.
+// No object with a destructor may live between setjmp() and longjmp(), so the caller owns all objects.
 bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std::vector<uint8_t*>& rows) {
   if (setjmp(input.jump)) return false;
   png_set_read_fn(png, &input, read_png_bytes);
   png_set_user_limits(png, kMaxImageSize, kMaxImageSize);
   png_read_info(png, info);
-  if (int64_t{png_get_image_width(png, info)} * png_get_image_height(png, info) > kMostImagePixels)
+  if (int64_t{png_get_image_width(png, info)} * png_get_image_height(png, info) > kMaxImagePixels)
     png_error(png, "too many pixels");
   png_set_expand(png);
   png_set_strip_16(png);
@@ -67,7 +67,8 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
   return true;
 }
 
-// Whether a PNG has many more compressed bytes than its pixels can need: libpng inflates what is behind the last row.
+// True if a PNG has many more compressed bytes than its pixels can need. libpng would inflate everything behind the
+// last row.
 bool has_excess_data(Bytes bytes) {
   constexpr size_t kFirstChunk = 8, kMostPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
   const auto number_at = [&](size_t at) {
@@ -97,13 +98,13 @@ Image decode_png(Bytes bytes) {
 
 // --- JPEG markers ----------------------------------------------------------------------------------------------------
 
-// Walks over the marker segments of a JPEG. In entropy-coded bytes it goes to the next marker that is no restart
-// marker.
+// Walks over the marker segments of a JPEG. Skips entropy-coded bytes and restart markers.
 class JpegMarkers {
  public:
   explicit JpegMarkers(Bytes jpeg) : jpeg_(jpeg) {}
 
-  // Moves to the next marker. False behind the last one, and where the bytes end or are no JPEG.
+  // Moves to the next marker. Returns false behind the last marker, at the end of the bytes, or if the bytes are not a
+  // JPEG.
   bool next() {
     at_ += 2 + length_;
     if (in_scan_) skip_scan();
@@ -117,7 +118,6 @@ class JpegMarkers {
   }
   uint8_t marker() const { return jpeg_[at_ + 1]; }
   size_t end() const { return at_ + 2 + length_; }
-  // The bytes of the segment behind its length.
   Bytes content() const { return length_ < 2 || end() > jpeg_.size() ? Bytes() : jpeg_.subspan(at_ + 4, length_ - 2); }
 
  private:
@@ -139,7 +139,6 @@ class JpegMarkers {
 
 // --- EXIF ------------------------------------------------------------------------------------------------------------
 
-// The orientation in a TIFF header, as EXIF holds one.
 int tiff_orientation(Bytes tiff) {
   const bool big = begins_with(tiff, "MM");
   if (!big && !begins_with(tiff, "II")) return 1;
@@ -179,7 +178,7 @@ Bytes exif_of_jpeg(Bytes jpeg) {
   return {};
 }
 
-// Whether the file says that its further pictures belong to the first one (CIPA's multi-picture format).
+// True if further pictures of the file belong to the first picture (CIPA's multi-picture format).
 bool is_multi_picture(Bytes jpeg) {
   for (JpegMarkers markers(jpeg); markers.next() && markers.marker() != 0xda;)
     if (markers.marker() == 0xe2 && begins_with(markers.content(), "MPF")) return true;
@@ -188,20 +187,20 @@ bool is_multi_picture(Bytes jpeg) {
 
 }  // namespace
 
-PictureCoding picture_coding(Bytes bytes) {
-  if (begins_with(bytes, "\x89PNG")) return PictureCoding::kPng;
-  return begins_with(bytes, "\xff\xd8\xff") ? PictureCoding::kJpeg : PictureCoding::kOther;
+ImageCoding detect_image_coding(Bytes bytes) {
+  if (begins_with(bytes, "\x89PNG")) return ImageCoding::kPng;
+  return begins_with(bytes, "\xff\xd8\xff") ? ImageCoding::kJpeg : ImageCoding::kOther;
 }
 
-Image decode_picture(Bytes bytes, PixelFamily jpeg_family) {
-  const PictureCoding coding = picture_coding(bytes);
-  if (coding == PictureCoding::kPng) return decode_png(bytes);
-  if (coding == PictureCoding::kOther) throw Error("neither PNG nor JPEG");
+Image decode_still(Bytes bytes, PixelFamily jpeg_family) {
+  const ImageCoding coding = detect_image_coding(bytes);
+  if (coding == ImageCoding::kPng) return decode_png(bytes);
+  if (coding == ImageCoding::kOther) throw Error("neither PNG nor JPEG");
   std::string reason;
   bool unsupported = false;
   const auto header = jpeg::parse_header(bytes, &reason, &unsupported);
   if (!header) throw Error((unsupported ? "" : "damaged JPEG: ") + reason);
-  if (int64_t{header->width} * header->height > kMostImagePixels) throw Error("damaged JPEG: too many pixels");
+  if (int64_t{header->width} * header->height > kMaxImagePixels) throw Error("damaged JPEG: too many pixels");
   std::optional<Image> image =
       jpeg_family == PixelFamily::kRgb ? jpeg::decode_rgb(bytes, &reason) : jpeg::decode_whole(bytes, &reason);
   if (!image) throw Error("damaged JPEG: " + reason);
@@ -209,10 +208,10 @@ Image decode_picture(Bytes bytes, PixelFamily jpeg_family) {
 }
 
 int exif_orientation(Bytes bytes) {
-  const PictureCoding coding = picture_coding(bytes);
-  return tiff_orientation(coding == PictureCoding::kPng    ? exif_of_png(bytes)
-                          : coding == PictureCoding::kJpeg ? exif_of_jpeg(bytes)
-                                                           : Bytes());
+  const ImageCoding coding = detect_image_coding(bytes);
+  return tiff_orientation(coding == ImageCoding::kPng    ? exif_of_png(bytes)
+                          : coding == ImageCoding::kJpeg ? exif_of_jpeg(bytes)
+                                                         : Bytes());
 }
 
 std::string orientation_notice(int orientation) {
@@ -226,7 +225,7 @@ std::string orientation_notice(int orientation) {
   if (orientation < 2 || orientation > 8) return "";
   return std::string("EXIF asks for the picture to be ") + kTurns[orientation - 2] + " (orientation " +
          std::to_string(orientation) +
-         "). It is shown as stored, as COLMAP reads it. If the calibration was made of turned pictures, turn the files "
+         "). It is shown as stored, like in COLMAP. If the calibration used turned pictures, turn the files "
          "(mogrify -auto-orient)";
 }
 
@@ -245,7 +244,7 @@ bool is_jpeg_stream(Bytes bytes) {
   size_t next = *end;
   while (next < bytes.size() && bytes[next] == 0) next++;  // padding
   const Bytes rest = bytes.subspan(next);
-  if (picture_coding(rest) != PictureCoding::kJpeg) return false;
+  if (detect_image_coding(rest) != ImageCoding::kJpeg) return false;
   const auto first = jpeg::parse_header(bytes.first(*end), nullptr), second = jpeg::parse_header(rest, nullptr);
   return first && second && first->width == second->width && first->height == second->height;
 }

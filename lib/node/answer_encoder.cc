@@ -9,7 +9,7 @@
 #include "base/schedule.h"
 #include "node/request_plan.h"
 #include "node/request_renderer.h"
-#include "render/gl/card_sum.h"
+#include "render/gl/gpu_sum.h"
 #include "render/sum_planes.h"
 #include "wire/fragment_codec.h"
 
@@ -21,9 +21,9 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality) {
   return {wire::Codec::kRaw, 0};
 }
 
-// An entry in the table of fragments has 20 bytes, beginning a scan costs some more, and 16 x 16 empty pixels are 4
-// bytes of JPEG. Within a process a fragment costs a microsecond or so, which is next to nothing, but the sum of a
-// whole view is used where it lies.
+// Over a link, an entry in the fragment table has 20 bytes, starting a scan costs some more, and 16 x 16 empty pixels
+// are 4 bytes of JPEG. A fragment within a process costs about a microsecond, but the compositor can use a single sum
+// of the whole view without a copy.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
   if (in_process) return static_cast<size_t>(view.width) * view.height / 4;
   return codec == wire::Codec::kJpeg ? 12 * 16 * 16 : 16;
@@ -31,11 +31,9 @@ size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
 
 namespace {
 
-// Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (8 rows) and of what two
-// threads may write without sharing a cache line.
+// A multiple of the renderer's bands (8 rows). Two threads never share a cache line with this height.
 constexpr int kBandRows = 32;
 
-// Rendered where they travel.
 void encode_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer, std::span<const Rect> tiles,
                    const ParallelFor& parallel, ByteBuffer memory, RenderedAnswer& answer) {
   wire::AnswerWriter writer(header, tiles.size(), std::move(memory));
@@ -47,27 +45,28 @@ void encode_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer
   }
   writer.reserve_payloads(bytes);
   std::vector<SumPlanes> planes;
-  std::vector<std::pair<size_t, Rect>> bands;  // of which tile
+  std::vector<std::pair<size_t, Rect>> bands;  // (tile index, rows)
   for (size_t i = 0; i < tiles.size(); i++) {
     planes.push_back(writer.add_sums(fragments[i]));
     for (const Rect& band : wire::cut_rows(tiles[i], kBandRows)) bands.emplace_back(i, band);
   }
-  std::vector<std::atomic<bool>> any_lost(tiles.size());
+  std::vector<std::atomic<bool>> any_missing(tiles.size());
   parallel(bands.size(), [&](size_t i) {
     const auto& [tile, band] = bands[i];
-    if (renderer.render_rows(band.y0, band.y1, planes[tile])) any_lost[tile] = true;
+    if (renderer.render_rows(band.y0, band.y1, planes[tile])) any_missing[tile] = true;
   });
-  writer.drop_lost([&](size_t i) { return !any_lost[i]; });
+  writer.drop_missing([&](size_t i) { return !any_missing[i]; });
   answer.bytes = writer.finish();
   answer.fragments = tiles.size();
 }
 
-// What comes before a sum that has stayed on a card.
-void encode_card_sum(const wire::AnswerHeader& header, std::shared_ptr<gl::CardSum> sum, ByteBuffer memory,
-                     RenderedAnswer& answer) {
+// Encodes the bytes that precede a sum on the GPU.
+void encode_gpu_sum(const wire::AnswerHeader& header, std::shared_ptr<gl::GpuSum> sum, ByteBuffer memory,
+                    RenderedAnswer& answer) {
   wire::AnswerWriter writer(header, 1, std::move(memory));
   const size_t payload =
-      writer.add(wire::FragmentHeader{{}, header.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_lost()}).size();
+      writer.add(wire::FragmentHeader{{}, header.family, sum->rect(), wire::Codec::kRaw16, 0, sum->has_missing()})
+          .size();
   answer.bytes = writer.finish();
   answer.bytes.resize(answer.bytes.size() - payload);
   answer.fragments = 1;
@@ -81,9 +80,9 @@ Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily
   samples.resize(std::max(samples.size(), 3 * area));
   lost.resize(std::max(lost.size(), area));
   const SumPlanes out = packed_sums(family, rect, samples.data(), lost.data());
-  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, out);
+  const bool any_missing = renderer.render_rows(rect.y0, rect.y1, out);
   return rounded_fragment(
-      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_lost ? lost.data() : nullptr));
+      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_missing ? lost.data() : nullptr));
 }
 
 std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const Rect> tiles, PixelFamily family,
@@ -99,7 +98,7 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
 
 constexpr uint8_t kChromaOffset = 128;
 
-// R, G, B in this order without padding between pixels.
+// Points `planes` at R, G, B pixels without padding; copies into `memory` if the layout differs.
 void pack_rgb(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory) {
   const Rect& rect = planes.rect;
   const RgbLayout& layout = image.layout;
@@ -121,7 +120,7 @@ void pack_rgb(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory
   }
 }
 
-// Chroma without its offset.
+// Subtracts the chroma offset into `memory`; luma is not copied.
 void pack_i420(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory) {
   const Rect& rect = planes.rect;
   planes.plane[0] = image.plane[0] + rect.y0 * image.stride[0] + rect.x0;
@@ -139,7 +138,6 @@ void pack_i420(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memor
   }
 }
 
-// `memory`: holds what can't stay where it is.
 wire::AnswerFragment cut(const Source& source, const Rect& rect, ByteBuffer& memory) {
   const ImageView& image = source.image;
   wire::AnswerFragment fragment{source.camera, {.family = image.family, .rect = rect}};
@@ -152,8 +150,8 @@ wire::AnswerFragment cut(const Source& source, const Rect& rect, ByteBuffer& mem
 
 void encode_sum(const wire::AnswerHeader& header, const RequestPlan& plan, std::span<const Source> sources,
                 const SumRenderer& sum, const RenderOptions& options, ByteBuffer memory, RenderedAnswer& answer) {
-  if (std::shared_ptr<gl::CardSum> on_card = sum.card_sum())
-    return encode_card_sum(header, std::move(on_card), std::move(memory), answer);
+  if (std::shared_ptr<gl::GpuSum> on_gpu = sum.gpu_sum())
+    return encode_gpu_sum(header, std::move(on_gpu), std::move(memory), answer);
   const RenderJob& job = *plan.sum();
   const Coding coding = choose_coding(options.codec, options.in_process, plan.quality());
   std::vector<CameraIndex> cameras;

@@ -21,11 +21,11 @@ class WarpAccess : public CameraAccess {
  public:
   wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const override {
     View view = request.view;
-    view.focus.map = nullptr;  // a matrix for each camera is one plane's: the viewer's
+    view.focus.map = nullptr;  // one homography per camera covers one plane: the viewer's focal plane
     view.blending = blending(view.blending);
     return wire::WarpCommand{request, view_warp(rig, ViewPlan(rig, mesh, view))};
   }
-  Blending blending(const Blending&) const override { return {}; }  // triangles are the mesh's
+  Blending blending(const Blending&) const override { return {}; }  // always mesh blending
 };
 
 class PixelAccess : public CameraAccess {

@@ -7,25 +7,25 @@
 
 namespace lf {
 
-// How cameras take part in a view that do not know the rig, and so have to be told: by one command for all of them,
-// which nodes plan as they do a view request (see RequestPlan). Stateless.
+// Plans a view for cameras that do not know the rig: a single command for all these cameras replaces the view request
+// (see RequestPlan). Stateless.
 class CameraAccess {
  public:
-  // Null for cameras that know the rig: a view request says all there is to say.
+  // Returns null for cameras that know the rig and only need the view request.
   static const CameraAccess* of(Access access);
 
   virtual ~CameraAccess() = default;
-  // Tells all cameras that contribute to a view of their parts. `mesh`: without the cameras that the request counts as
-  // out of service.
+  // Returns the command that assigns each contributing camera its part. `mesh`: without the out-of-service cameras of
+  // the request.
   virtual wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const = 0;
-  // The blending that such cameras can give where a view asks for `asked`.
+  // Returns the blending that these cameras support when a view asks for `asked`.
   virtual Blending blending(const Blending& asked) const { return asked; }
 };
 
-// Cameras that know their lens alone: each is told triangles, and the matrix of the focal plane, and gives its part of
-// the sum.
+// For cameras that know only their lens. Each receives triangles and a homography of the focal plane, and returns its
+// part of the sum.
 const CameraAccess& warp_access();
-// Cameras that only have pixels to give: each is told a rectangle of its image, and the compositor warps.
+// For cameras that can only deliver pixels. Each receives a rectangle of its image; the compositor warps the pixels.
 const CameraAccess& pixel_access();
 
 }  // namespace lf

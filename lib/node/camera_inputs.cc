@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-// Cameras of both families on one node: rare, and never cheap.
+// Slow; only needed if a node has cameras of both families.
 std::shared_ptr<const ImageView> as_rgb(const ImageView& i420) {
   struct Converted {
     Image image;
@@ -87,17 +87,16 @@ void CameraFrames::drop_all() {
   before_ = {};
 }
 
-// A frame is passed when the one after it is not later than what is wanted.
-void CameraFrames::drop_passed() {
+void CameraFrames::drop_outdated() {
   while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
-// "The newest" must not make a file run through: there it is the frame that stands now. Many views ask for one moment:
-// the camera's thread is woken where that makes room for a frame, and not by each of them.
+// "Newest" must not make a file play through: for files it means the current frame. The camera's thread is woken only
+// when there is room for a frame, because many views may ask for the same time.
 void CameraFrames::want(uint64_t time) {
   if (time != kNoTime) wanted_ = time;
   if (live_) return;
-  drop_passed();
+  drop_outdated();
   if (frames_.size() < kFileFrames) room_.notify_all();
 }
 
@@ -106,39 +105,39 @@ void CameraFrames::advance(uint64_t time) {
   want(time);
 }
 
-CameraFrames::Pushed CameraFrames::push(CameraFrame frame) {
+CameraFrames::PushResult CameraFrames::push(CameraFrame frame) {
   const uint64_t time = frame.time;
   return push_at(time, std::move(frame));
 }
 
-CameraFrames::Pushed CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
+CameraFrames::PushResult CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
 
-// Two frames before the earliest time looked for are kept, too: one may be the nearest, and an answer may be a frame
-// later than those before it were.
+// Keeps two frames before the earliest requested time: one of them may be the nearest, and an answer may be one frame
+// later than its predecessors.
 bool CameraFrames::has_too_many() const {
   if (frames_.size() <= kLiveFrames) return false;
   return frames_.size() > most_frames() || frames_.back().time - frames_[2].time >= reach_;
 }
 
-// Raw frames have about 1.5 bytes a pixel, compressed ones a fifth of that.
+// Assumes 1.5 bytes per pixel for raw frames and a fifth of that for compressed frames.
 size_t CameraFrames::most_frames() const {
   const CameraPicture* picture = frames_.back().frame.picture.get();
-  if (!picture) return kMostLiveFrames;
+  if (!picture) return kMaxLiveFrames;
   const size_t pixels = static_cast<size_t>(picture->width()) * static_cast<size_t>(picture->height());
   const size_t bytes = std::max<size_t>(picture->is_compressed() ? pixels * 3 / 10 : pixels * 3 / 2, 1);
-  return std::clamp(kMostLiveBytes / bytes, kLiveFrames, kMostLiveFrames);
+  return std::clamp(kMaxLiveBytes / bytes, kLiveFrames, kMaxLiveFrames);
 }
 
-CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
+CameraFrames::PushResult CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
   Lock lock(*this);
   if (!live_)
     room_.wait(lock, [this] {
-      drop_passed();
+      drop_outdated();
       return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
     });
-  if (mode_ == Mode::kStopped || flushing_) return Pushed::kStopped;
-  if (mode_ == Mode::kFinished && !live_) return Pushed::kEnded;  // who films now may be asked again
-  // Time may jump back (a stream started again without a flush): what is held is then of another time line.
+  if (mode_ == Mode::kStopped || flushing_) return PushResult::kStopped;
+  if (mode_ == Mode::kFinished && !live_) return PushResult::kEnded;  // a live camera may still be requested again
+  // Time may jump back if a stream restarts without a flush. The held frames then belong to another timeline.
   if (!frames_.empty() && frames_.back().time > time) earliest_ = INT64_MAX;
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
   if (!frames_.empty()) last_period_ = time - frames_.back().time;
@@ -148,7 +147,7 @@ CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFr
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
   arrived_.notify_all();
-  return Pushed::kTaken;
+  return PushResult::kTaken;
 }
 
 std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* damaged, bool* first) {
@@ -169,7 +168,7 @@ std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* da
     }
   }
   if (first) *first = known;
-  if (!result) result = before_;  // it is no longer held: what was before it is the best there is
+  if (!result) result = before_;  // no longer held: use the frame before
   if (!result->picture) return std::nullopt;
   return result;
 }
@@ -191,7 +190,7 @@ void CameraFrames::set_flushing(bool flushing) {
   flushing_ = flushing;
   drop_all();
   ended_ = lost_ = false;
-  wanted_ = 0;  // what comes may be from before
+  wanted_ = 0;  // the stream may resume at an earlier time
   wake_all();
 }
 
@@ -210,16 +209,16 @@ bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
 }
 
-// As much later than the newest frame as the frame after it would have been.
+// True if `time` is so late that the frame after the newest frame would already be due.
 bool CameraFrames::is_beyond_last(uint64_t time) const {
   return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
 }
 
-// Several viewers may look back differently far: the farthest counts, and is forgotten by and by.
-void CameraFrames::look_back(uint64_t time) {
+// Several viewers may look back by different delays. The largest counts and decays slowly.
+void CameraFrames::extend_history(uint64_t time) {
   const uint64_t newest = frames_.back().time;
   const uint64_t reach = time < newest ? newest - time : 0;
-  reach_ = std::max(reach > kLongestReach ? 0 : reach, reach_ - reach_ / 64);
+  reach_ = std::max(reach > kMaxReach ? 0 : reach, reach_ - reach_ / 64);
 }
 
 void CameraFrames::wake() {
@@ -231,11 +230,11 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
   Lock lock(*this);
   want(time);
   arrived_.wait(lock, [&] {
-    if (!live_) drop_passed();
+    if (!live_) drop_outdated();
     return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
   });
   if (mode_ == Mode::kStopped || frames_.empty() || (lost_ && is_beyond_last(time))) return std::nullopt;
-  look_back(time);
+  extend_history(time);
   auto best = frames_.end() - 1;
   if (time != kNoTime)
     best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
@@ -259,7 +258,7 @@ bool CameraFrames::has_ended() const {
   return ended_;
 }
 
-// The median is not that of a camera that was away.
+// The median ignores the gap after a camera was away.
 uint64_t CameraFrames::period() const {
   std::lock_guard lock(mutex_);
   if (frames_.size() < 2) return 0;
@@ -288,8 +287,8 @@ std::string list_of_ids(const std::vector<uint32_t>& ids) {
   return list;
 }
 
-// Requests that are being answered keep the array they began with.
-void CameraInputs::rearrange() {
+// Requests in progress keep the array that they started with.
+void CameraInputs::rebuild_array() {
   auto array = std::make_shared<Array>(*array_);
   array->cameras.clear();
   for (const auto& [frames, input] : inputs_)
@@ -304,10 +303,10 @@ std::string CameraInputs::set_rig(std::shared_ptr<const Rig> rig) {
   auto array = std::make_shared<Array>();
   array->rig_hash = rig->hash();
   array->extent = array_extent(*rig);
-  array->colours = std::make_shared<const CameraColours>(*rig);
+  array->colours = std::make_shared<const RigColourCorrections>(*rig);
   array->rig = std::move(rig);
   array_ = std::move(array);
-  rearrange();
+  rebuild_array();
   std::vector<uint32_t> unknown, other_size;
   for (const auto& [frames, input] : inputs_) {
     if (!input.id) continue;
@@ -343,7 +342,7 @@ bool CameraInputs::set_camera(const Frames& frames, uint32_t id) {
   for (const auto& [other, input] : inputs_)
     if (input.id == id && other != frames) return false;
   inputs_[frames].id = id;
-  rearrange();
+  rebuild_array();
   return true;
 }
 
@@ -361,7 +360,7 @@ void CameraInputs::give_up(const Frames& frames) {
 
 void CameraInputs::remove(const Frames& frames) {
   std::lock_guard lock(mutex_);
-  if (inputs_.erase(frames) > 0) rearrange();
+  if (inputs_.erase(frames) > 0) rebuild_array();
 }
 
 std::shared_ptr<const CameraInputs::Array> CameraInputs::array() const {

@@ -7,16 +7,16 @@
 
 namespace lf {
 
-FoundFrames::FoundFrames(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options)
+FrameLookup::FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options)
     : array_(array), moment_(moment), options_(options) {
   for (const auto& [camera, frames] : array.cameras) frames->advance(wanted_of(*frames));
 }
 
-// Live frames have clock time and frames of files running time. Live requests name the time of day and others running
+// Live frames carry clock time, file frames running time. Live requests name the time of day, other requests running
 // time.
-uint64_t FoundFrames::convert(uint64_t time, bool of_live_frame, bool to_request) const {
+uint64_t FrameLookup::convert(uint64_t time, bool of_live_frame, bool to_request) const {
   if (time == kNoTime) return time;
-  const auto offset = static_cast<uint64_t>(moment_.absolute_time ? options_.day_offset : 0);  // added modulo 2^64
+  const auto offset = static_cast<uint64_t>(moment_.absolute_time ? options_.wall_offset : 0);  // modulo 2^64
   const bool from_clock = to_request ? of_live_frame : moment_.absolute_time,
              to_clock = to_request ? moment_.absolute_time : of_live_frame;
   if (!to_request) time -= offset;
@@ -24,20 +24,20 @@ uint64_t FoundFrames::convert(uint64_t time, bool of_live_frame, bool to_request
   return to_request ? time + offset : time;
 }
 
-uint64_t FoundFrames::wanted_of(const CameraFrames& frames) const {
+uint64_t FrameLookup::wanted_of(const CameraFrames& frames) const {
   return convert(moment_.target_time, frames.is_live(), false);
 }
 
-uint64_t FoundFrames::skew_of(CameraIndex camera, uint64_t time) const {
+uint64_t FrameLookup::skew_of(CameraIndex camera, uint64_t time) const {
   const uint64_t wanted = wanted_of(*array_.cameras.at(camera));
   return wanted == kNoTime ? 0 : time_between(time, wanted);
 }
 
-uint64_t FoundFrames::time_of(CameraIndex camera, uint64_t time) const {
+uint64_t FrameLookup::time_of(CameraIndex camera, uint64_t time) const {
   return convert(time, array_.cameras.at(camera)->is_live(), true);
 }
 
-std::optional<CameraFrame> FoundFrames::look_for(CameraIndex camera) {
+std::optional<CameraFrame> FrameLookup::look_for(CameraIndex camera) {
   CameraFrames& frames = *array_.cameras.at(camera);
   const uint64_t wanted = wanted_of(frames);
   std::optional<CameraFrame> frame = frames.find(wanted, !options_.live, options_.cancelled);
@@ -51,7 +51,7 @@ std::optional<CameraFrame> FoundFrames::look_for(CameraIndex camera) {
   return frame;
 }
 
-const std::optional<CameraFrame>& FoundFrames::find(CameraIndex camera) {
+const std::optional<CameraFrame>& FrameLookup::find(CameraIndex camera) {
   const auto known = found_.find(camera);
   return known != found_.end() ? known->second : found_.emplace(camera, look_for(camera)).first->second;
 }
@@ -63,8 +63,8 @@ void FrameSources::add(CameraIndex camera, std::optional<CameraFrame> frame) {
 
 void FrameSources::decode_one(size_t i, PixelFamily family, const Replace& replace) {
   while (CameraPicture* picture = frames_[i].picture.get()) {
-    if (const ImageView* on_card = group_ == 0 ? nullptr : picture->view_on_card(family, group_)) {
-      sources_[i].image = *on_card;
+    if (const ImageView* on_gpu = group_ == 0 ? nullptr : picture->view_on_gpu(family, group_)) {
+      sources_[i].image = *on_gpu;
       return;
     }
     views_[i] = picture->view(family, picture->is_compressed() ? region_(sources_[i].camera) : Rect{});
@@ -78,7 +78,7 @@ void FrameSources::decode_one(size_t i, PixelFamily family, const Replace& repla
 
 void FrameSources::decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel) {
   views_.resize(sources_.size());
-  std::vector<size_t> shared;  // among threads
+  std::vector<size_t> shared;  // decoded in parallel
   for (size_t i = 0; i < sources_.size(); i++) {
     if (frames_[i].picture && frames_[i].picture->takes_work(family))
       shared.push_back(i);
@@ -88,9 +88,9 @@ void FrameSources::decode(PixelFamily family, const Replace& replace, const Para
   parallel(shared.size(), [&](size_t k) { decode_one(shared[k], family, replace); });
 }
 
-size_t FrameSources::on_card() const {
+size_t FrameSources::on_gpu() const {
   return static_cast<size_t>(std::ranges::count_if(sources_, [](const Source& source) {
-    return source.image.on_card.image && !source.image.on_card.image->is_fetched();
+    return source.image.on_gpu.image && !source.image.on_gpu.image->is_fetched();
   }));
 }
 

@@ -17,30 +17,32 @@
 
 namespace lf {
 
-// The frames of a node's cameras that belong to the moment of some requests. Each is looked for once, so that all that
-// is answered of this moment is made of the same frames. Not thread-safe.
-class FoundFrames {
+// Finds the frames of a node's cameras for the capture time of one or more requests. Finds each camera's frame only
+// once, so that all answers for this time use the same frames. Not thread-safe.
+class FrameLookup {
  public:
   struct Options {
-    bool live = false;                             // the requests are live: nothing is waited for
-    uint64_t base_time = 0;                        // clock time of the pipeline's running time 0
-    int64_t day_offset = 0;                        // time of day, which live requests name, less clock time
-    uint64_t max_skew = 0;                         // nanoseconds that a live camera's frame may be off; 0: any
-    const std::atomic<bool>* cancelled = nullptr;  // while it is true nothing is waited for
+    bool live = false;        // live request: does not wait
+    uint64_t base_time = 0;   // clock time of the pipeline's running time 0
+    int64_t wall_offset = 0;  // time of day (used by live requests) minus clock time, nanoseconds
+    // Largest capture-time error of a live camera's frame, nanoseconds; 0: unlimited.
+    uint64_t max_skew = 0;
+    const std::atomic<bool>* cancelled = nullptr;  // does not wait while true
   };
-  // `moment`: what all of the requests begin with. Everything must outlive this. Tells all cameras how far requests
-  // have come.
-  FoundFrames(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
+  // `moment`: the common header of the requests. All arguments must outlive the object. Tells all cameras the requested
+  // time.
+  FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
 
-  // Of one of the array's cameras; waits for it (see CameraFrames::find()). Nothing if it has none, or none of about
-  // the time asked for, or of another size than the rig has it since that was replaced.
+  // Returns the frame of one of the array's cameras; waits for it (see CameraFrames::find()). Returns nothing if the
+  // camera has no frame near the requested time, or only frames of another size than in the rig.
   const std::optional<CameraFrame>& find(CameraIndex camera);
-  // What a frame of this camera is off the time asked for, nanoseconds, and its time as requests count it.
+  // Returns the capture-time error of a frame of this camera, and its time in the time base of the requests,
+  // nanoseconds.
   uint64_t skew_of(CameraIndex camera, uint64_t time) const;
   uint64_t time_of(CameraIndex camera, uint64_t time) const;
 
-  // What was found of live cameras, and how much of it was too far off.
-  const std::vector<SkewWatch::Frame>& skews() const { return skews_; }
+  // Live frames with their capture-time errors, and the number of frames beyond max_skew.
+  const std::vector<SkewMonitor::Frame>& skews() const { return skews_; }
   uint64_t stale() const { return stale_; }
 
  private:
@@ -52,33 +54,31 @@ class FoundFrames {
   const RequestHeader& moment_;
   const Options options_;
   std::map<CameraIndex, std::optional<CameraFrame>> found_;
-  std::vector<SkewWatch::Frame> skews_;
+  std::vector<SkewMonitor::Frame> skews_;
   uint64_t stale_ = 0;
 };
 
-// The frames that one request is answered from, held, and decoded where the request looks.
+// The frames for one request; decodes the needed regions.
 class FrameSources {
  public:
-  // `region`: what is needed of a camera's image. `group`: images may be in textures of its contexts; 0: they may not.
+  // `region`: returns the needed part of a camera's image. `group`: share group for images in textures; 0: no textures.
   FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region, gl::ShareGroup group = 0)
       : rig_(rig), region_(std::move(region)), group_(group) {}
 
-  // Adds a camera's frame; nothing: the camera has none.
   void add(CameraIndex camera, std::optional<CameraFrame> frame);
 
-  // What serves in place of a damaged frame, if anything does.
+  // Returns the replacement of a damaged frame; nothing if there is none.
   using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
-  // Call once after the last add(): makes images of `family` (of the node), of compressed frames of what the view
-  // needs. `replace` is called from the threads of `parallel`.
+  // Makes images of the node's `family`; decodes only the needed regions of compressed frames. Call once, after the
+  // last add(). `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
-  // The sources of the request; those whose frame is gone or damaged have no image.
+  // Sources have no image if their frame is missing or damaged.
   const std::vector<Source>& sources() const { return sources_; }
-  // Capture time of a source's frame; sources()[i] has an image.
+  // Requires that the source has an image.
   uint64_t time(size_t i) const { return frames_[i].time; }
-  // How many of the images are on a card, and have not come here all the same.
-  size_t on_card() const;
-  // The family of the images; kNone if there are none.
+  // Number of images on the GPU that were not downloaded.
+  size_t on_gpu() const;
   PixelFamily family() const;
 
  private:

@@ -5,12 +5,12 @@
 
 namespace lf {
 
-std::optional<SkewWatch::Report> SkewWatch::see(std::span<const Frame> frames) {
+std::optional<SkewMonitor::Report> SkewMonitor::see(std::span<const Frame> frames) {
   Report report;
   for (const Frame& frame : frames) {
     if (frame.period == 0) continue;
     const uint64_t skew = time_between(frame.taken, frame.wanted);
-    const bool off = skew > frame.period + frame.period / 4;  // a quarter for jitter and rates that are not quite equal
+    const bool off = skew > frame.period + frame.period / 4;  // margin for jitter and slightly different frame rates
     State& state = states_[frame.camera];
     state.against = off == state.off ? 0 : state.against + 1;
     if (state.against < kRequests) continue;

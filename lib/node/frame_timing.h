@@ -13,43 +13,44 @@
 
 namespace lf {
 
-// Tells once when cameras have come to be off the capture times asked of them: by more than a frame time, and for
-// longer than a lost frame explains. Without locks.
-class SkewWatch {
+// Detects cameras with frames off the requested capture times: by more than a frame time, and for longer than a lost
+// frame explains. Reports each change once. Not thread-safe.
+class SkewMonitor {
  public:
-  // Requests in a row before a camera counts as off, and before it counts as on again.
+  // Consecutive requests before a camera counts as off, and before it counts as on time again.
   static constexpr int kRequests = 5;
 
-  // What one camera answered a request with. Times in nanoseconds of any one clock.
+  // The frame that one camera contributed to an answer. Times in nanoseconds of the same clock.
   struct Frame {
     CameraIndex camera = 0;
     uint64_t taken = 0, wanted = 0;
-    uint64_t period = 0;  // nanoseconds between the camera's frames; 0: not known, and the camera is not judged
-    uint64_t behind = 0;  // how much later it arrived than frames of this camera can
+    uint64_t period = 0;  // frame time of the camera, nanoseconds; 0: unknown, the camera is not judged
+    uint64_t behind = 0;  // arrival delay beyond the smallest delay of this camera, nanoseconds
   };
   struct Report {
-    CameraSet cameras;     // ascending; those that have come to be off with this request
-    uint64_t skew = 0;     // the largest skew of these cameras, nanoseconds
-    uint64_t period = 0;   // frame time of the camera with the largest skew, nanoseconds
-    bool is_late = false;  // the frame of the camera with the largest skew is older than asked for
-    uint64_t behind = 0;   // `behind` of the frame of that camera
+    CameraSet cameras;     // ascending; cameras that count as off since this request
+    uint64_t skew = 0;     // nanoseconds; the values below belong to the camera with the largest skew
+    uint64_t period = 0;   // nanoseconds
+    bool is_late = false;  // frame is older than requested
+    uint64_t behind = 0;   // nanoseconds
   };
-  // Takes the frames that answered a request, ascending cameras; returns what is to be told, if anything.
+  // Takes the frames of an answer, in ascending camera order. Returns a report if cameras newly count as off.
   std::optional<Report> see(std::span<const Frame> frames);
 
  private:
   struct State {
     bool off = false;
-    int against = 0;  // requests in a row that say otherwise
+    int against = 0;  // consecutive requests that contradict `off`
   };
   std::map<CameraIndex, State> states_;
 };
 
-// How long after their capture the frames of one camera arrive. Times in nanoseconds of one clock. Thread-safe.
-class ArrivalWatch {
+// Measures the delay from capture to arrival of one camera's frames. Times in nanoseconds of the same clock.
+// Thread-safe.
+class ArrivalMonitor {
  public:
-  static constexpr size_t kFrames = 128;  // so many of the latest frames count
-  // Nanoseconds without a frame, after which nothing is known of the camera.
+  static constexpr size_t kFrames = 128;  // latest frames that count
+  // The delay is unknown after this time without a frame, in nanoseconds.
   static constexpr uint64_t kSilence = 2'000'000'000;
 
   void arrived(uint64_t captured, uint64_t now) {
@@ -57,8 +58,8 @@ class ArrivalWatch {
     delays_.add(now > captured ? now - captured : 0);
     latest_ = now;
   }
-  // How old a capture has to be for its nearest frame to have arrived, but for one of a hundred: the delay of that
-  // many, and half of `period`, by which the frame may be later than the time asked for. 0: not known.
+  // Returns the delay at which 99 % of requests find their nearest frame: the 99th percentile of the arrival delay plus
+  // half of `period`, the largest lateness of the nearest frame. Returns 0 if unknown.
   uint64_t needed(uint64_t period, uint64_t now) const {
     const std::lock_guard lock(mutex_);
     if (latest_ == 0 || now > latest_ + kSilence) return 0;
@@ -76,27 +77,26 @@ class ArrivalWatch {
   uint64_t latest_ = 0;
 };
 
-// When a requester is told how old captures have to be for its cameras: soon when that grows, else once a second. Times
-// in nanoseconds of one clock. Not thread-safe.
-class DelayNotice {
+// Decides when to report the needed capture delay to a client: soon if the delay grows, otherwise once per second.
+// Times in nanoseconds of the same clock. Not thread-safe.
+class DelayReporter {
  public:
   static constexpr uint64_t kSecond = 1'000'000'000;
 
-  // Whether it is time to look at what cameras need.
-  bool is_due(uint64_t now) const { return now >= looked_at_ + kSecond / 10; }
-  // Takes what cameras need now; 0: nothing is known. Returns whether the requester is to be told of it.
+  bool is_due(uint64_t now) const { return now >= checked_at_ + kSecond / 10; }
+  // Takes the needed delay; 0: unknown. Returns true if it should be sent to the client.
   bool see(uint64_t needed, uint64_t now) {
     if (needed == 0) return false;
-    looked_at_ = now;
-    if (needed <= told_ && now < told_at_ + kSecond) return false;
-    told_ = needed;
-    told_at_ = now;
+    checked_at_ = now;
+    if (needed <= reported_ && now < reported_at_ + kSecond) return false;
+    reported_ = needed;
+    reported_at_ = now;
     return true;
   }
   void clear() { *this = {}; }
 
  private:
-  uint64_t told_ = 0, told_at_ = 0, looked_at_ = 0;
+  uint64_t reported_ = 0, reported_at_ = 0, checked_at_ = 0;
 };
 
 }  // namespace lf

@@ -7,7 +7,7 @@
 #include "base/schedule.h"
 #include "base/text.h"
 #include "node/frame_sources.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
 #include "wire/answer_codec.h"
 
 namespace lf {
@@ -22,7 +22,7 @@ void NodeStats::add(const Stages& stages) {
   total_.add(stages.wait + stages.decode + stages.render + stages.encode);
 }
 
-void NodeStats::set_gains(std::span<const Source> cameras, const CameraGains& gains) {
+void NodeStats::set_gains(std::span<const Source> cameras, const ExposureCompensation& gains) {
   std::lock_guard lock(mutex_);
   for (const Source& source : cameras) gains_[source.rig_camera->id] = gains.of(source.camera);
 }
@@ -36,7 +36,7 @@ std::vector<std::pair<std::string, uint64_t>> NodeStats::all() const {
       {"answers", answers},
       {"drawn", drawn},
       {"together", together},
-      {"card-frames", card_frames},
+      {"gpu-frames", gpu_frames},
       {"skipped", skipped},
       {"superseded", superseded},
       {"fragments", fragments},
@@ -64,7 +64,6 @@ std::map<uint32_t, float> NodeStats::gains() const {
 
 namespace {
 
-// An answer without fragments.
 Node::Reply empty_reply(const wire::AnswerHeader& header, std::string warning = "") {
   Node::Reply reply;
   reply.answer.bytes = wire::AnswerWriter(header, 0).finish();
@@ -76,33 +75,33 @@ std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + 
 
 }  // namespace
 
-std::string Node::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report,
-                               Requester& requester) const {
+std::string Node::skew_warning(const Rig& rig, const std::optional<SkewMonitor::Report>& report,
+                               ClientState& client) const {
   if (!report) return "";
   const bool is_behind = report->is_late && report->behind > report->period;
   if (is_behind) {
-    // Where there is too much to do, cameras come to be late and are on time again all the while.
+    // On an overloaded machine, cameras alternate between late and on time.
     constexpr uint64_t kQuiet = 10'000'000'000;
     const uint64_t now = now_ns();
-    if (requester.warned_behind != 0 && now - requester.warned_behind < kQuiet) return "";
-    requester.warned_behind = now;
+    if (client.warned_behind != 0 && now - client.warned_behind < kQuiet) return "";
+    client.warned_behind = now;
   }
   std::vector<uint32_t> ids;
   for (const CameraIndex camera : report->cameras) ids.push_back(rig.cameras[camera].id);
-  return "node " + std::to_string(node_id_) + " is off the capture time asked for by " + milliseconds(report->skew) +
+  return "node " + std::to_string(node_id_) + " is off the requested capture time by " + milliseconds(report->skew) +
          ", more than a frame (" + milliseconds(report->period) + "): the frames of camera " + list_of_ids(ids) +
          " are too " +
-         (is_behind ? "old: they come " + milliseconds(report->behind) +
-                          " later than they can: this machine, or the network, can't keep up with them"
+         (is_behind ? "old: frames arrive " + milliseconds(report->behind) +
+                          " later than usual, because this machine or the network is too slow"
           : report->is_late
-              ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
-                "that of all machines?"
-              : "new: is the clock that of all machines, and capture-delay no longer than frames are kept (10 s, or "
-                "400 MB of a camera)?");
+              ? "old: check that the camera is running, that capture-delay is long enough, and that the clocks of all "
+                "machines are synchronized"
+              : "new: check that the clocks of all machines are synchronized, and that capture-delay is not longer "
+                "than the history of a camera (10 s or 400 MB)");
 }
 
-void Node::cancel(Requester& requester, bool cancelled) {
-  *requester.cancelled = cancelled;
+void Node::cancel(ClientState& client, bool cancelled) {
+  *client.cancelled = cancelled;
   inputs_.wake();
 }
 
@@ -118,32 +117,32 @@ Node::Reply Node::skip(const wire::AnyRequest& request) {
   return empty_reply(header_of(request, *inputs_.array()));
 }
 
-std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> requests, Requester& requester,
-                                      const Options& options, const TakeMemory& memory) {
+std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
+                                      const Options& options, const AllocateMemory& memory) {
   stats_.requests += requests.size();
   const RequestHeader& first = wire::head_of(*requests.front());
   const uint64_t arrived = now_ns();
-  const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(*requester.cancelled);
+  const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(*client.cancelled);
   const uint64_t waited = now_ns() - arrived;
   std::vector<wire::AnswerHeader> headers;
   for (const wire::AnyRequest* request : requests) headers.push_back(header_of(*request, *array));
-  if (requester.rig != array->rig) {
-    requester.rig = array->rig;
-    requester.mesh.clear();
-    requester.watch = {};
-    requester.renderer.clear();
-    requester.gone.clear();
-    requester.warned_of = 0;
+  if (client.rig != array->rig) {
+    client.rig = array->rig;
+    client.mesh.clear();
+    client.watch = {};
+    client.renderer.clear();
+    client.gone.clear();
+    client.warned_of = 0;
   }
   std::string warning;
   if (first.rig_hash != 0 && first.rig_hash != array->rig_hash) {
     stats_.rig_mismatches += requests.size();
-    if (requester.warned_of != first.rig_hash)
-      warning = "a request was made for another rig than the one of this node: not answered with a picture";
-    requester.warned_of = first.rig_hash;
+    if (client.warned_of != first.rig_hash)
+      warning = "a request was made for another rig than this node has, and is answered without a picture";
+    client.warned_of = first.rig_hash;
   } else {
     try {
-      return render(requests, *array, requester, options, headers, memory, waited);
+      return render(requests, *array, client, options, headers, memory, waited);
     } catch (const Error& error) {
       warning = error.what();
       stats_.bad_requests += requests.size();
@@ -154,86 +153,86 @@ std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> r
   return replies;
 }
 
-Node::Reply Node::answer(const wire::AnyRequest& request, Requester& requester, const Options& options,
+Node::Reply Node::answer(const wire::AnyRequest& request, ClientState& client, const Options& options,
                          ByteBuffer memory) {
   const wire::AnyRequest* const only = &request;
-  return std::move(answer({&only, 1}, requester, options, [&] { return std::move(memory); }).front());
+  return std::move(answer({&only, 1}, client, options, [&] { return std::move(memory); }).front());
 }
 
-bool Node::may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b) {
+bool Node::can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest& b) {
   const auto *one = std::get_if<ViewRequest>(&a), *other = std::get_if<ViewRequest>(&b);
-  const auto is_beside = [](const ViewRequest* request) {
+  const auto has_same_renderer = [](const ViewRequest* request) {
     return request && request->place.count() > 1 && !request->gains.ask && request->gains.mean.empty();
   };
-  return is_beside(one) && is_beside(other) && one->view_id == other->view_id &&
+  return has_same_renderer(one) && has_same_renderer(other) && one->view_id == other->view_id &&
          one->target_time == other->target_time && one->target_time != kNoTime &&
          one->absolute_time == other->absolute_time && one->rig_hash == other->rig_hash &&
          one->out_of_service == other->out_of_service && one->gains.use == other->gains.use;
 }
 
-// Whether each of `count` cameras is among the node's or out of service; both ascend.
+// Returns true if each of `count` cameras is in one of the (ascending) sets.
 static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of_service, size_t count) {
   for (CameraIndex camera = 0; camera < count; camera++)
     if (!std::ranges::binary_search(own, camera) && !std::ranges::binary_search(out_of_service, camera)) return false;
   return true;
 }
 
-// Live, a compositor takes cameras that are missing out of service, after some pictures. Pictures of files must not
-// depend on when: there a node that has all of the array leaves cameras without a frame out of the mesh at once, so
-// that their neighbours close the gap (see out_of_mesh()).
-Node::Planned Node::make_plan(const ViewRequest& view, const Array& array, Requester& requester,
-                              const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames) {
+// For live sources, a compositor takes missing cameras out of service after a few frames. Results for file sources must
+// not depend on timing. A node that has the whole array therefore removes cameras without a frame from the mesh
+// immediately, and their neighbours close the gap (see mesh_exclusions()).
+Node::Planned Node::make_plan(const ViewRequest& view, const Array& array, ClientState& client,
+                              const std::vector<CameraIndex>& own, const ParallelFor& parallel, FrameLookup& frames) {
   ViewRequest request = view;
   const CameraRanges named(view.out_of_service);
   CameraRanges gone;
-  // Those that had none for the request before are likely to have none again.
+  // Cameras without a frame for the previous request probably have none now.
   CameraSet missing;
-  std::ranges::copy_if(requester.gone, std::back_inserter(missing), [&](CameraIndex camera) {
+  std::ranges::copy_if(client.gone, std::back_inserter(missing), [&](CameraIndex camera) {
     return std::ranges::binary_search(own, camera) && !frames.find(camera);
   });
   Planned planned;
   do {
     if (!missing.empty()) {
       gone.add(CameraRanges(missing));
-      CameraRanges out(out_of_mesh(gone.cameras(), corner_cameras(*array.rig), array.rig->cameras.size()));
+      CameraRanges out(mesh_exclusions(gone.cameras(), hull_cameras(*array.rig), array.rig->cameras.size()));
       out.add(named);
       request.out_of_service = out.cameras();
     }
     const uint64_t begun = now_ns();
-    const Mesh& mesh = requester.mesh.get(*array.rig, request.out_of_service);
+    const Mesh& mesh = client.mesh.get(*array.rig, request.out_of_service);
     planned.plan = std::make_unique<const RequestPlan>(*array.rig, mesh, request, own, parallel);
     planned.ns += now_ns() - begun;
     missing.clear();
     for (const CameraIndex camera : planned.plan->cameras())
       if (!frames.find(camera) && !gone.contains(camera)) missing.push_back(camera);
-  } while (!missing.empty() && !*requester.cancelled);  // who is stopped gets no frames from anybody
+  } while (!missing.empty() && !*client.cancelled);  // a cancelled client gets no frames
   planned.gone = gone.cameras();
-  requester.gone = planned.gone;
+  client.gone = planned.gone;
   return planned;
 }
 
 std::vector<Node::Planned> Node::make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
-                                            Requester& requester, const std::vector<CameraIndex>& own, bool live,
-                                            const ParallelFor& parallel, FoundFrames& frames) {
+                                            ClientState& client, const std::vector<CameraIndex>& own, bool live,
+                                            const ParallelFor& parallel, FrameLookup& frames) {
   std::vector<Planned> plans(requests.size());
   const auto* const first = std::get_if<ViewRequest>(requests.front());
   if (!live && first && has_all(own, first->out_of_service, array.rig->cameras.size())) {
     for (size_t i = 0; i < plans.size(); i++)
-      plans[i] = make_plan(std::get<ViewRequest>(*requests[i]), array, requester, own, parallel, frames);
+      plans[i] = make_plan(std::get<ViewRequest>(*requests[i]), array, client, own, parallel, frames);
     return plans;
   }
   const uint64_t begun = now_ns();
-  // The pixels of distorted views and the weights of blended ones are shared out among threads, so that other views
-  // need not wait for the end of a plan. Other plans take little: one is one task.
+  // Distorted views and blended views plan with parallel tasks, so that other views need not wait for the end of a
+  // plan. Other plans are short: each is one task.
   const bool takes_long = std::ranges::any_of(requests, [](const wire::AnyRequest* request) {
     const auto* const view = std::get_if<ViewRequest>(request);
     return !view || view->view.lens.has_distortion() || !view->view.blending.is_mesh();
   });
   if (plans.size() == 1 || takes_long) {
     for (size_t i = 0; i < plans.size(); i++)
-      plans[i].plan = plan_request(*array.rig, requester.mesh, *requests[i], own, parallel);
+      plans[i].plan = plan_request(*array.rig, client.mesh, *requests[i], own, parallel);
   } else {
-    const Mesh& mesh = requester.mesh.get(*array.rig, first->out_of_service);
+    const Mesh& mesh = client.mesh.get(*array.rig, first->out_of_service);
     parallel(plans.size(), [&](size_t i) {
       plans[i].plan = std::make_unique<const RequestPlan>(*array.rig, mesh, std::get<ViewRequest>(*requests[i]), own);
     });
@@ -242,7 +241,6 @@ std::vector<Node::Planned> Node::make_plans(std::span<const wire::AnyRequest* co
   return plans;
 }
 
-// The cameras of all of them, ascending.
 std::vector<CameraIndex> Node::cameras_of(const std::vector<Planned>& plans) {
   std::vector<CameraIndex> cameras;
   for (const Planned& planned : plans)
@@ -252,19 +250,18 @@ std::vector<CameraIndex> Node::cameras_of(const std::vector<Planned>& plans) {
   return cameras;
 }
 
-// The frames of the plans' cameras.
 FrameSources Node::sources_of(const std::vector<Planned>& plans, const Array& array, const RenderOptions& options,
-                              FoundFrames& frames) {
+                              FrameLookup& frames) {
   const auto region_of = [&plans](CameraIndex camera) {
     Rect region;
     for (const auto& [plan, gone, ns] : plans)
       if (plan->has(camera)) region = unite(region, plan->region(camera));
     return region;
   };
-  // Pixels that are sent as they are have to be here.
-  const bool may_be_on_card =
-      options.card && std::ranges::all_of(plans, [](const Planned& planned) { return planned.plan->sum() != nullptr; });
-  FrameSources sources(*array.rig, region_of, may_be_on_card ? options.card->group() : 0);
+  // Pixels that are sent unwarped must be in CPU memory.
+  const bool may_be_on_gpu =
+      options.gpu && std::ranges::all_of(plans, [](const Planned& planned) { return planned.plan->sum() != nullptr; });
+  FrameSources sources(*array.rig, region_of, may_be_on_gpu ? options.gpu->group() : 0);
   for (const CameraIndex camera : cameras_of(plans)) sources.add(camera, frames.find(camera));
   return sources;
 }
@@ -282,15 +279,15 @@ void Node::decode(FrameSources& sources, const Array& array, PixelFamily family,
       parallel);
 }
 
-// What the answer to one request says of the node's cameras, and how far their frames are off. `absent`: live cameras
-// without a frame.
-uint64_t Node::describe(const Planned& planned, const FrameSources& sources, const FoundFrames& frames,
+// Fills in the answer header for one request. Returns the largest capture-time error in nanoseconds. `absent`: live
+// cameras without a frame.
+uint64_t Node::describe(const Planned& planned, const FrameSources& sources, const FrameLookup& frames,
                         const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header) {
   const RequestPlan& plan = *planned.plan;
   CameraSet blind = planned.gone;
   std::ranges::copy_if(absent, std::back_inserter(blind), [&](CameraIndex camera) { return !plan.has(camera); });
   for (const CameraIndex camera : planned.gone)
-    if (!plan.has(camera)) stats_.missing_frames++;  // the others are counted below
+    if (!plan.has(camera)) stats_.missing_frames++;  // cameras of the plan are counted below
   uint64_t worst_skew = 0;
   for (size_t i = 0; i < sources.sources().size(); i++) {
     const Source& source = sources.sources()[i];
@@ -315,27 +312,26 @@ uint64_t Node::describe(const Planned& planned, const FrameSources& sources, con
 }
 
 std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> requests, const Array& array,
-                                      Requester& requester, const Options& options,
-                                      std::span<const wire::AnswerHeader> headers, const TakeMemory& memory,
+                                      ClientState& client, const Options& options,
+                                      std::span<const wire::AnswerHeader> headers, const AllocateMemory& memory,
                                       uint64_t waited) {
   const uint64_t begun = now_ns();
-  FoundFrames frames(
-      array, wire::head_of(*requests.front()),
-      {options.live, options.base_time, options.day_offset, options.max_skew, requester.cancelled.get()});
+  FrameLookup frames(array, wire::head_of(*requests.front()),
+                     {options.live, options.base_time, options.wall_offset, options.max_skew, client.cancelled.get()});
   std::vector<CameraIndex> own;
   for (const auto& [camera, of_camera] : array.cameras) own.push_back(camera);
   const bool live =
       options.live || std::ranges::any_of(array.cameras, [](const auto& camera) { return camera.second->is_live(); });
   const ParallelFor& parallel = options.render.parallel;
-  const std::vector<Planned> plans = make_plans(requests, array, requester, own, live, parallel, frames);
+  const std::vector<Planned> plans = make_plans(requests, array, client, own, live, parallel, frames);
   FrameSources sources = sources_of(plans, array, options.render, frames);
-  // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
+  // The compositor must know the state of all cameras before it uses them, so check cameras outside this view, too.
   CameraSet absent;
   for (const CameraIndex camera : own)
     if ((options.live || array.cameras.at(camera)->is_live()) && !frames.find(camera)) absent.push_back(camera);
-  stats_.stale_frames += frames.stale() * requests.size();  // each answer lacks them
+  stats_.stale_frames += frames.stale() * requests.size();  // counted for each answer
   const uint64_t found = now_ns();
-  const PixelFamily family = inputs_.choose_family();  // known of whatever has a frame
+  const PixelFamily family = inputs_.choose_family();  // includes cameras outside the view
   decode(sources, array, family, parallel);
   const uint64_t decoded = now_ns();
 
@@ -343,7 +339,7 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   uint64_t worst_skew = 0, plan_ns = 0;
   for (size_t i = 0; i < plans.size(); i++) {
     RequestRenderer::Work& work = works.emplace_back(RequestRenderer::Work{plans[i].plan.get(), headers[i]});
-    // Without an image in the view the answer still says what the node's images are.
+    // The answer states the family of the node's images even if the view shows no image.
     work.header.family = family;
     work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
       return source.image.family != PixelFamily::kNone && work.plan->has(source.camera);
@@ -353,11 +349,11 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   }
   RenderOptions how = options.render;
   how.colours = array.colours.get();
-  ImageMemory scratch = requester.images->take();
-  std::vector<RenderedAnswer> answers = requester.renderer.render(works, sources.sources(), how, scratch, memory);
-  requester.images->give_back(std::move(scratch));
+  ImageMemory scratch = client.images->take();
+  std::vector<RenderedAnswer> answers = client.renderer.render(works, sources.sources(), how, scratch, memory);
+  client.images->give_back(std::move(scratch));
   if (std::ranges::any_of(answers, [](const RenderedAnswer& answer) { return answer.drawing.drawn; }))
-    stats_.card_frames += sources.on_card();
+    stats_.gpu_frames += sources.on_gpu();
   if (answers.front().gains) stats_.set_gains(sources.sources(), *answers.front().gains);
   std::vector<Reply> replies;
   const uint64_t count = answers.size();
@@ -372,34 +368,34 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
     replies.push_back({std::move(answer), stages, ""});
   }
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  replies.front().warning = skew_warning(*array.rig, requester.watch.see(frames.skews()), requester);
+  replies.front().warning = skew_warning(*array.rig, client.watch.see(frames.skews()), client);
   return replies;
 }
 
-std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
+std::shared_ptr<Node::ClientState> ClientStates::of(uint32_t view_id) {
   const std::lock_guard lock(mutex_);
   auto found = views_.find(view_id);
   if (found == views_.end()) {
     const auto used = [](const auto& view) { return view.second.used; };
-    if (views_.size() >= 2 * kMostViews) views_.erase(std::ranges::min_element(views_, {}, used));
-    const auto requester = std::make_shared<Node::Requester>();
-    requester->cancelled = cancelled_;
-    requester->images = images_;
+    if (views_.size() >= 2 * kMaxViews) views_.erase(std::ranges::min_element(views_, {}, used));
+    const auto client = std::make_shared<Node::ClientState>();
+    client->cancelled = cancelled_;
+    client->images = images_;
     const auto latest = std::ranges::max_element(views_, {}, used);
-    if (latest != views_.end()) requester->renderer.begin_like(latest->second.requester->renderer);
-    found = views_.emplace(view_id, View{requester}).first;
+    if (latest != views_.end()) client->renderer.copy_gains_from(latest->second.client->renderer);
+    found = views_.emplace(view_id, View{client}).first;
   }
   found->second.used = ++uses_;
-  return found->second.requester;
+  return found->second.client;
 }
 
-uint64_t ViewRequesters::nanoseconds(uint32_t view_id, double work) const {
+uint64_t ClientStates::nanoseconds(uint32_t view_id, double work) const {
   const std::lock_guard lock(mutex_);
   const auto found = views_.find(view_id);
-  return found == views_.end() ? 0 : found->second.requester->estimate.nanoseconds(work);
+  return found == views_.end() ? 0 : found->second.client->estimate.nanoseconds(work);
 }
 
-void ViewRequesters::clear() {
+void ClientStates::clear() {
   const std::lock_guard lock(mutex_);
   views_.clear();
 }

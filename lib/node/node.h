@@ -16,7 +16,7 @@
 #include "base/maths.h"
 #include "base/memory.h"
 #include "base/worker_pool.h"
-#include "focus/camera_gains.h"
+#include "focus/exposure_compensation.h"
 #include "node/camera_inputs.h"
 #include "node/frame_sources.h"
 #include "node/frame_timing.h"
@@ -28,45 +28,44 @@
 
 namespace lf {
 
-// What a node has done and how long its stages took. Thread-safe.
+// Counters and stage durations of a node. Thread-safe.
 struct NodeStats {
   std::atomic<uint64_t> requests{0}, bad_requests{0}, rig_mismatches{0}, answers{0}, drawn{0}, together{0},
-      card_frames{0}, fragments{0}, bytes{0}, skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0},
+      gpu_frames{0}, fragments{0}, bytes{0}, skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0},
       damaged_frames{0};
   std::atomic<uint64_t> max_skew_ns{0};
 
-  // How long an answer took from the request's arrival to the answer's departure, nanoseconds.
+  // Durations of one answer, nanoseconds.
   struct Stages {
-    uint64_t wait = 0;    // waiting for frames that belong to the request's time
-    uint64_t decode = 0;  // decoding regions of JPEG frames
-    uint64_t render = 0;  // rendering, with planning
+    uint64_t wait = 0;  // waiting for frames
+    uint64_t decode = 0;
+    uint64_t render = 0;  // includes planning
     uint64_t encode = 0;
   };
   void add(const Stages& stages);
-  // What the cameras of a request were divided by.
-  void set_gains(std::span<const Source> cameras, const CameraGains& gains);
-  // All numbers by name; stages, nanoseconds, as the latest answer's and as percentiles over the latest answers.
+  void set_gains(std::span<const Source> cameras, const ExposureCompensation& gains);
+  // Returns all values by name: the durations of the latest answer, and percentiles over the latest answers, in
+  // nanoseconds.
   std::vector<std::pair<std::string, uint64_t>> all() const;
-  // The gains that images were divided by, by the camera's id.
   std::map<uint32_t, float> gains() const;
 
  private:
   mutable std::mutex mutex_;
   Stages latest_;
-  std::map<uint32_t, float> gains_;  // gains by the camera's id
+  std::map<uint32_t, float> gains_;  // by camera id
   Percentiles wait_, decode_, render_, encode_, total_;
 };
 
-// How long an answer takes, by what those before it have taken for their planned work. What it knows fades with each
-// answer that was not made because of it, so that a slow minute does not end all answers. done() and skipped() from one
-// thread, nanoseconds() from any.
+// Estimates the duration of an answer from earlier answers and their planned work. Each skipped answer lowers the
+// estimate, so that one slow minute does not block all answers. Call done() and skipped() from one thread,
+// nanoseconds() from any.
 class WorkEstimate {
  public:
-  // Of work whose unit is a pixel's: what any answer takes beside, to look for frames, to plan and to wake threads.
-  // With it what few pixels took tells little of many.
+  // Fixed work of any answer (finding frames, planning, waking threads), in pixels. Without it, the durations of small
+  // answers would mislead about large answers.
   static constexpr double kAnyAnswer = 65536;
 
-  // Nanoseconds that an answer will take; 0: nothing is known.
+  // Returns 0 if unknown.
   uint64_t nanoseconds(double work) const { return static_cast<uint64_t>(per_work_ * work); }
   void done(double work, uint64_t took) {
     if (work <= 0) return;
@@ -81,108 +80,105 @@ class WorkEstimate {
   std::atomic<double> per_work_ = 0;
 };
 
-// The cameras of a node, and the answering of requests. answer() may run in several threads, one per requester.
+// Answers requests with the images of its cameras. answer() may run in several threads, one per client.
 class Node {
  public:
   NodeStats& stats() { return stats_; }
   CameraInputs& inputs() { return inputs_; }
-  void set_node_id(uint32_t id) { node_id_ = id; }  // while stopped
+  void set_node_id(uint32_t id) { node_id_ = id; }  // call while stopped
 
-  // What is kept of one requester.
-  struct Requester {
-    std::shared_ptr<const Rig> rig;  // the rig that everything else here is about
+  struct ClientState {
+    std::shared_ptr<const Rig> rig;  // the rig that the rest of the state belongs to
     MeshCache mesh;
-    SkewWatch watch;
+    SkewMonitor watch;
     RequestRenderer renderer;
-    WorkEstimate estimate;       // of its answers, for whoever asks for them
-    CameraSet gone;              // of the rig, had no frame for the latest request: see make_plan()
-    uint64_t warned_of = 0;      // hash of another rig that a person has been told of
-    uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
-    // Several requesters may share what follows. While *cancelled nothing is waited for, see cancel(); `images` is the
-    // memory for what is made of images.
+    WorkEstimate estimate;
+    CameraSet gone;              // cameras without a frame for the latest request: see make_plan()
+    uint64_t warned_of = 0;      // rig hash of the latest warning
+    uint64_t warned_behind = 0;  // time of the latest warning about late frames, now_ns(); 0: none
+    // Clients may share both members below. While *cancelled is true, answers do not wait: see cancel(). `images`:
+    // reusable memory for processed images.
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
     std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
-  // While `cancelled` an answer that is made for this requester waits for nothing. Any thread.
-  void cancel(Requester& requester, bool cancelled);
-  // How requests are to be answered.
+  // While `cancelled`, this client's answers do not wait for frames. Any thread.
+  void cancel(ClientState& client, bool cancelled);
   struct Options {
-    RenderOptions render;    // without colours, which the cameras' rig has
-    bool live = false;       // the request is live: nothing is waited for
-    uint64_t base_time = 0;  // clock time of the pipeline's running time 0
-    int64_t day_offset = 0;  // time of day, which live requests name, less clock time
-    uint64_t max_skew = 0;   // nanoseconds that a live camera's frame may be from the target time; 0: any
+    RenderOptions render;     // without colours; they come from the rig
+    bool live = false;        // live request: does not wait
+    uint64_t base_time = 0;   // clock time of the pipeline's running time 0
+    int64_t wall_offset = 0;  // time of day (used by live requests) minus clock time, nanoseconds
+    uint64_t max_skew = 0;    // largest capture-time error of a live camera's frame, nanoseconds; 0: unlimited
   };
   struct Reply {
     RenderedAnswer answer;
     NodeStats::Stages stages;
-    std::string warning;  // tells a user what is wrong; "": nothing
+    std::string warning;  // for the user; "": none
   };
-  // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
-  // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
-  Reply answer(const wire::AnyRequest& request, Requester& requester, const Options& options, ByteBuffer memory);
-  // The same of several that may_go_together(): each gets the answer that it would get alone, of images that are made
-  // once, and a card draws as many as it can in a pass. `memory`: to be recycled for one answer.
-  using TakeMemory = std::function<ByteBuffer()>;
-  std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, Requester& requester,
-                            const Options& options, const TakeMemory& memory);
-  // Whether these two are of views of one moment and one set, which a card can draw, and neither asks how bright
-  // cameras are, as the one that leads may.
-  static bool may_go_together(const wire::AnyRequest& a, const wire::AnyRequest& b);
+  // Waits for the frames of the requested time (see CameraFrames::find) and renders. Never throws. A request that
+  // cannot be served (for example of another rig) gets an answer without fragments. `memory` is recycled.
+  Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
+  // As above, for several requests that can_batch_requests(). Each answer equals the answer to the request alone.
+  // Images are prepared once, and a GPU draws as many views per pass as it can. `memory`: provides recycled memory for
+  // one answer.
+  using AllocateMemory = std::function<ByteBuffer()>;
+  std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
+                            const Options& options, const AllocateMemory& memory);
+  // True if both requests are views of one set and one capture time and neither measures brightness (the first request
+  // of a set may).
+  static bool can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest& b);
 
-  // An answer without fragments, at once: nobody needs the picture.
+  // Returns an empty answer for a client that no longer needs the picture.
   Reply skip(const wire::AnyRequest& request);
 
  private:
   using Array = CameraInputs::Array;
   wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
-  // What is to be done for a request.
   struct Planned {
     std::unique_ptr<const RequestPlan> plan;
-    CameraSet gone;   // left out, see make_plan()
-    uint64_t ns = 0;  // nanoseconds that planning took
+    CameraSet gone;   // see make_plan()
+    uint64_t ns = 0;  // nanoseconds
   };
-  std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array, Requester& requester,
+  std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array, ClientState& client,
                             const Options& options, std::span<const wire::AnswerHeader> headers,
-                            const TakeMemory& memory, uint64_t waited);
-  static Planned make_plan(const ViewRequest& view, const Array& array, Requester& requester,
-                           const std::vector<CameraIndex>& own, const ParallelFor& parallel, FoundFrames& frames);
+                            const AllocateMemory& memory, uint64_t waited);
+  static Planned make_plan(const ViewRequest& view, const Array& array, ClientState& client,
+                           const std::vector<CameraIndex>& own, const ParallelFor& parallel, FrameLookup& frames);
   static std::vector<Planned> make_plans(std::span<const wire::AnyRequest* const> requests, const Array& array,
-                                         Requester& requester, const std::vector<CameraIndex>& own, bool live,
-                                         const ParallelFor& parallel, FoundFrames& frames);
+                                         ClientState& client, const std::vector<CameraIndex>& own, bool live,
+                                         const ParallelFor& parallel, FrameLookup& frames);
   static std::vector<CameraIndex> cameras_of(const std::vector<Planned>& plans);
   static FrameSources sources_of(const std::vector<Planned>& plans, const Array& array, const RenderOptions& options,
-                                 FoundFrames& frames);
+                                 FrameLookup& frames);
   void decode(FrameSources& sources, const Array& array, PixelFamily family, const ParallelFor& parallel);
-  uint64_t describe(const Planned& planned, const FrameSources& sources, const FoundFrames& frames,
+  uint64_t describe(const Planned& planned, const FrameSources& sources, const FrameLookup& frames,
                     const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header);
-  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
+  std::string skew_warning(const Rig& rig, const std::optional<SkewMonitor::Report>& report, ClientState& client) const;
 
   NodeStats stats_;
   CameraInputs inputs_;
   uint32_t node_id_ = 0;
 };
 
-// What a node keeps of each view that one requester asks for. Of a view that nothing is known of yet nothing is
-// expected: what others take tells nothing of it, as they may look where there is nothing to be seen. Thread-safe; a
-// view's answers are made in one thread.
-class ViewRequesters {
+// The client states of all views of one client. A new view has no duration estimate, because other views may look where
+// there is nothing to see. Thread-safe; the answers of one view must be made in one thread.
+class ClientStates {
  public:
-  // So many views may be in use at once; of as many more the one that was asked for longest ago is forgotten.
-  static constexpr size_t kMostViews = 64;
+  // Views in use at once. The state remembers twice as many and forgets the least recently used.
+  static constexpr size_t kMaxViews = 64;
 
-  // What these views have in common is that of `common`.
-  explicit ViewRequesters(const Node::Requester& common) : cancelled_(common.cancelled), images_(common.images) {}
-  // What is kept of a view. A new one begins with what was learned of the view that was asked for last. Who makes an
-  // answer of it holds it: the view may be forgotten meanwhile.
-  std::shared_ptr<Node::Requester> of(uint32_t view_id);
-  // How many nanoseconds its answer will take that has so much planned work.
+  // All views share the cancellation flag and the image memory of `common`.
+  explicit ClientStates(const Node::ClientState& common) : cancelled_(common.cancelled), images_(common.images) {}
+  // Returns the state of a view. A new view starts with the exposure gains of the most recently used view. Hold the
+  // pointer while answering, because the view may be forgotten meanwhile.
+  std::shared_ptr<Node::ClientState> of(uint32_t view_id);
+  // Returns the estimated duration of an answer with this much planned work; 0: unknown.
   uint64_t nanoseconds(uint32_t view_id, double work) const;
   void clear();
 
  private:
   struct View {
-    std::shared_ptr<Node::Requester> requester;
+    std::shared_ptr<Node::ClientState> client;
     uint64_t used = 0;
   };
   const std::shared_ptr<std::atomic<bool>> cancelled_;

@@ -6,7 +6,7 @@
 #include <variant>
 
 #include "base/text.h"
-#include "focus/trial_renderer.h"
+#include "focus/hypothesis_renderer.h"
 #include "render/camera_projection.h"
 
 namespace lf {
@@ -14,7 +14,7 @@ namespace lf {
 RequestPlan::RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
                          const ParallelFor& parallel)
     : rig_(rig), access_(Access::kSelf), quality_(request.quality), gains_(request.gains) {
-  sum_.emplace(ViewPlan(rig, mesh, shown_view(request), parallel), own, parallel);
+  sum_.emplace(ViewPlan(rig, mesh, displayed_view(request), parallel), own, parallel);
   cameras_ = sum_->cameras();
   if (gains_.ask) {
     std::vector<CameraIndex> in_service;
@@ -24,8 +24,8 @@ RequestPlan::RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& re
     std::ranges::set_union(sum_->cameras(), wide_->cameras(), std::back_inserter(cameras_));
   }
   if (request.trials.empty()) return;
-  trial_job_.emplace(rig, mesh, trial_view(request.view), own, parallel);
-  for (const Trial& trial : request.trials) trials_.push_back(trial_levels(request.view, trial));
+  hypothesis_job_.emplace(rig, mesh, hypothesis_view(request.view), own, parallel);
+  for (const DepthHypothesis& trial : request.trials) hypotheses_.push_back(hypothesis_levels(request.view, trial));
 }
 
 RequestPlan::RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,
@@ -41,7 +41,7 @@ RequestPlan::RequestPlan(const Rig& rig, const wire::PixelCommand& command, std:
     if (!std::ranges::binary_search(own, region.camera)) continue;
     const Camera& camera = rig.cameras[region.camera];
     if (intersect(region.rect, {0, 0, camera.width, camera.height}) != region.rect)
-      throw Error("camera " + std::to_string(camera.id) + ": pixels outside of its image are asked for");
+      throw Error("camera " + std::to_string(camera.id) + ": requested pixels are outside the image");
     cameras_.push_back(region.camera);
     pixels_.push_back(region.rect);
   }
@@ -59,8 +59,8 @@ Rect RequestPlan::answer_region(CameraIndex camera) const {
 Rect RequestPlan::drawn_region(CameraIndex camera) const {
   if (!draws(camera)) return {};
   const Rect colour = answer_region(camera);
-  if (!trial_job_ || trial_job_->plan().camera_rect(camera).empty()) return colour;
-  return unite(colour, trial_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
+  if (!hypothesis_job_ || hypothesis_job_->plan().camera_rect(camera).empty()) return colour;
+  return unite(colour, hypothesis_pixels(hypothesis_job_->plan(), camera, rig_.cameras[camera], hypotheses_));
 }
 
 Rect RequestPlan::region(CameraIndex camera) const {
@@ -72,7 +72,7 @@ Rect RequestPlan::region(CameraIndex camera) const {
 bool RequestPlan::shows_detail(CameraIndex camera) const {
   switch (access_) {
     case Access::kSelf: return lf::shows_detail(sum_->plan().view(), rig_.cameras[camera]);
-    // The command does not say where the view is from.
+    // The command does not contain the viewpoint.
     case Access::kWarp: return !is_coarse(sum_->plan().view().lens, rig_.cameras[camera].lens);
     case Access::kPixels: break;
   }

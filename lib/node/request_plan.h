@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "focus/camera_gains.h"
+#include "focus/exposure_compensation.h"
 #include "render/ownership.h"
 #include "rig/mesh.h"
 #include "view/view_request.h"
@@ -16,62 +16,62 @@
 
 namespace lf {
 
-// What a node has to do for one request, and what that needs of each of its cameras. The answer is the sum of what the
-// cameras give for a view, or, to cameras that only have pixels to give, pixels as they are. Immutable.
+// The work of a node for one request, and the image regions needed from each camera. The answer is a sum over the
+// cameras or, for cameras that can only deliver pixels, unwarped pixels. Immutable.
 class RequestPlan {
  public:
-  // The sum of a view, with the trials and the brightness that the request asks for. `own`: indices of the node's
-  // cameras, ascending. `rig` must outlive the plan. `parallel`: plans the view. Throws Error for what does not fit the
-  // rig, as do the others.
+  // Plans the sum of a view, with the depth hypotheses and brightness that the request asks for. `own`: indices of the
+  // node's cameras, ascending. `rig` must outlive the plan. `parallel`: used for planning. All constructors throw Error
+  // if the request does not fit the rig.
   RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // The sum that a command asks for. Of the rig only the lenses and sizes of `own` are looked at.
+  // Plans the sum of a command. Uses only the lenses and sizes of `own` from the rig.
   RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // The pixels that a command asks for. Of the rig only the sizes of `own` are looked at.
+  // Plans unwarped pixels. Uses only the sizes of `own` from the rig.
   RequestPlan(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own);
 
-  // The node's cameras whose images are needed, ascending.
+  // Indices of the node's cameras that must deliver images, ascending.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   bool has(CameraIndex camera) const { return std::ranges::binary_search(cameras_, camera); }
-  // Whether the answer shows anything of one of cameras(); the others are only asked how bright they are.
+  // True if the answer shows pixels of this camera; false if only its brightness is measured.
   bool draws(CameraIndex camera) const;
 
-  // The part of an image that is needed, by one of cameras(): for the answer itself; for the answer and its trials,
-  // empty where the camera is not drawn; and for all, with its brightness.
+  // Returns the needed image region of one of cameras(): for the answer; for the answer and its depth hypotheses (empty
+  // if the camera is not drawn); for everything, including brightness.
   Rect answer_region(CameraIndex camera) const;
   Rect drawn_region(CameraIndex camera) const;
   Rect region(CameraIndex camera) const;
-  // Whether the answer shows what bilinear samples of a camera's image lose: see shows_detail() of render/.
+  // True if the answer shows detail that bilinear sampling loses: see shows_detail() in render/.
   bool shows_detail(CameraIndex camera) const;
 
-  // The sum that is the answer; null: it is pixels as they are, answer_region() of each camera.
+  // Null if the answer has unwarped pixels: answer_region() of each camera.
   const RenderJob* sum() const { return sum_ ? &*sum_ : nullptr; }
-  // The quality of JPEG that is asked for, 0 to 100.
+  // JPEG quality, 0 to 100.
   int quality() const { return quality_; }
-  // The levels of each trial of a focal surface, and the view that they are tried in: their moments go before the
-  // answer. Null without trials.
-  const std::vector<std::vector<uint8_t>>& trials() const { return trials_; }
-  const RenderJob* trial_job() const { return trial_job_ ? &*trial_job_ : nullptr; }
-  // How the cameras' brightness is to be matched; null: not at all.
+  // The levels of each depth hypothesis, and the job of their view; null without hypotheses. The photo-consistency sums
+  // precede the answer.
+  const std::vector<std::vector<uint8_t>>& trials() const { return hypotheses_; }
+  const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
+  // Exposure compensation of the cameras; null: none.
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }
-  // What sees how bright cameras are, which goes before the answer; null: that is not asked for.
+  // Measures the cameras' brightness before the answer; null: not requested.
   const WideLuma* wide() const { return wide_ ? &*wide_ : nullptr; }
 
  private:
   const Rig& rig_;
-  const Access access_;  // that the request is for
+  const Access access_;
   const int quality_;
   std::vector<CameraIndex> cameras_;
   std::optional<RenderJob> sum_;
-  std::vector<Rect> pixels_;  // regions of cameras_; without sum_
-  std::optional<RenderJob> trial_job_;
-  std::vector<std::vector<uint8_t>> trials_;
+  std::vector<Rect> pixels_;  // regions of cameras_, if there is no sum_
+  std::optional<RenderJob> hypothesis_job_;
+  std::vector<std::vector<uint8_t>> hypotheses_;
   GainRequest gains_;
   std::optional<WideLuma> wide_;
 };
 
-// The plan of a request of any kind; arguments and errors are those of its kind.
+// Plans a request of any kind; arguments and errors as in the constructors.
 std::unique_ptr<const RequestPlan> plan_request(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
                                                 std::span<const CameraIndex> own,
                                                 const ParallelFor& parallel = serial_for);

@@ -8,15 +8,14 @@
 #include <utility>
 
 #include "base/schedule.h"
-#include "focus/trial_renderer.h"
-#include "image/correction.h"
-#include "render/gl/sum_drawer.h"
-#include "wire/moments_codec.h"
+#include "focus/hypothesis_renderer.h"
+#include "image/image_filters.h"
+#include "render/gl/gles_renderer.h"
+#include "wire/consistency_codec.h"
 
 namespace lf {
 namespace {
 
-// At least `count` of a kind.
 void make_room(std::vector<ByteBuffer>& images, size_t count) { images.resize(std::max(images.size(), count)); }
 
 }  // namespace
@@ -42,7 +41,7 @@ void ImageMemory::clear() {
 
 GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
   const auto found = views_.find(view_id);
-  if (found == views_.end() && views_.size() >= kMostViews)
+  if (found == views_.end() && views_.size() >= kMaxViews)
     views_.erase(std::ranges::min_element(views_, {}, [](const auto& v) { return v.second.used; }));
   View& view = views_[view_id];
   if (found == views_.end()) view.gains = latest_;
@@ -50,7 +49,7 @@ GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
   return view;
 }
 
-const CameraGains& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
+const ExposureCompensation& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
   View& view = view_of(view_id);
   if (request.mean.empty() || view.seen.empty() || request.mean_of != view.sequence) return view.gains;
   view.gains.take(WideLuma::ratios(view.seen, request.mean));
@@ -65,16 +64,16 @@ void GainMatcher::keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma
   view.seen = std::move(seen);
 }
 
-std::vector<Source> GainMatcher::match(std::span<const Source> sources, const CameraGains& gains,
+std::vector<Source> GainMatcher::match(std::span<const Source> sources, const ExposureCompensation& gains,
                                        const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
                                        const ParallelFor& parallel) {
   std::vector<Source> matched(sources.begin(), sources.end());
   make_room(memory, sources.size());
   parallel(sources.size(), [&](size_t i) {
     const float gain = gains.of(sources[i].camera);
-    if (std::abs(gain - 1) < kLeastGain || sources[i].image.family == PixelFamily::kNone) return;
-    if (sources[i].image.on_card.image) {
-      matched[i].image.on_card.gain = gain;
+    if (std::abs(gain - 1) < kGainTolerance || sources[i].image.family == PixelFamily::kNone) return;
+    if (sources[i].image.on_gpu.image) {
+      matched[i].image.on_gpu.gain = gain;
       return;
     }
     const Rect rect = region(sources[i].camera);
@@ -92,7 +91,6 @@ namespace {
 
 using Works = std::span<const RequestRenderer::Work>;
 
-// What all of the plans need of a camera's image; `part`: what one does.
 Rect united(Works works, CameraIndex camera, Rect (RequestPlan::*part)(CameraIndex) const) {
   Rect all;
   for (const auto& [plan, header, has_images] : works)
@@ -100,11 +98,10 @@ Rect united(Works works, CameraIndex camera, Rect (RequestPlan::*part)(CameraInd
   return all;
 }
 
-// The same images, what the plans need of them in the colours that they are to have.
 void correct(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory, std::vector<Source>& images) {
   if (!options.colours || !options.colours->any()) return;
   make_room(memory, images.size());
-  // Cameras that are asked how bright they are are looked at where they are not drawn, too.
+  // A brightness measurement covers more than the drawn region.
   const auto part = works.front().plan->wide() ? &RequestPlan::region : &RequestPlan::drawn_region;
   options.parallel(images.size(), [&](size_t i) {
     Source& source = images[i];
@@ -113,13 +110,12 @@ void correct(Works works, const RenderOptions& options, std::vector<ByteBuffer>&
     if (!correction) return;
     const Rect rect = united(works, source.camera, part);
     if (rect.empty()) return;
-    FetchedMemory nothing_made;
+    FetchBuffers nothing_made;
     const ImageView image = fetched(source.image, rect, nothing_made);
     source.image = image.family == PixelFamily::kNone ? image : correction->apply(image, rect, memory[i]);
   });
 }
 
-// The images of a plan's cameras.
 std::vector<Source> images_of(const RequestRenderer::Work& work, const std::vector<Source>& images) {
   std::vector<Source> own;
   if (work.has_images)
@@ -128,28 +124,28 @@ std::vector<Source> images_of(const RequestRenderer::Work& work, const std::vect
   return own;
 }
 
-wire::MomentsHeader moments_header(const wire::AnswerHeader& header, const std::optional<GainSum>& gains) {
+wire::ConsistencyHeader consistency_header(const wire::AnswerHeader& header, const std::optional<GainSum>& gains) {
   return {header.view_id, header.sequence, header.rig_hash, header.node, gains};
 }
 
-RenderedTrials render_trials(const RequestRenderer::Work& work, const std::vector<Source>& images,
-                             const RenderOptions& options) {
-  const RenderJob* const job = work.plan->trial_job();
+RenderedConsistency render_consistency(const RequestRenderer::Work& work, const std::vector<Source>& images,
+                                       const RenderOptions& options) {
+  const RenderJob* const job = work.plan->hypothesis_job();
   if (!job) return {};
   const uint64_t begun = now_ns();
   const std::vector<std::vector<uint8_t>>& trials = work.plan->trials();
   const View& view = job->plan().view();
-  std::vector<Moments> sums(trials.size());
-  for (Moments& sum : sums) sum.reset(view.width, view.height);
-  RenderedTrials rendered{.nodes = trials.size() * view.width * view.height};
+  std::vector<PhotoConsistency> sums(trials.size());
+  for (PhotoConsistency& sum : sums) sum.reset(view.width, view.height);
+  RenderedConsistency rendered{.nodes = trials.size() * view.width * view.height};
   rendered.drawing =
-      add_moments(*job, images_of(work, images), trials, sums, options.parallel, options.trial_card.get());
+      add_consistency(*job, images_of(work, images), trials, sums, options.parallel, options.depth_gpu.get());
   rendered.ns = now_ns() - begun;
-  rendered.unit = wire::encode_moments(moments_header(work.header, {}), sums, !options.in_process);
+  rendered.unit = wire::encode_consistency(consistency_header(work.header, {}), sums, !options.in_process);
   return rendered;
 }
 
-// The same images as the options say that they are to be sampled: sharpened where a plan shows it.
+// Sharpens the images if the options ask for sharpening and a plan shows detail.
 std::vector<Source> resampled(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
                               const std::vector<Source>& images) {
   std::vector<Source> sampled = images;
@@ -163,22 +159,21 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
       if (plan->has(source.camera) && plan->shows_detail(source.camera))
         shown = unite(shown, plan->answer_region(source.camera));
     if (shown.empty()) return;
-    if (source.image.on_card.image)
-      source.image.on_card.sharpened = true;
+    if (source.image.on_gpu.image)
+      source.image.on_gpu.sharpened = true;
     else
       source.image = sharpen(source.image, shown, memory[i]);
   });
   return sampled;
 }
 
-// What is drawn for one request.
 struct Drawn {
-  std::vector<Source> sources;     // images that it is drawn from
-  std::optional<SumRenderer> sum;  // empty: pixels are sent as they are, or no camera has an image yet
-  uint64_t ns = 0;                 // wall time that it took
+  std::vector<Source> sources;
+  std::optional<SumRenderer> sum;  // empty: the answer has unwarped pixels, or no camera has an image yet
+  uint64_t ns = 0;                 // nanoseconds
 };
 
-// `sampled`: the images as they are to be sampled where a plan shows detail.
+// `sampled`: the images for plans that show detail.
 void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
           const RenderOptions& options, std::vector<Drawn>& drawn) {
   options.parallel(works.size(), [&](size_t i) {
@@ -190,7 +185,7 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
     if (!plan->sum() || header.family == PixelFamily::kNone) return;
     const uint64_t begun = now_ns();
     const bool is_in_group =
-        options.in_process && options.card && options.group != 0 && options.card->group() == options.group;
+        options.in_process && options.gpu && options.group != 0 && options.gpu->group() == options.group;
     const Coding coding = choose_coding(options.codec, options.in_process, plan->quality());
     sum.emplace(plan->sum()->plan(), plan->sum()->runs(), sources, header.family, Coordinates::kGrid, nullptr,
                 serial_for, is_in_group && coding.codec == wire::Codec::kRaw16);
@@ -199,9 +194,9 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
   std::vector<SumRenderer*> sums;
   for (Drawn& one : drawn)
     if (one.sum) sums.push_back(&*one.sum);
-  if (!options.card || sums.empty()) return;
+  if (!options.gpu || sums.empty()) return;
   const uint64_t begun = now_ns();
-  SumRenderer::draw(sums, *options.card, options.parallel);
+  SumRenderer::draw(sums, *options.gpu, options.parallel);
   const uint64_t each = (now_ns() - begun) / sums.size();
   for (Drawn& one : drawn)
     if (one.sum) one.ns += each;
@@ -238,7 +233,7 @@ std::vector<RenderedAnswer> RequestRenderer::render(Works works, std::span<const
   std::vector<Source> ready(images.begin(), images.end());
   correct(works, options, scratch.corrected, ready);
   if (works.front().plan->gains()) match_gains(works, options, scratch.matched, ready, answers);
-  for (size_t i = 0; i < works.size(); i++) answers[i].trials = render_trials(works[i], ready, options);
+  for (size_t i = 0; i < works.size(); i++) answers[i].trials = render_consistency(works[i], ready, options);
   for (RenderedAnswer& answer : answers) answer.prepare_ns = (now_ns() - begun) / works.size();
   const std::vector<Source> sampled = resampled(works, options, scratch.sharpened, ready);
   std::vector<Drawn> drawn(works.size());
@@ -255,10 +250,11 @@ RenderedAnswer RequestRenderer::render(const Work& work, std::span<const Source>
 void RequestRenderer::match_gains(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
                                   std::vector<Source>& images, std::vector<RenderedAnswer>& answers) {
   const auto& [plan, header, has_images] = works.front();
-  const CameraGains& gains = gains_.gains_for(header.view_id, *plan->gains());
+  const ExposureCompensation& gains = gains_.gains_for(header.view_id, *plan->gains());
   std::optional<WideLuma::Seen> seen;
   if (plan->wide()) seen = plan->wide()->see(images_of(works.front(), images), gains, options.parallel);
-  if (seen) answers.front().brightness = wire::encode_moments(moments_header(header, seen->gains), {&seen->moments, 1});
+  if (seen)
+    answers.front().brightness = wire::encode_consistency(consistency_header(header, seen->gains), {&seen->moments, 1});
   if (plan->gains()->use) {
     const auto part = [&works](CameraIndex camera) { return united(works, camera, &RequestPlan::drawn_region); };
     images = gains_.match(images, gains, part, memory, options.parallel);

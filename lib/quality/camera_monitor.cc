@@ -9,21 +9,21 @@
 #include <utility>
 
 #include "base/maths.h"
-#include "focus/carry_over.h"
+#include "focus/warp_depth_map.h"
 
 namespace lf {
 namespace {
 
-constexpr size_t kNearest = 8;    // of a grid: those around a camera
-constexpr double kCleared = 0.7;  // of what is unusual: a suspect below it is none any more
+constexpr size_t kNearest = 8;    // the cameras around one in a grid
+constexpr double kCleared = 0.7;  // a suspect with a smaller deviation is cleared
 constexpr double kSigmaPerMad = 1.4826;
-constexpr double kScatters = 3;     // beyond which a figure says something although parts of the picture differ
-constexpr double kAnyDistance = 1;  // metres: a camera sees itself through any plane in front of it
-constexpr double kSameRate = 0.01;  // part of a period
-// Of a WaveFinder.
-constexpr double kForget = 12;         // seconds
-constexpr double kLeastChange = 0.08;  // of the whole range: a hand covers most of the picture
-constexpr double kStandsOut = 1.8;     // times the next one
+constexpr double kScatters = 3;     // minimum deviation, relative to the scatter between parts of the image
+constexpr double kAnyDistance = 1;  // metres; any plane in front of the camera shows its own image
+constexpr double kSameRate = 0.01;  // relative difference of periods
+// HandWaveDetector
+constexpr double kForget = 12;       // seconds
+constexpr double kMinChange = 0.08;  // relative to the full range; a hand covers most of the image
+constexpr double kStandsOut = 1.8;   // relative to the second-largest change
 
 std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
   std::vector<CameraIndex> others;
@@ -39,7 +39,7 @@ std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
 }
 
 // Pixel x of the lens is pixel step x + first of `lens`.
-Lens every_nth(const Lens& lens, int step, int first) {
+Lens subsample_grid(const Lens& lens, int step, int first) {
   std::array<double, Lens::kMaxParams> params = lens.params();
   const auto focal = static_cast<size_t>(lens_model_num_focal(lens.model()));
   for (size_t i = 0; i < focal; i++) params[i] /= step;
@@ -51,7 +51,7 @@ Lens every_nth(const Lens& lens, int step, int first) {
 
 CameraMonitor::CameraMonitor(const Rig& rig) : cameras_(rig.cameras.size()) {
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    cameras_[i].error = kNotPredicted;
+    cameras_[i].error = kNoPrediction;
     cameras_[i].nearest = nearest_to(rig, i);
   }
 }
@@ -68,9 +68,9 @@ CameraSet CameraMonitor::suspected() const {
 
 std::optional<CameraIndex> CameraMonitor::next(const CameraSet& out_of_service) {
   for (CameraIndex i = 0; i < cameras_.size(); i++) cameras_[i].out = std::ranges::binary_search(out_of_service, i);
-  while (!again_.empty()) {
-    const CameraIndex camera = again_.front();
-    again_.pop_front();
+  while (!recheck_.empty()) {
+    const CameraIndex camera = recheck_.front();
+    recheck_.pop_front();
     if (!cameras_[camera].out) return camera;
   }
   for (size_t i = 0; i < cameras_.size(); i++) {
@@ -81,34 +81,34 @@ std::optional<CameraIndex> CameraMonitor::next(const CameraSet& out_of_service) 
   return std::nullopt;
 }
 
-bool CameraMonitor::settled() const {
-  return again_.empty() && std::ranges::all_of(cameras_, [](const Watched& c) { return c.out || c.taken > 0; });
+bool CameraMonitor::is_settled() const {
+  return recheck_.empty() && std::ranges::all_of(cameras_, [](const CameraRecord& c) { return c.out || c.taken > 0; });
 }
 
-void CameraMonitor::look_again(CameraIndex camera) {
-  if (std::ranges::find(again_, camera) == again_.end()) again_.push_back(camera);
+void CameraMonitor::recheck(CameraIndex camera) {
+  if (std::ranges::find(recheck_, camera) == recheck_.end()) recheck_.push_back(camera);
 }
 
 CameraMonitor::Figures CameraMonitor::figures_of(const PredictionError& error) {
-  // A prediction without any error has no PSNR that could be compared, but is as good a figure as any.
-  constexpr double kMostDb = 60;  // of pictures that differ by their rounding alone
-  const double psnr = error.psnr_db > kMostDb ? kMostDb : error.psnr_db;
+  // A perfect prediction has infinite PSNR, which must remain comparable.
+  constexpr double kMaxDb = 60;  // pictures that differ only by rounding
+  const double psnr = error.psnr_db > kMaxDb ? kMaxDb : error.psnr_db;
   return {psnr, error.gain, error.shift.x, error.shift.y};
 }
 
-std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {
+std::optional<CameraMonitor::FigureStats> CameraMonitor::usual() const {
   constexpr Figures kLeast{kDb, kGain, kShift, kShift};
   std::array<std::vector<double>, kFigures> known;
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    const Watched& camera = cameras_[i];
+    const CameraRecord& camera = cameras_[i];
     if (camera.out || is_suspect(i)) continue;
-    if (camera.taken == 0) return std::nullopt;  // not all have had a turn
+    if (camera.taken == 0) return std::nullopt;
     const Figures figures = figures_of(camera.error);
     if (!std::ranges::all_of(figures, [](double v) { return std::isfinite(v); })) continue;
     for (size_t k = 0; k < kFigures; k++) known[k].push_back(figures[k]);
   }
-  if (known[0].size() < kFewest) return std::nullopt;
-  Usual usual{};
+  if (known[0].size() < kMinCameras) return std::nullopt;
+  FigureStats usual{};
   for (size_t k = 0; k < kFigures; k++) {
     usual.middle[k] = median(known[k]);
     for (double& v : known[k]) v = std::abs(v - usual.middle[k]);
@@ -117,13 +117,13 @@ std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {
   return usual;
 }
 
-double CameraMonitor::oddity(const Usual& usual, const PredictionError& error, Fault* fault) {
+double CameraMonitor::deviation(const FigureStats& usual, const PredictionError& error, Fault* fault) {
   Figures odd = figures_of(error);
   const Figures scatter{0, error.gain_scatter, error.shift_scatter, error.shift_scatter};
   for (size_t k = 0; k < kFigures; k++)
     odd[k] = (odd[k] - usual.middle[k]) / std::max(usual.most[k], kScatters * scatter[k]);
   const double picture = -odd[0], colour = std::abs(odd[1]), direction = std::hypot(odd[2], odd[3]);
-  // What explains a bad picture is what is wrong.
+  // A colour or direction error explains a low PSNR.
   *fault = std::max(colour, direction) <= 1 ? Fault::kPicture : colour > direction ? Fault::kColour : Fault::kDirection;
   const double worst = std::max({picture, colour, direction});
   return std::isfinite(worst) ? worst : 0;
@@ -133,65 +133,65 @@ void CameraMonitor::take(CameraIndex camera, const PredictionError& error) {
   cameras_[camera].error = error;
   cameras_[camera].taken = ++turns_;
   cameras_[camera].stale = false;
-  const std::optional<Usual> usual = this->usual();
+  const std::optional<FigureStats> usual = this->usual();
   if (!usual) return;
   if (is_suspect(camera))
-    judge_suspect(camera, *usual);
+    update_suspect(camera, *usual);
   else
-    judge_others(*usual);
+    update_others(*usual);
 }
 
-void CameraMonitor::judge_suspect(CameraIndex camera, const Usual& usual) {
+void CameraMonitor::update_suspect(CameraIndex camera, const FigureStats& usual) {
   const auto suspect = std::ranges::find(suspects_, camera, &Suspect::camera);
   Fault fault;
-  const double odd = oddity(usual, cameras_[camera].error, &fault);
+  const double odd = deviation(usual, cameras_[camera].error, &fault);
   if (odd > kCleared) {
     if (odd > 1) suspect->fault = fault;
     return;
   }
   suspects_.erase(suspect);
-  cameras_[camera].odd_since = 0;
+  cameras_[camera].outlier_since = 0;
 }
 
-void CameraMonitor::judge_others(const Usual& usual) {
+void CameraMonitor::update_others(const FigureStats& usual) {
   std::optional<Suspect> worst;
   double most = 1;
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    Watched& camera = cameras_[i];
+    CameraRecord& camera = cameras_[i];
     if (camera.out || camera.stale || is_suspect(i)) continue;
     Fault fault;
-    double odd = oddity(usual, camera.error, &fault);
-    // Without a neighbour the best of cameras is predicted worse.
+    double odd = deviation(usual, camera.error, &fault);
+    // Predictions are worse next to an excluded camera, so a low PSNR is not the camera's fault.
     if (fault == Fault::kPicture && std::ranges::any_of(camera.nearest, [&](CameraIndex n) { return is_suspect(n); }))
       odd = 0;
     if (odd <= 1) {
-      camera.odd_since = 0;
+      camera.outlier_since = 0;
       continue;
     }
-    if (camera.odd_since == 0) {
-      camera.odd_since = turns_;
-      look_again(i);
-      for (const CameraIndex near : camera.nearest) look_again(near);
+    if (camera.outlier_since == 0) {
+      camera.outlier_since = turns_;
+      recheck(i);
+      for (const CameraIndex near : camera.nearest) recheck(near);
     }
     if (odd <= most) continue;
     most = odd;
     worst = {i, fault};
   }
   if (!worst) return;
-  const Watched& camera = cameras_[worst->camera];
+  const CameraRecord& camera = cameras_[worst->camera];
   const auto seen_since = [&](CameraIndex i) {
-    return cameras_[i].out || is_suspect(i) || cameras_[i].taken > camera.odd_since;
+    return cameras_[i].out || is_suspect(i) || cameras_[i].taken > camera.outlier_since;
   };
-  if (seen_since(worst->camera) && std::ranges::all_of(camera.nearest, seen_since)) accuse(*worst);
+  if (seen_since(worst->camera) && std::ranges::all_of(camera.nearest, seen_since)) add_suspect(*worst);
 }
 
-void CameraMonitor::accuse(const Suspect& suspect) {
+void CameraMonitor::add_suspect(const Suspect& suspect) {
   suspects_.insert(std::ranges::upper_bound(suspects_, suspect.camera, {}, &Suspect::camera), suspect);
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    if (i == suspect.camera || (cameras_[i].odd_since == 0 && !is_suspect(i))) continue;
-    cameras_[i].odd_since = 0;
+    if (i == suspect.camera || (cameras_[i].outlier_since == 0 && !is_suspect(i))) continue;
+    cameras_[i].outlier_since = 0;
     cameras_[i].stale = true;
-    look_again(i);
+    recheck(i);
   }
 }
 
@@ -209,7 +209,7 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
   const int step = (at.width + kProbeColumns - 1) / kProbeColumns, first = (step - 1) / 2;
   View view{.width = (at.width - first + step - 1) / step,
             .height = (at.height - first + step - 1) / step,
-            .lens = every_nth(at.lens, step, first),
+            .lens = subsample_grid(at.lens, step, first),
             .pose = at.pose,
             .focus = {}};
   CameraProbe probe{.camera = camera, .seen = {}, .predicted = {}};
@@ -218,7 +218,7 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
   for (CameraIndex i = 0; i < rig.cameras.size(); i++)
     if (i != camera) probe.seen.out_of_service.push_back(i);
   view.focus = focused.focus;
-  if (view.focus.map) view.focus.map = carry_over(focused, view);
+  if (view.focus.map) view.focus.map = warp_depth_map(focused, view);
   probe.predicted.view = view;
   probe.predicted.out_of_service = without;
   const auto place = std::ranges::lower_bound(probe.predicted.out_of_service, camera);
@@ -231,48 +231,48 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
   return probe;
 }
 
-std::optional<CameraProbe> CameraTurns::next(const Rig& rig, const ViewRequest& composed, unsigned interval) {
+std::optional<CameraProbe> ProbeScheduler::next(const Rig& rig, const ViewRequest& composed, unsigned interval) {
   if (!monitor_ || rig_ != rig.hash()) {
     clear();
     monitor_.emplace(rig);
     rig_ = rig.hash();
   }
-  if (++requests_ < (asked_ ? interval + kPatience : interval)) return {};
+  if (++requests_ < (asked_ ? interval + kProbeTimeout : interval)) return {};
   requests_ = 0;
   lose();
   const std::optional<CameraIndex> camera = monitor_->next(composed.out_of_service);
   if (!camera) return {};
   CameraSet without;
   std::ranges::set_union(composed.out_of_service, monitor_->suspected(), std::back_inserter(without));
-  asked_ = make_probe(rig, *camera, shown_view(composed), without);
+  asked_ = make_probe(rig, *camera, displayed_view(composed), without);
   return asked_;
 }
 
-bool CameraTurns::expects(const ViewRequest& probe) {
-  if (!asked_ || probe.view.pose != asked_->seen.view.pose) return false;  // of somebody else, or too late
+bool ProbeScheduler::expects(const ViewRequest& probe) {
+  if (!asked_ || probe.view.pose != asked_->seen.view.pose) return false;  // another client's, or too late
   if (probe.view == asked_->seen.view || (probe.view == asked_->predicted.view && seen_)) return true;
   lose();
   return false;
 }
 
-CameraTurns::Came CameraTurns::take(const ViewRequest& probe, CoveredPicture picture) {
+ProbeScheduler::TurnResult ProbeScheduler::take(const ViewRequest& probe, CoverageImage picture) {
   if (probe.view == asked_->seen.view) {
     seen_ = std::move(picture);
-    return Came::kHalf;
+    return TurnResult::kFirstProbe;
   }
   const std::vector<CameraMonitor::Suspect> before = monitor_->suspects();
   monitor_->take(asked_->camera, compare_prediction(picture, *seen_));
   lose();
-  return monitor_->suspects() != before ? Came::kOtherSuspects : Came::kTurn;
+  return monitor_->suspects() != before ? TurnResult::kSuspectsChanged : TurnResult::kBothProbes;
 }
 
-void CameraTurns::lose() {
+void ProbeScheduler::lose() {
   asked_.reset();
   seen_.reset();
 }
 
-FrameTimes measure_frame_times(std::span<const double> times) {
-  FrameTimes result{.frames = times.size()};
+FrameTimeStats frame_time_stats(std::span<const double> times) {
+  FrameTimeStats result{.frames = times.size()};
   std::vector<double> forward;
   for (const double time : times) {
     if (!forward.empty() && !(time > forward.back()))
@@ -285,7 +285,7 @@ FrameTimes measure_frame_times(std::span<const double> times) {
   for (size_t i = 1; i < forward.size(); i++) intervals.push_back(forward[i] - forward[i - 1]);
   const double usual = median(intervals);
 
-  // Each frame's number, then the line through (number, time).
+  // Number the frames, then fit a line through (number, time).
   std::vector<double> numbers{0};
   for (const double interval : intervals)
     numbers.push_back(numbers.back() + std::max(1.0, std::round(interval / usual)));
@@ -309,27 +309,27 @@ FrameTimes measure_frame_times(std::span<const double> times) {
   return result;
 }
 
-Skew measure_skew(std::span<const FrameTimes> cameras) {
+Skew camera_skew(std::span<const FrameTimeStats> cameras) {
   Skew skew;
   skew.phase.assign(cameras.size(), NAN);
   std::vector<double> periods;
-  for (const FrameTimes& camera : cameras)
+  for (const FrameTimeStats& camera : cameras)
     if (camera.period > 0) periods.push_back(camera.period);
   if (periods.empty()) return skew;
   const double period = median(periods);
-  const auto counts = [&](const FrameTimes& camera) {
+  const auto counts = [&](const FrameTimeStats& camera) {
     return camera.period > 0 && std::abs(camera.period / period - 1) <= kSameRate;
   };
-  // Phases are angles: their middle is the direction of the sum of their unit vectors. Of all cameras at the time when
-  // the last of them began, so that clocks that differ have not drifted far.
+  // Phases are angles, so their mean is the direction of the sum of unit vectors. All phases are taken when the last
+  // camera started, so that different clocks have not drifted far.
   double begin = -INFINITY;
-  for (const FrameTimes& camera : cameras)
+  for (const FrameTimeStats& camera : cameras)
     if (counts(camera)) begin = std::max(begin, camera.first);
-  const auto late = [&](const FrameTimes& camera) {
+  const auto late = [&](const FrameTimeStats& camera) {
     return camera.first + std::ceil((begin - camera.first) / camera.period) * camera.period - begin;
   };
   double x = 0, y = 0;
-  for (const FrameTimes& camera : cameras) {
+  for (const FrameTimeStats& camera : cameras) {
     if (!counts(camera)) continue;
     const double angle = 2 * std::numbers::pi * late(camera) / period;
     x += std::cos(angle), y += std::sin(angle);
@@ -348,7 +348,7 @@ Skew measure_skew(std::span<const FrameTimes> cameras) {
   return skew;
 }
 
-void WaveFinder::see(size_t camera, std::span<const float> parts, double time) {
+void HandWaveDetector::see(size_t camera, std::span<const float> parts, double time) {
   Camera& c = cameras_[camera];
   if (c.usual.size() != parts.size()) {
     c.usual.assign(parts.begin(), parts.end());
@@ -366,14 +366,14 @@ void WaveFinder::see(size_t camera, std::span<const float> parts, double time) {
   c.time = time;
 }
 
-std::optional<size_t> WaveFinder::found() const {
+std::optional<size_t> HandWaveDetector::found() const {
   size_t most = 0;
   double next = 0;
   for (size_t i = 1; i < cameras_.size(); i++)
     if (cameras_[i].change > cameras_[most].change) most = i;
   for (size_t i = 0; i < cameras_.size(); i++)
     if (i != most) next = std::max(next, cameras_[i].change);
-  if (cameras_.empty() || cameras_[most].change < kLeastChange || cameras_[most].change < kStandsOut * next)
+  if (cameras_.empty() || cameras_[most].change < kMinChange || cameras_[most].change < kStandsOut * next)
     return std::nullopt;
   return most;
 }

@@ -10,179 +10,175 @@
 #include <string_view>
 #include <vector>
 
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/mesh.h"
 #include "view/view.h"
 #include "view/view_request.h"
 
 namespace lf {
 
-// Watches an array as it runs: in turn, each camera is predicted from the others, and those of which something is wrong
-// stand out. A bad camera spoils the predictions of its neighbours: when one becomes odd they are looked at again, the
-// oddest is accused, and the others get another turn without it. Without locks.
+// Detects faulty cameras in a running array by comparing each camera in turn with a prediction from the remaining
+// cameras. A faulty camera also spoils the predictions of its neighbours. When a camera becomes an outlier, it is
+// therefore checked again together with its neighbours. The worst camera becomes a suspect, and the remaining outliers
+// are rechecked without the suspect. Not thread-safe.
 class CameraMonitor {
  public:
-  // What is wrong with a camera, as far as that can be told.
   enum class Fault {
-    kColour,     // the camera is brighter or darker than the others
-    kDirection,  // the camera looks elsewhere than the rig says
-    kPicture,    // neither: out of focus, or something is in front of it
+    kColour,     // brighter or darker than the array
+    kDirection,  // direction differs from the rig
+    kPicture,    // no colour or direction error: out of focus or obstructed
   };
   struct Suspect {
     CameraIndex camera = 0;
     Fault fault = Fault::kPicture;
     bool operator==(const Suspect&) const = default;
   };
-  // Figures are unusual beyond kDeviations robust standard deviations (1.4826 MAD) from the median of all cameras, and
-  // by at least these.
+  // A value is an outlier if it differs from the median of all cameras by more than kDeviations robust standard
+  // deviations (1.4826 MAD), and by at least these minimums.
   static constexpr double kDeviations = 4;
-  static constexpr double kDb = 3;        // decibels of PSNR
-  static constexpr double kGain = 0.03;   // relative gain
-  static constexpr double kShift = 0.25;  // pixels of the probe
-  static constexpr size_t kFewest = 5;    // cameras whose figures are known, so that any can be unusual
+  static constexpr double kDb = 3;          // decibels of PSNR
+  static constexpr double kGain = 0.03;     // relative gain
+  static constexpr double kShift = 0.25;    // pixels of the probe
+  static constexpr size_t kMinCameras = 5;  // cameras with known values, needed to detect outliers
 
   explicit CameraMonitor(const Rig& rig);
 
-  // The camera whose turn it is; nothing where no camera is in service.
+  // Returns the next camera to check, or nothing if no camera is in service.
   std::optional<CameraIndex> next(const CameraSet& out_of_service);
   CameraSet suspected() const;
-  // Whether all cameras in service (of next()) have had a turn, and none is to be looked at again. Turns may go on.
-  bool settled() const;
-  // What came of a camera's turn; NaN where nothing can be told, as at the corners of an array.
+  // True if all cameras in service (see next()) were checked and no recheck is pending. Checks may continue.
+  bool is_settled() const;
+  // Takes the result of a camera's check; NaN where unknown, as at the corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 
-  // What came of the camera's latest turn; NaN where nothing is known.
+  // Returns the result of the camera's latest check; NaN where unknown.
   const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
   size_t cameras() const { return cameras_.size(); }
   const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending
   uint64_t turns() const { return turns_; }
 
  private:
-  // The figures in which cameras are compared: PSNR, gain, shift.
+  // Values compared between cameras: PSNR, gain, shift in x and y.
   static constexpr size_t kFigures = 4;
   using Figures = std::array<double, kFigures>;
-  struct Usual {
-    Figures middle, most;  // the middle of all cameras' figures, and the largest usual deviation
+  struct FigureStats {
+    Figures middle, most;  // median over all cameras; largest usual deviation
   };
-  struct Watched {
+  struct CameraRecord {
     PredictionError error;
-    uint64_t taken = 0;                // number of its latest turn, 0: none yet
-    uint64_t odd_since = 0;            // number of the turn; 0: not odd
-    bool stale = false;                // odd, but because of one that has been accused since, maybe
-    bool out = false;                  // the camera is out of service
-    std::vector<CameraIndex> nearest;  // cameras that may have a part in predicting this one
+    uint64_t taken = 0;          // number of the latest check; 0: none
+    uint64_t outlier_since = 0;  // number of the check; 0: not an outlier
+    bool stale = false;          // an outlier, possibly caused by a camera that became a suspect since
+    bool out = false;
+    std::vector<CameraIndex> nearest;  // cameras that may contribute to the prediction of this camera
   };
   static Figures figures_of(const PredictionError& error);
   bool is_suspect(CameraIndex camera) const;
-  std::optional<Usual> usual() const;
-  // How far a camera is off, in units of what is usual; and by what.
-  static double oddity(const Usual& usual, const PredictionError& error, Fault* fault);
-  void judge_suspect(CameraIndex camera, const Usual& usual);
-  void judge_others(const Usual& usual);
-  void accuse(const Suspect& suspect);
-  void look_again(CameraIndex camera);
+  std::optional<FigureStats> usual() const;
+  // Returns the deviation of a camera relative to the usual deviation (above 1: outlier) and its most likely fault.
+  static double deviation(const FigureStats& usual, const PredictionError& error, Fault* fault);
+  void update_suspect(CameraIndex camera, const FigureStats& usual);
+  void update_others(const FigureStats& usual);
+  void add_suspect(const Suspect& suspect);
+  void recheck(CameraIndex camera);
 
-  std::vector<Watched> cameras_;
+  std::vector<CameraRecord> cameras_;
   std::vector<Suspect> suspects_;
-  std::deque<CameraIndex> again_;  // have another turn before all others
+  std::deque<CameraIndex> recheck_;
   CameraIndex turn_ = 0;
   uint64_t turns_ = 0;
 };
 
 std::string_view to_string(CameraMonitor::Fault fault);  // "colour", "direction", "picture"
 
-// A view from where a camera stands, asked for twice: of the camera alone, and of the others without it. Both are view
-// requests like any other: no camera gives more than its part in a small view.
+// A view from a camera's pose, requested twice: from the camera alone, and from all other cameras. These are ordinary
+// view requests. A camera only sends its part of a small view.
 struct CameraProbe {
   CameraIndex camera = 0;
   ViewRequest seen, predicted;  // view, out_of_service and probe are set
 };
 
-// A probe has at most this many columns: every so many pixels of the camera, each as it is, so that errors are those of
-// its whole image, of fewer pixels.
+// Maximum columns of a probe. A probe takes every n-th pixel of the camera unfiltered, so its errors are representative
+// of the whole image.
 inline constexpr int kProbeColumns = 80;
 
-// `focused`: the view whose focal surface the others are focused on. `without` (ascending): cameras that predict
-// nothing, beside the camera itself.
+// `focused`: view with the focal surface of the prediction. `without` (ascending): further cameras to exclude from the
+// prediction.
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
 
-// A camera monitor's turns beside the requests of a view. A turn is two probes, small views that are asked for like any
-// other: what a camera sees itself, and what the others predict of it. Probes and their answers may be lost, or be
-// somebody else's. Not thread-safe.
-class CameraTurns {
+// Interleaves the checks of a camera monitor with the requests of a view. A check consists of two probes: the camera's
+// own image, and a prediction from the remaining cameras. Probes and answers may be lost, or belong to other clients.
+// Not thread-safe.
+class ProbeScheduler {
  public:
-  static constexpr unsigned kPatience = 30;  // requests after which probes, or their answers, have been lost
+  static constexpr unsigned kProbeTimeout = 30;  // number of requests until pending probes count as lost
 
-  // A request has been composed. The two probes of a camera's turn, if it is time: every `interval` requests, or
-  // somewhat later while answers are waited for. With another rig than before all begins anew.
+  // Call after each composed request. Returns the probes of a check every `interval` requests, or up to kProbeTimeout
+  // requests later while answers are pending. Starts over if the rig has changed.
   std::optional<CameraProbe> next(const Rig& rig, const ViewRequest& composed, unsigned interval);
 
-  // Whether the answer to this request, a probe, is of the turn, and its picture is to be made for take(). One that is
-  // out of turn ends it.
+  // True if the probe belongs to the current check, so that take() needs its picture. A probe out of order ends the
+  // check.
   bool expects(const ViewRequest& probe);
-  enum class Came { kHalf, kTurn, kOtherSuspects };
-  // Takes the picture of a probe that was expected: half of the turn, or all of it, after which other cameras may be
-  // suspect than before.
-  Came take(const ViewRequest& probe, CoveredPicture picture);
-  // The picture can't be made of what came: the turn is over.
+  enum class TurnResult { kFirstProbe, kBothProbes, kSuspectsChanged };
+  // Takes the picture of an expected probe. The second picture completes the check and may change the suspects.
+  TurnResult take(const ViewRequest& probe, CoverageImage picture);
+  // Abandons the check because its picture cannot be made.
   void lose();
 
   void clear() { *this = {}; }
-  // Null before the first turn.
   const CameraMonitor* monitor() const { return monitor_ ? &*monitor_ : nullptr; }
 
  private:
   std::optional<CameraMonitor> monitor_;
-  uint64_t rig_ = 0;       // hash of the rig that the monitor is of
-  unsigned requests_ = 0;  // requests since the latest turn
+  uint64_t rig_ = 0;
+  unsigned requests_ = 0;
   std::optional<CameraProbe> asked_;
-  std::optional<CoveredPicture> seen_;
+  std::optional<CoverageImage> seen_;
 };
 
-// How evenly a camera takes its frames, from the times that they were taken at. Seconds.
-struct FrameTimes {
+// Regularity of a camera's frame times, from a line fitted to the times. Seconds.
+struct FrameTimeStats {
   size_t frames = 0;
-  double period = 0;     // seconds from frame to frame on the line through all times; 0: fewer than three frames
-  double first = 0;      // time of the first frame on that line
-  double jitter = 0;     // rms of the times about the line: how far stamps can be believed
-  size_t missing = 0;    // frames that the line has and that did not come
-  size_t backwards = 0;  // times that are not after the one before; the line is through the others
+  double period = 0;     // slope of the line, seconds per frame; 0: fewer than three frames
+  double first = 0;      // time of the first frame on the line
+  double jitter = 0;     // RMS deviation of the times from the line: accuracy of the timestamps
+  size_t missing = 0;    // frames of the line that did not arrive
+  size_t backwards = 0;  // times not later than their predecessor; excluded from the fit
 
   double rate() const { return period > 0 ? 1 / period : 0; }
 };
 
-// `times`: in the order that frames came in.
-FrameTimes measure_frame_times(std::span<const double> times);
+// `times`: in order of arrival.
+FrameTimeStats frame_time_stats(std::span<const double> times);
 
-// How cameras that run at one rate stand to each other.
+// Time offsets of cameras with the same frame rate.
 struct Skew {
-  std::vector<double>
-      phase;  // for each camera the seconds that it is behind the others' middle: at most half a period; NAN: not known
-  double spread = 0;  // seconds between the two cameras farthest apart
-  double drift = 0;   // relative rate by which the fastest camera's clock leads the slowest's
+  std::vector<double> phase;  // seconds behind the mean phase of all cameras, at most half a period; NaN: unknown
+  double spread = 0;          // seconds between the earliest and the latest camera
+  double drift = 0;           // relative rate difference between the fastest and the slowest camera clock
 };
 
-// Cameras whose period differs by more than 1 % from the median one are left out: their phase is NAN.
-Skew measure_skew(std::span<const FrameTimes> cameras);
+// The phase of cameras with a period more than 1 % off the median is NaN.
+Skew camera_skew(std::span<const FrameTimeStats> cameras);
 
-// Finds the camera that somebody holds a hand before: its picture is another one than it was, and those of the others
-// are not. Not thread-safe.
-class WaveFinder {
+// Finds the camera that a person covers with a hand: only the image of that camera changes. Not thread-safe.
+class HandWaveDetector {
  public:
-  explicit WaveFinder(size_t cameras) : cameras_(cameras) {}
+  explicit HandWaveDetector(size_t cameras) : cameras_(cameras) {}
 
-  // A picture as the mean brightness of its parts, 0..1, always as many; taken at `time`, seconds, which do not go
-  // back.
+  // Takes an image as the mean brightness of its parts, 0..1; the number of parts is constant. `time`: seconds, must
+  // not decrease.
   void see(size_t camera, std::span<const float> parts, double time);
-  // How far its newest picture is from its usual one, 0..1: the mean over the parts. What changes brightness as a
-  // whole, as an automatic exposure does, counts half.
+  // Returns the mean deviation of the newest image from the usual image over all parts, 0..1. Uniform changes, as from
+  // automatic exposure, count half.
   double change(size_t camera) const { return cameras_[camera].change; }
-  // The camera that stands out, if one does. People who walk past change several.
+  // Returns the camera that stands out, if any. A person who walks past changes several cameras.
   std::optional<size_t> found() const;
 
  private:
   struct Camera {
-    std::vector<float> usual;  // forgets with a time constant, so that a hand is usual after a while, too
+    std::vector<float> usual;  // moving average with a time constant: a hand that stays becomes usual
     double time = 0, change = 0;
   };
   std::vector<Camera> cameras_;

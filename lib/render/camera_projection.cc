@@ -13,8 +13,8 @@ CameraProjection::CameraProjection(const ViewPlan& plan, CameraIndex camera, con
       distorted_(rig_camera.lens.has_distortion()),
       right_(rig_camera.width - 0.5),
       bottom_(rig_camera.height - 0.5) {
-  if (const Mat3* told = plan.told_matrix(camera)) {
-    camera_from_ray_ = *told;
+  if (const Mat3* homography = plan.explicit_homography(camera)) {
+    camera_from_ray_ = *homography;
     return;
   }
   const Pose& view = plan.view().pose;
@@ -32,13 +32,13 @@ CameraProjection::CameraProjection(const ViewPlan& plan, CameraIndex camera, con
 
 namespace {
 
-constexpr int kStep = 16;  // pixels of the view between two that are looked at
-// Sampling reaches two pixels further, chroma five; positions that the fast renderer interpolates are off by less than
-// one.
+constexpr int kStep = 16;  // pixels of the view between sample points
+// Sampling reaches two more pixels, chroma five, and interpolated positions of the fast renderer have an error of less
+// than one pixel.
 constexpr int kReach = 6;
 
-// Around the outermost pixels of `rect`, kStep apart, corners included, from the first one back to it, as long as
-// `call` is true.
+// Calls call(x, y) for points along the border of `rect`, kStep apart, including the corners and the first point again.
+// Stops when `call` returns false.
 template <typename Call>
 bool for_border(const Rect& rect, Call call) {
   const int right = rect.x1 - 1, bottom = rect.y1 - 1;
@@ -55,7 +55,7 @@ bool for_border(const Rect& rect, Call call) {
 
 constexpr FocalMap::LevelRange kNoLevels{0, 0};
 
-// The middle of a chroma sample may lie beyond the rectangle.
+// The middle of a chroma sample may lie outside the rectangle.
 FocalMap::LevelRange levels_in(const FocalMap& map, std::span<const uint8_t> levels, const Rect& rect) {
   return map.range_of(levels, rect.x0, rect.y0, rect.x1, rect.y1);
 }
@@ -74,9 +74,9 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   if (rect.empty()) return {};
   const CameraProjection projection(plan, camera, rig_camera);
   Vec2 low(INFINITY), high(-INFINITY);
-  double largest_step = 0;  // between neighbours
+  double largest_step = 0;  // between neighbouring points
   bool known = true;
-  // Between two distances a position moves along a line.
+  // A position moves along a straight line between two distances.
   double distances[2] = {0, 0};
   int num_distances = 1;
   if (const FocalMap* map = plan.view().focus.map.get(); map) {
@@ -84,12 +84,12 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     distances[1] = map->inverse_of(levels.largest);
     num_distances = levels.least == levels.largest ? 1 : 2;
   }
-  // For each distance along the border: neither a homography nor a lens has what is inside end up outside.
+  // Walks the border for each distance: homographies and lenses map the inside of `rect` to the inside of the border.
   for (int k = 0; k < num_distances && known; k++) {
     Vec2 before(NAN);
     const auto look = [&](int x, int y) {
       Vec2 pixel;
-      if (!projection.project_beyond(plan.rays().at(x, y), distances[k], pixel)) return false;
+      if (!projection.project_unbounded(plan.rays().at(x, y), distances[k], pixel)) return false;
       low = glm::min(low, pixel);
       high = glm::max(high, pixel);
       if (!std::isnan(before.x)) largest_step = std::max(largest_step, glm::distance(pixel, before));
@@ -98,10 +98,10 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     };
     known = for_border(rect, look);
   }
-  // Not before NaN and infinity are ruled out: they can't become integers.
+  // NaN and infinity must be ruled out before conversion to int.
   if (!known || !std::isfinite(low.x + low.y + high.x + high.y)) return whole;
-  // Between the points looked at a curved edge bulges by less than a sixteenth of their distance, unless the lens bends
-  // it more than any that a picture is taken with.
+  // A curved border between sample points bulges by less than a sixteenth of their distance, except for lenses with
+  // extreme distortion.
   const Vec2 margin(largest_step / 16 + kReach);
   low = glm::max(low - margin, Vec2(0));
   high = glm::min(high + margin, Vec2(rig_camera.width, rig_camera.height));
@@ -133,11 +133,11 @@ Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 }
 
 bool is_pixel_for_pixel(const View& view, const Camera& camera) {
-  constexpr double kSame = 1.0 / 16;  // of a pixel
+  constexpr double kSame = 1.0 / 16;  // pixels
   const double offset = glm::length(camera.pose.position - view.pose.position);
   const double distance = std::abs(view.focus.plane.signed_distance(view.pose.position));
   if (!(offset * camera.lens.fy() <= kSame * distance)) return false;
-  // The same shift by whole pixels in the middle and in the corners.
+  // The shift must be the same whole number of pixels in the middle and in the corners.
   const Vec2 middle(std::floor((view.width - 1) / 2.0), std::floor((view.height - 1) / 2.0));
   const Vec2 last(view.width - 1, view.height - 1);
   std::optional<Vec2> shift;

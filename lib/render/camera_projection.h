@@ -15,33 +15,35 @@
 
 namespace lf {
 
-// Finds where a view's line of sight takes its colour in one camera's image: through the focal surface and the camera's
-// lens.
+// Finds the position in a camera's image that a view's line of sight samples, through the focal surface and the
+// camera's lens.
 //
-// With the plane (p . d) t = c in view coordinates, X_view = t d, and X_camera = R X_view + T:
-// (p . d) X_camera = (c R + T p^T) d. The sign of c makes the factor positive for t > 0: a homography.
-// With a map, (p . d) t = 1/s - h at inverse distance s and h = ViewPlan::eye_distance():
-// s (p . d) X_camera = ((1 - s h) R + s T p^T) d, a homography for each s, linear in it.
+// A plane is (p . d) t = c in view coordinates, X_view = t d, and X_camera = R X_view + T:
+//     (p . d) X_camera = (c R + T p^T) d.
+// The sign of c makes the factor positive for t > 0: a homography.
+//
+// A map has (p . d) t = 1/s - h at inverse distance s, with h = ViewPlan::eye_distance():
+//     s (p . d) X_camera = ((1 - s h) R + s T p^T) d,
+// a homography for each s, linear in s.
 class CameraProjection {
  public:
-  // `rig_camera`: what the rig says of `camera`; only its lens and size count where the plan was told.
+  // `rig_camera`: `camera` in the rig. If the plan has explicit homographies, only its lens and size are used.
   CameraProjection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
-  // The homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0: with a map,
-  // of inverse distance 0, and what an inverse distance of 1 adds to it.
+  // Homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0. With a map,
+  // camera_from_ray() is for inverse distance 0, and per_inverse() is its derivative by the inverse distance.
   const Mat3& camera_from_ray() const { return camera_from_ray_; }
   const Mat3& per_inverse() const { return per_inverse_; }
   bool has_map() const { return has_map_; }
   const Lens& lens() const { return lens_; }
 
-  // False if the sample is lost: behind the camera or outside its image. `pixel`: position in the image.
-  // `inverse`: distance of the focal map there; any number without one.
+  // Computes the position in the image. Returns false if the sample is missing: behind the camera or outside its image.
+  // `inverse`: inverse distance of the focal map there; ignored without a map.
   bool project(const Vec2& ray, double inverse, Vec2& pixel) const {
-    return project_beyond(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
+    return project_unbounded(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
            pixel.y <= bottom_;
   }
-  // As project(), but positions outside the image are good too.
-  bool project_beyond(const Vec2& ray, double inverse, Vec2& pixel) const {
+  bool project_unbounded(const Vec2& ray, double inverse, Vec2& pixel) const {
     const Vec3 d(ray, 1);
     Vec3 x = camera_from_ray_ * d;
     if (has_map_) {
@@ -70,31 +72,28 @@ class CameraProjection {
   double right_, bottom_;  // edges of the image's domain, pixels
 };
 
-// The pixels of a camera's image that its contribution to the view may be sampled from, with those that interpolation
-// and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
-// image where that can't be told; empty if none of it is seen.
+// Returns the pixels of a camera's image that its contribution to `rect` of the view may sample, including the margins
+// of interpolation and chroma. This is the region to decode. `rect` bounds the pixels with a weight of the camera.
+// Returns the whole image if the region is unknown, and an empty region if none of it is seen.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
-// The source region through a focal map with other levels than the view's own: `levels` are the least and the largest
-// that there are in `rect`.
+// The same for a focal map with other levels than the view's. `levels`: smallest and largest level in `rect`.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
                    const FocalMap::LevelRange& levels);
 
-// The pixels of a contributing camera's image that all of its part in the view needs: source_region(), grown to whole
-// chroma samples; one pixel where none is seen, because the part is lost weight then.
+// Returns the pixels of a contributing camera's image that its whole part of the view needs: source_region(), extended
+// to whole chroma samples. Returns one pixel if none is seen, because the part is then missing weight.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
-// The needed pixels through all of several focal maps with other levels than the view's own; but empty where nothing is
-// seen.
+// The same for the union of several focal maps with other levels than the view's. Empty if none is seen.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                    std::span<const std::vector<uint8_t>> maps);
 
-// Whether a view shows what bilinear samples of a camera's image lose, so that sharpening (image/correction.h) helps.
+// Sharpening (image/image_filters.h) helps if a view shows the detail that bilinear sampling loses.
 
-// A view shows no such detail that is so much coarser than the image that sharpened samples alias: from 0.75 of the
-// camera's focal length down, pictures of the built-in scene are better without.
+// True if the view is so much coarser than the image that sharpened samples alias. The built-in
+// scene looks better without sharpening in views of less than 0.75 of the camera's focal length.
 inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
 
-// A view from the camera's own place, pixel for pixel, shows no such detail either: the samples are the pixels, and
-// nothing is lost.
+// True if the view's pixels are the camera's pixels, seen from the camera's position. Sampling then loses nothing.
 bool is_pixel_for_pixel(const View& view, const Camera& camera);
 
 inline bool shows_detail(const View& view, const Camera& camera) {
@@ -103,10 +102,10 @@ inline bool shows_detail(const View& view, const Camera& camera) {
 
 }  // namespace lf
 
-// Samples of cameras' images one by one, where SIMD would not pay.
+// Samples of camera images one by one, where SIMD is not worthwhile.
 namespace lf::plain {
 
-// A bilinear sample of one 8-bit channel; coordinates are clamped to the outer pixel centres.
+// Bilinear sample of one 8-bit channel. Coordinates are clamped to the outermost pixel centres.
 class Sampler {
  public:
   Sampler(const Vec2& position, int width, int height) : across_(position.x, width), down_(position.y, height) {}
@@ -129,7 +128,7 @@ class Sampler {
       weight = static_cast<float>(x - first);
     }
     int first, second;
-    float weight;  // of the second
+    float weight;  // of `second`
   };
   Axis across_, down_;
 };

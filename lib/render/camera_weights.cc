@@ -7,12 +7,12 @@
 
 namespace lf {
 
-BlendGrid::BlendGrid(int width, int height, size_t num_cameras)
+WeightGrid::WeightGrid(int width, int height, size_t num_cameras)
     : width_(width), height_(height), columns_(points(width)), rows_(points(height)), rects_(num_cameras) {
   first_.reserve(static_cast<size_t>(columns_) * rows_ + 1);
 }
 
-void BlendGrid::add_point(std::span<const Share> shares) {
+void WeightGrid::add_point(std::span<const Share> shares) {
   const auto point = static_cast<int>(first_.size() - 1);
   const int x = point % columns_ * kStep, y = point / columns_ * kStep;
   double total = 0;
@@ -31,7 +31,7 @@ void BlendGrid::add_point(std::span<const Share> shares) {
   first_.push_back(entries_.size());
 }
 
-double BlendGrid::sum_of_squares(int i, int j) const {
+double WeightGrid::sum_of_squares(int i, int j) const {
   const size_t point = static_cast<size_t>(j) * columns_ + i;
   double sum = 0;
   for (size_t k = first_[point]; k < first_[point + 1]; k++) {
@@ -41,8 +41,8 @@ double BlendGrid::sum_of_squares(int i, int j) const {
   return sum;
 }
 
-// Of a camera without a weight at the point: what those before it sum to.
-BlendGrid::Entry BlendGrid::lookup(size_t point, CameraIndex camera) const {
+// Returns the sum of the preceding cameras for a camera without weight at the point.
+WeightGrid::Entry WeightGrid::lookup(size_t point, CameraIndex camera) const {
   const auto begin = entries_.begin() + static_cast<ptrdiff_t>(first_[point]),
              end = entries_.begin() + static_cast<ptrdiff_t>(first_[point + 1]);
   const auto found = std::ranges::lower_bound(begin, end, camera, {}, &Entry::camera);
@@ -51,7 +51,7 @@ BlendGrid::Entry BlendGrid::lookup(size_t point, CameraIndex camera) const {
   return {camera, sum, sum};
 }
 
-bool BlendGrid::find(CameraIndex camera, int i, int j, Cell& cell) const {
+bool WeightGrid::find(CameraIndex camera, int i, int j, Cell& cell) const {
   const size_t point = static_cast<size_t>(j) * columns_ + i;
   const size_t at[4] = {point, point + 1, point + columns_, point + columns_ + 1};
   bool any = false;
@@ -68,25 +68,26 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Requests may name any numbers: what overflows, or is none, is sorted last.
+// Requests may contain any numbers. Overflow and NaN are replaced by `largest` and sort last.
 double at_most(double largest, double value) { return value < largest ? value : largest; }
 constexpr double kFarthest = 1e300;  // squared metres
 
 // kAperture
-constexpr size_t kLeast = 4;          // cameras that have a weight in every aperture
-constexpr double kLeastReach = 1.25;  // of the squared distance of the last of them
-constexpr double kFacing = 0.25;      // a camera whose axis is nearer to a right angle (cosine) fades
+constexpr size_t kLeast = 4;          // minimum number of cameras with a weight
+constexpr double kLeastReach = 1.25;  // relative to the squared distance of the last of these cameras
+constexpr double kFacing = 0.25;      // cosine below which a camera fades, because its axis is nearly at a right angle
 
 // kAngle
-constexpr double kLargest = 1e12;       // angle: of a camera on the other side of what is in focus
-constexpr double kReach = 1 + 1. / 16;  // of the (k + 1)-th penalty
-// Of pixels that are larger than the view's, beside angles: what is out of focus costs more. On the built-in scene,
-// half of the cameras with half the resolution, 0.5 dB better than 1, and as good as 0.
+constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
+constexpr double kReach = 1 + 1. / 16;  // relative to the (k + 1)-th penalty
+// Penalty of camera pixels that are larger than the view's pixels, relative to angles, because they blur. On the
+// built-in scene, with half of the cameras at half resolution, 0.5 dB better than 1, and equal to 0.
 constexpr double kBlur = 0.1;
-constexpr double kMargin = 0.05;        // of an image's smaller side, within which a camera fades
-constexpr double kOutside = 1. / 1024;  // what is left of it outside: for an eye at the camera, and where no other sees
+constexpr double kMargin = 0.05;  // relative to an image's smaller side; a camera fades within this margin
+// weight outside the image, for an eye at the camera and for pixels that no other camera sees
+constexpr double kOutside = 1. / 1024;
 
-// Where the view's lens has no line of sight: that of a place nearer to its middle.
+// Returns the line of sight of a pixel. If the lens has none there, uses a position nearer to the middle.
 Vec2 ray_at(const Lens& lens, const Vec2& pixel) {
   constexpr int kTries = 32;
   const Vec2 middle(lens.cx(), lens.cy());
@@ -96,7 +97,7 @@ Vec2 ray_at(const Lens& lens, const Vec2& pixel) {
   return {0, 0};
 }
 
-// Distance of what is in focus along a line of sight, in units of it.
+// Returns the distance to the focus along a line of sight, in units of the ray's length.
 double focus_along(const ViewPlan& plan, const Vec2& ray, const Vec2& pixel) {
   double distance = plan.focal_offset();
   if (plan.view().focus.map) distance = 1 / plan.inverse_at(pixel.x, pixel.y) - plan.eye_distance();
@@ -122,7 +123,7 @@ CameraWeights::CameraWeights(const Rig& rig, const Mesh& mesh, const View& view)
   }
 }
 
-void CameraWeights::at(const Vec2& ray, double t, std::vector<BlendGrid::Share>& shares) {
+void CameraWeights::at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares) {
   candidates_.clear();
   weights_.clear();
   shares.clear();
@@ -137,7 +138,7 @@ void CameraWeights::at(const Vec2& ray, double t, std::vector<BlendGrid::Share>&
   }
   for (size_t i = 0; i < weights_.size(); i++)
     if (weights_[i] > 0) shares.push_back({cameras_[candidates_[i].i].camera, weights_[i]});
-  std::ranges::sort(shares, {}, &BlendGrid::Share::camera);
+  std::ranges::sort(shares, {}, &WeightGrid::Share::camera);
 }
 
 void CameraWeights::within_aperture(const Vec3& d) {
@@ -163,9 +164,9 @@ void CameraWeights::within_aperture(const Vec3& d) {
   const auto is_near = [&](const Candidate& candidate) { return candidate.penalty - least <= reach / kLeastReach; };
   if (static_cast<size_t>(std::ranges::count_if(candidates_, is_near)) < wanted)
     reach = kLeastReach * (nth(wanted - 1) - least);
-  if (candidates_.size() > BlendGrid::kMaxShares) {
-    reach = std::min(reach, nth(BlendGrid::kMaxShares) - least);
-    candidates_.resize(BlendGrid::kMaxShares);
+  if (candidates_.size() > WeightGrid::kMaxShares) {
+    reach = std::min(reach, nth(WeightGrid::kMaxShares) - least);
+    candidates_.resize(WeightGrid::kMaxShares);
   }
   for (const Candidate& candidate : candidates_) {
     const double part = candidate.penalty <= least ? 0 : (candidate.penalty - least) / reach;
@@ -173,7 +174,7 @@ void CameraWeights::within_aperture(const Vec3& d) {
   }
 }
 
-// b_i of the formula.
+// Computes b_i of the formula.
 double CameraWeights::inside(const Seen& seen, const Vec3& in_focus) const {
   const Camera& camera = rig_.cameras[seen.camera];
   const auto pixel = camera.lens.project(seen.camera_from_view * (in_focus - seen.centre));
@@ -193,7 +194,7 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
     const double range = glm::length(from_focus) - glm::dot(from_focus, d);
     by_angle_.push_back({range > 0 ? at_most(kLargest, beside / range) : kLargest, i});
   }
-  // Few of them are ever asked for.
+  // Usually only a few are needed.
   const auto past_sorted = [this](size_t n) {
     std::partial_sort(by_angle_.begin(), by_angle_.begin() + static_cast<ptrdiff_t>(n), by_angle_.end());
     return n;
@@ -204,7 +205,7 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
   if (!(unit > 0)) unit = 1;
   const double view_pixel = glm::length(in_focus) / view_focal_;
 
-  // Penalties only add to angles, so that all is known of the nearest before all have been asked.
+  // Penalties only add to angles, so the loop can stop once the nearest cameras are known.
   double bound = kInf;  // T of the formula
   const auto smallest_first = [this](size_t n) {
     std::partial_sort(candidates_.begin(), candidates_.begin() + static_cast<ptrdiff_t>(n), candidates_.end());
@@ -223,7 +224,7 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
     bound = best + kReach * (candidates_[k].penalty - best);
   }
   std::ranges::sort(candidates_);
-  candidates_.resize(std::min(candidates_.size(), BlendGrid::kMaxShares));
+  candidates_.resize(std::min(candidates_.size(), WeightGrid::kMaxShares));
   const double best = candidates_[0].penalty, floor = 1e-12 * unit;
   for (const Candidate& candidate : candidates_) {
     const double over = candidate.penalty - best, part = over <= 0 ? 0 : over / (bound - best);
@@ -231,20 +232,20 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
   }
 }
 
-std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
-                                                 const ParallelFor& parallel) {
+std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
+                                                   const ParallelFor& parallel) {
   const View& view = plan.view();
-  auto grid = std::make_shared<BlendGrid>(view.width, view.height, rig.cameras.size());
+  auto grid = std::make_shared<WeightGrid>(view.width, view.height, rig.cameras.size());
   const CameraWeights weights(rig, mesh, view);
-  // A part of the points at a time bounds the memory of their shares.
+  // Processing a few rows at once bounds the memory of their shares.
   constexpr int kRowsAtOnce = 16;
-  std::vector<std::vector<BlendGrid::Share>> shares(static_cast<size_t>(grid->columns()) * kRowsAtOnce);
+  std::vector<std::vector<WeightGrid::Share>> shares(static_cast<size_t>(grid->columns()) * kRowsAtOnce);
   for (int top = 0; top < grid->rows(); top += kRowsAtOnce) {
     const int rows = std::min(grid->rows() - top, kRowsAtOnce);
     parallel(static_cast<size_t>(rows), [&](size_t row) {
       CameraWeights own = weights;
       for (int i = 0; i < grid->columns(); i++) {
-        const Vec2 pixel = Vec2(i, top + static_cast<int>(row)) * double{BlendGrid::kStep},
+        const Vec2 pixel = Vec2(i, top + static_cast<int>(row)) * double{WeightGrid::kStep},
                    ray = ray_at(view.lens, pixel);
         own.at(ray, focus_along(plan, ray, pixel),
                shares[row * static_cast<size_t>(grid->columns()) + static_cast<size_t>(i)]);

@@ -13,7 +13,8 @@ namespace lf {
 
 namespace {
 
-// Okabe and Ito's palette (Color Universal Design, 2008), which colour-blind people can tell apart; white for black.
+// Palette of Okabe and Ito (Color Universal Design, 2008), distinguishable by colour-blind people; white instead of
+// black.
 constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {230, 159, 0},
                                                 {0, 158, 115},
@@ -23,10 +24,10 @@ constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {86, 180, 233},
                                                 {235, 235, 235}}};
 
-constexpr float kLineWidth = 1.2f;  // pixels, of a face's outline
+constexpr float kLineWidth = 1.2f;  // pixels
 
-// How much of the pixel a face's outline covers, 0..1: a weight is 0 along the edge opposite its corner, so the
-// distance to that edge is the weight over its slope.
+// Returns how much of the pixel the face's outline covers, 0 to 1. A weight is 0 along the edge opposite its corner, so
+// the distance from that edge is weight / slope.
 float outline(const ViewPlan& plan, const FacePlan& face, int x, int y) {
   const auto weights = [&](int px, int py) { return face_weights(face, plan.rays().at(px, py)); };
   const FaceWeights here = weights(x, y);
@@ -47,7 +48,7 @@ float luma(const Image& rgb, int x, int y) {
 
 }  // namespace
 
-std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+std::vector<float> valid_weights(const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const Rect& rect) {
   std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
   const CameraProjection projection(plan, camera, rig_camera);
@@ -60,7 +61,7 @@ std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, C
   return weights;
 }
 
-std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
+std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners) {
   const int width = plan.view().width;
   std::vector<float> coverage(static_cast<size_t>(width) * plan.view().height);
   for (const CameraIndex camera : plan.contributors()) {
@@ -73,22 +74,22 @@ std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const Own
   return coverage;
 }
 
-std::vector<float> lost_weights(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
+std::vector<float> missing_weights(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners) {
   std::vector<float> lost = view_coverage(rig, plan, owners);
   const int width = plan.view().width;
   for (size_t i = 0; i < lost.size(); i++) {
-    const bool owned = owners.at(static_cast<int>(i % width), static_cast<int>(i / width)) != OwnerMap::kNone;
+    const bool owned = owners.at(static_cast<int>(i % width), static_cast<int>(i / width)) != FaceIdMap::kNone;
     lost[i] = owned ? std::max(0.f, 1 - lost[i]) : NAN;
   }
   return lost;
 }
 
-std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
-  std::vector<CameraPlace> places;
+std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners) {
+  std::vector<CameraFootprint> places;
   for (const CameraIndex camera : plan.contributors()) {
     const Rect rect = plan.camera_rect(camera);
     const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
-    CameraPlace place{camera, {0, 0}, 0};
+    CameraFootprint place{camera, {0, 0}, 0};
     const float* weight = weights.data();
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++, weight++) {
@@ -105,7 +106,7 @@ std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, con
 double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
   const auto place = [](int i, int count, int size) { return (2 * i + 1) * size / (2 * count); };
-  std::vector<OwnerMap> owners;
+  std::vector<FaceIdMap> owners;
   owners.reserve(rows);
   for (int j = 0; j < rows; j++) {
     const int y = place(j, rows, height);
@@ -117,7 +118,7 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
     const Rect rect = plan.camera_rect(camera);
     const CameraCorners corners(plan, camera);
     const CameraProjection projection(plan, camera, rig.cameras[camera]);
-    for (const OwnerMap& row : owners) {
+    for (const FaceIdMap& row : owners) {
       const int y = row.region().y0;
       if (y < rect.y0 || y >= rect.y1) continue;
       for (int i = 0; i < columns; i++) {
@@ -134,7 +135,7 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
 
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y) {
   const Rect pixel{x, y, x + 1, y + 1};
-  const OwnerMap owners(plan, pixel);
+  const FaceIdMap owners(plan, pixel);
   std::vector<PixelShare> shares;
   for (const CameraIndex camera : plan.contributors()) {
     if (intersect(plan.camera_rect(camera), pixel).empty()) continue;
@@ -153,8 +154,8 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
       for (int k = 0; k < face.corners(); k++)
         if (i != k) neighbours[face.camera[i]].push_back(face.camera[k]);
 
-  // Greedy: each camera in turn takes the colour that the fewest of its neighbours so far have, the start moving on so
-  // that all colours are used.
+  // Greedy: each camera takes the colour that the fewest of its earlier neighbours have. The search starts at a
+  // different colour for each camera, so that all colours are used.
   std::vector<size_t> chosen(num_cameras);
   std::vector<CameraColour> colours(num_cameras);
   for (size_t i = 0; i < num_cameras; i++) {
@@ -174,9 +175,9 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
 Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay) {
   if (underlay &&
       (underlay->family() != PixelFamily::kRgb || underlay->width() != view.width || underlay->height() != view.height))
-    throw Error("the picture under a contribution map must be RGB of the view's size");
+    throw Error("the underlay of a contribution map must be RGB and of the view's size");
   const ViewPlan plan(rig, mesh, view);
-  const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  const FaceIdMap owners(plan, {0, 0, view.width, view.height});
   const std::vector<CameraColour> colours = camera_colours(mesh, rig.cameras.size());
 
   std::vector<float> sum(static_cast<size_t>(view.width) * view.height * 3);
@@ -199,9 +200,9 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
   for (int y = 0; y < view.height; y++)
     for (int x = 0; x < view.width; x++, in += 3) {
       const int32_t owner = owners.at(x, y);
-      if (owner == OwnerMap::kNone) continue;
+      if (owner == FaceIdMap::kNone) continue;
       const float line = outline(plan, plan.faces()[owner], x, y);
-      const float light = underlay ? map_light(luma(*underlay, x, y)) : 1.f;
+      const float light = underlay ? map_brightness(luma(*underlay, x, y)) : 1.f;
       for (int c = 0; c < 3; c++) {
         const float v = in[c] * light * (1 - line) + kMapLine * line;
         map.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f));
@@ -213,12 +214,11 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
 namespace {
 
 constexpr int kRows = 12, kMaxColumns = 4 * kRows;
-// Of a view of which nothing may be dark, and how much of a pixel's weight makes it bright.
+// Raster for the test for dark pixels, and the least weight of a bright pixel.
 constexpr int kFineRows = 97, kMaxFineColumns = 4 * kFineRows;
 constexpr float kBright = 0.25f;
 constexpr int kHalvings = 12;
 
-// The same eye, with everything far away and no synthetic aperture.
 Viewpoint far_from(const Viewpoint& viewpoint) {
   Viewpoint far = viewpoint;
   far.focus_distance = kMaxFocus;
@@ -226,8 +226,8 @@ Viewpoint far_from(const Viewpoint& viewpoint) {
   return far;
 }
 
-// How many rows a raster has, at most `most`, so that it has about `most_columns` at most: a raster of fewer columns
-// than its shape asks for would be that of a narrower view.
+// Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns at the same
+// number of rows would be a narrower view.
 int raster_rows(int most, int most_columns, double aspect) {
   constexpr int kLeast = 6;
   return std::clamp(static_cast<int>(most_columns / aspect), kLeast, most);
@@ -239,7 +239,6 @@ Vec3 middle_of(const Rig& rig, const MeshFace& face) {
   return middle;
 }
 
-// The triangle nearest to `position`, nullptr where the cameras make none.
 const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& position) {
   const MeshFace* nearest = nullptr;
   double least = std::numeric_limits<double>::infinity();
@@ -253,7 +252,7 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
   return nearest;
 }
 
-// Whether the cameras stand around something, so that the mean of their axes means nothing.
+// True if the cameras stand around something, so that their mean axis is meaningless.
 bool looks_all_ways(const Rig& rig) {
   constexpr double kLeastMean = 0.3;
   Vec3 sum(0);
@@ -263,33 +262,32 @@ bool looks_all_ways(const Rig& rig) {
 
 }  // namespace
 
-VisibleShare::VisibleShare(const Rig& rig) : rig_(rig), mesh_(build_mesh(rig)) {}
+VisibleFraction::VisibleFraction(const Rig& rig) : rig_(rig), mesh_(build_mesh(rig)) {}
 
-double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const {
+double VisibleFraction::operator()(const Viewpoint& viewpoint, double aspect) const {
   const int rows = raster_rows(kRows, kMaxColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround(rows * aspect)), 1);
   return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), columns, rows);
 }
 
-// The middles of the outermost pixels of the raster lie a pixel of it outside of the view, so that no corner between
-// them is dark.
-bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const {
+// Enlarges the raster by one pixel on each side of the view, so that corners between raster points are not dark.
+bool VisibleFraction::sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const {
   const int rows = raster_rows(kFineRows, kMaxFineColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround((rows - 1) * aspect)) + 1, 2);
   Viewpoint v = viewpoint;
   const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
   v.fov_y_deg = std::atan(edge) * (360 / M_PI);
   const View near = make_view(clamped(v), columns, rows), far = make_view(clamped(far_from(v)), columns, rows);
-  // The outermost of a set see the least.
+  // The outermost views of a set see the least.
   const int last = set.place(0).count() - 1;
   for (const int eye : {0, last / 2, last}) {
     View view = set.view(near, set.place(eye));
-    // What is near is farther aside for cameras beside the eye.
+    // Near objects are displaced more in cameras beside the eye.
     for (const View* focused : {&far, &near}) {
       view.focus = focused->focus;
       view.blending = focused->blending;
       const ViewPlan plan(rig_, mesh_, view);
-      const std::vector<float> seen = view_coverage(rig_, plan, OwnerMap(plan, {0, 0, columns, rows}));
+      const std::vector<float> seen = view_coverage(rig_, plan, FaceIdMap(plan, {0, 0, columns, rows}));
       if (std::ranges::any_of(seen, [](float share) { return share < kBright; })) return false;
     }
     if (last == 0) break;
@@ -297,11 +295,11 @@ bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect, const Vie
   return true;
 }
 
-Viewpoint VisibleShare::home(double aspect, double focus_distance, const ViewSet& set) const {
+Viewpoint VisibleFraction::home(double aspect, double focus_distance, const ViewSet& set) const {
   Viewpoint v = default_viewpoint(rig_, focus_distance);
   const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
   if (face && looks_all_ways(rig_)) {
-    // Cameras around a scene: one of them looks through the face as its neighbours do.
+    // Cameras around a scene: a camera of the face looks through it in the right direction.
     v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
     v = clamped(v);
   }
@@ -315,7 +313,7 @@ Viewpoint VisibleShare::home(double aspect, double focus_distance, const ViewSet
   };
   if (sees_all(v, aspect, set)) return v;
   double seen = kMinFovDeg, dark = v.fov_y_deg;
-  if (!sees_all(with_fov(seen), aspect, set)) return v;  // a ring of cameras, and the like
+  if (!sees_all(with_fov(seen), aspect, set)) return v;  // for example a ring of cameras
   for (int i = 0; i < kHalvings; i++) {
     const double middle = (seen + dark) / 2;
     (sees_all(with_fov(middle), aspect, set) ? seen : dark) = middle;

@@ -13,12 +13,12 @@
 namespace lf {
 namespace {
 
-// The line of cameras, and the axes that the picture has in the world.
 struct Baseline {
-  Vec3 middle;         // half-way between the ends
-  Vec3 along, normal;  // unit vectors: from the first camera to the last; the cameras' mean axis, perpendicular to that
-  Vec3 across;         // the third
-  std::vector<double> places;  // metres of each camera along it, from the middle on
+  Vec3 middle;  // midpoint between the ends
+  // unit vectors: from the first camera to the last; the mean camera axis, made perpendicular to `along`
+  Vec3 along, normal;
+  Vec3 across;                 // third axis
+  std::vector<double> places;  // position of each camera along the line, metres from the middle
 
   Baseline(const Rig& rig, const std::vector<CameraIndex>& line) {
     const Vec3 first = rig.cameras[line.front()].pose.position, last = rig.cameras[line.back()].pose.position;
@@ -32,14 +32,13 @@ struct Baseline {
     along = glm::normalize(last - first);
     const Vec3 ahead = forward - along * glm::dot(along, forward);
     if (!(glm::length(ahead) > 1e-6 * static_cast<double>(line.size())))
-      throw Error("an epipolar-plane image needs cameras that don't look along their line");
+      throw Error("an epipolar-plane image needs cameras that do not look along their line");
     normal = glm::normalize(ahead);
     across = glm::cross(normal, along);
     if (glm::dot(across, aside) < 0) across = -across;
     for (const CameraIndex i : line) places.push_back(glm::dot(rig.cameras[i].pose.position - middle, along));
   }
 
-  // The camera, as a place in the line, that a row of the picture shows.
   size_t nearest(int y, int height) const {
     const double pitch = (places.back() - places.front()) / static_cast<double>(places.size() - 1);
     const double at = places.front() + pitch * ((y + 0.5) / height * static_cast<double>(places.size()) - 0.5);
@@ -48,7 +47,6 @@ struct Baseline {
   }
 };
 
-// The line in the world as one camera sees it, RGB.
 std::vector<uint8_t> seen_line(const Camera& camera, const Image& image, const Vec3& middle, const Vec3& step,
                                int width) {
   std::vector<uint8_t> row(3 * static_cast<size_t>(width));
@@ -70,7 +68,7 @@ std::vector<uint8_t> seen_line(const Camera& camera, const Image& image, const V
 
 Image epipolar_image(const Rig& rig, const std::vector<CameraIndex>& line, const CameraImages& images,
                      const EpipolarOptions& options) {
-  if (line.size() < 2) throw Error("an epipolar-plane image needs two cameras at least");
+  if (line.size() < 2) throw Error("an epipolar-plane image needs at least two cameras");
   if (!(options.distance > 0 && is_finite(options.distance))) throw Error("distance: must be positive");
   if (!is_finite(options.across)) throw Error("across: must be a number");
   validate_size("width", options.width);
@@ -98,7 +96,7 @@ Image epipolar_image(const Rig& rig, const std::vector<CameraIndex>& line, const
 namespace {
 
 void check_place(const Rig& rig, const char* what, int index, int count) {
-  if (rig.topology.type != Topology::Type::kGrid) throw Error(std::string(what) + ": the rig is no grid");
+  if (rig.topology.type != Topology::Type::kGrid) throw Error(std::string(what) + ": the rig is not a grid");
   if (index < 0 || index >= count)
     throw Error(std::string(what) + " " + std::to_string(index) + ": must be 0 to " + std::to_string(count - 1));
 }

@@ -13,17 +13,18 @@ namespace lf {
 namespace {
 
 constexpr size_t kNeighbours = 4;
-constexpr int kBlock = 12, kStep = 2;  // pixels: side of a block, distance of its samples
+constexpr int kBlock = 12, kStep = 2;  // pixels: side of a block, spacing of its samples
 constexpr int kTriedPlanes = 96;
-constexpr double kLargestDisparity = 0.25;  // of the image's width, between the two farthest of the cameras used
+constexpr double kLargestDisparity = 0.25;  // relative to the image width, for the two most distant cameras
 constexpr double kLeastTexture = 8;         // mean absolute deviation of a block's luma, 0..255
-constexpr double kDistinct = 0.5;           // the best plane's difference, of the middle one's
+// largest difference of the best plane, relative to the median over all planes
+constexpr double kDistinct = 0.5;
 constexpr size_t kLeastBlocks = 8;
 
 struct Grey {
   int width = 0, height = 0;
   std::vector<uint8_t> luma;
-  // The nearest pixel; negative outside.
+  // Returns the nearest pixel; negative outside the image.
   int at(const Vec2& p) const {
     const double x = std::round(p.x), y = std::round(p.y);
     if (!(x >= 0 && y >= 0 && x < width && y < height)) return -1;
@@ -40,7 +41,6 @@ Grey grey(const Image& image) {
   return out;
 }
 
-// The cameras nearest to `middle` that are not at its place.
 std::vector<CameraIndex> neighbours(const Rig& rig, CameraIndex middle) {
   const Vec3 centre = rig.cameras[middle].pose.position;
   const auto distance = [&](CameraIndex i) { return glm::length(rig.cameras[i].pose.position - centre); };
@@ -54,7 +54,7 @@ std::vector<CameraIndex> neighbours(const Rig& rig, CameraIndex middle) {
 }
 
 struct Sample {
-  Vec3 ray;  // in the world, 1 along the middle camera's axis
+  Vec3 ray;  // in world coordinates; 1 along the middle camera's axis
   int luma;
 };
 
@@ -88,13 +88,13 @@ std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImage
   std::vector<Grey> others;
   for (const CameraIndex i : around) others.push_back(grey(images(i)));
 
-  // Equal steps of disparity.
+  // Planes are equidistant in disparity.
   const double baseline = glm::length(rig.cameras[around.back()].pose.position - camera.pose.position);
   std::vector<double> distances;
   for (int k = 1; k <= kTriedPlanes; k++)
     distances.push_back(camera.lens.fx() * baseline / (k * kLargestDisparity * camera.width / kTriedPlanes));
 
-  // Mean difference to the neighbours that see the point; infinite where too few samples are seen at all.
+  // Returns the mean difference to the cameras that see the point; infinity if fewer than half of the samples are seen.
   const auto difference = [&](const std::vector<Sample>& samples, double distance) {
     double sum = 0;
     size_t n = 0;

@@ -3,16 +3,16 @@
 
 #include <optional>
 
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "view/view_path.h"
 
 namespace lf {
 
-// How near and how far there is something to focus on, from the images of the camera in the middle of the array and a
-// few around it: a plane sweep over blocks of the middle image, whose texture decides (Collins 1996, "A space-sweep
-// approach to true multi-image matching"). Rough, meant for a first picture of an unknown rig: a tenth of the blocks is
-// nearer and a tenth farther. Distances are along the middle camera's axis.
-// Nothing if the rig has a single position or too little texture. Asks `images` for up to five cameras.
+// Estimates the nearest and farthest distance with something to focus on, from the middle camera and a few of its
+// neighbours. A plane sweep over textured blocks of the middle image (Collins 1996, "A space-sweep approach to true
+// multi-image matching"). The estimate is rough, for a first view of an unknown rig: a tenth of the blocks is nearer,
+// and a tenth farther. Distances are along the middle camera's axis. Returns nothing if all cameras have the same
+// position or the images have too little texture. Calls `images` for up to five cameras.
 std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImages& images);
 
 }  // namespace lf

@@ -12,7 +12,7 @@ bool meets_focal_surface(const ViewPlan& plan, const Vec2& ray) {
   return plan.focal_offset() > 0 ? along > 0 : along < 0;
 }
 
-// All quotients e_k / (e_0 + e_1 + e_2) >= 0. False for rays that do not exist (NaN).
+// True if all quotients e_k / (e_0 + e_1 + e_2) are >= 0. False for NaN rays, which do not exist.
 bool contains(const FacePlan& face, const Vec2& ray) {
   const double e0 = FacePlan::evaluate(face.edge[0], ray), e1 = FacePlan::evaluate(face.edge[1], ray),
                e2 = FacePlan::evaluate(face.edge[2], ray), sum = e0 + e1 + e2;
@@ -23,7 +23,7 @@ bool may_own(const ViewPlan& plan, const FacePlan& face, const Vec2& ray) {
   return contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0 && meets_focal_surface(plan, ray);
 }
 
-// Whether h . d > 0 over all of `rect`, by more than rounding: linear, so the corners tell.
+// True if h . d > 0 over all of `rect` by more than rounding. The function is linear, so the corners decide.
 bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
   for (const int x : {rect.x0, rect.x1 - 1})
     for (const int y : {rect.y0, rect.y1 - 1}) {
@@ -34,19 +34,19 @@ bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
   return true;
 }
 
-// Where one edge function changes its sign along the rows of a view: at x = offset + slope * v.
+// Position x = offset + slope * v at which an edge function changes its sign along the row v.
 class EdgeCrossing {
  public:
   EdgeCrossing(const Vec3& edge, const Rays& rays) : edge_(edge), rays_(&rays) {
     const Vec2 origin = rays.at(0, 0);
-    const double step = rays.at(1, 0).x - origin.x;  // of u, from pixel to pixel
+    const double step = rays.at(1, 0).x - origin.x;  // of u, per pixel
     const double scale = -1 / (edge.x * step);
     offset_ = edge.z * scale - origin.x / step;
     slope_ = edge.y * scale;
   }
 
-  // Clips what has sign * e >= 0 in many rows at once: `v` of the rows, x0 and x1 of what is left of them. Rows where
-  // find() has to look twice are marked as unclear.
+  // Clips many rows to sign * e >= 0: `v` of the rows, and their interval [x0, x1). Marks rows as unclear if find()
+  // would have to evaluate the edge function.
   void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
     if (edge_.x == 0) {
       for (size_t i = 0; i < v.size(); i++)
@@ -56,8 +56,8 @@ class EdgeCrossing {
     const bool at_least = (edge_.x > 0) == (sign > 0);
     for (size_t i = 0; i < v.size(); i++) {
       const double x = offset_ + slope_ * v[i], doubt = doubt_at(v[i]);
-      const double limited = x > -kFar ? (x < kFar ? x : kFar) : -kFar;  // NaN, too
-      constexpr double kWhole = 0x1.8p52;                                // leaves no bits for a fraction
+      const double limited = x > -kFar ? (x < kFar ? x : kFar) : -kFar;  // maps NaN to -kFar
+      constexpr double kWhole = 0x1.8p52;                                // adding this rounds to an integer
       const double nearest = (limited + kWhole) - kWhole;
       const int end = static_cast<int>(nearest) + (limited > nearest ? 1 : 0);
       unclear[i] |= !(doubt < kMostDoubt) | !(std::abs(limited - nearest) > doubt);
@@ -68,11 +68,11 @@ class EdgeCrossing {
     }
   }
 
-  // For row y with v: pixels x >= at_least() and x < less_than() on either side of the change; they differ by one where
-  // the function is 0 at a pixel. False if rounding is too large to tell.
+  // Interval ends of row y at v, on either side of the sign change. `first` and `past` differ by one if the function is
+  // 0 at a pixel. find() returns false if rounding is too large to decide.
   struct Ends {
-    int first = 0;  // the smallest x not before the change
-    int past = 0;   // past the largest x not after it
+    int first = 0;  // smallest x not before the change
+    int past = 0;   // one past the largest x not after the change
     bool rising = true;
     bool constant = false;  // the whole row has sign `value`
     double value = 0;
@@ -103,7 +103,7 @@ class EdgeCrossing {
   }
 
  private:
-  static constexpr double kRounding = 1e-13;  // far above that of the sums, relative to their terms
+  static constexpr double kRounding = 1e-13;  // relative to the terms of the sums; far above rounding
   static constexpr double kMostDoubt = 1e-3, kFar = 1e6;
   double doubt_at(double v) const { return kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize); }
 
@@ -120,7 +120,6 @@ struct Interval {
   void clear() { x1 = x0; }
 };
 
-// Keeps what has sign * e >= 0.
 void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
   if (ends.constant) {
     if (sign * ends.value < 0) interval.clear();
@@ -131,7 +130,7 @@ void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
   }
 }
 
-// Calls fn(x0, x1) for the runs of a row that the face may own, pixel by pixel.
+// Tests each pixel. Calls fn(x0, x1) for the runs of a row that the face may own.
 template <class Fn>
 void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, const Fn& fn) {
   for (int x = range.x0; x < range.x1; x++) {
@@ -142,7 +141,6 @@ void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, con
   }
 }
 
-// A face whose edge functions are linear along the rows.
 struct LinearFace {
   LinearFace(const ViewPlan& plan, const FacePlan& face)
       : plan(plan),
@@ -152,10 +150,9 @@ struct LinearFace {
   const ViewPlan& plan;
   const FacePlan& face;
   const EdgeCrossing crossing[3];
-  const Vec3 sum;  // 0 is no part of the face. That is only where all three functions vanish.
+  const Vec3 sum;  // pixels with sum 0 are outside: all three functions are 0
 };
 
-// One row with all the care there is. `range`: where to look.
 template <class Fn>
 void find_in_row(const LinearFace& linear, int y, const Interval& range, const Fn& fn) {
   const auto scan_row = [&](const Interval& part) {
@@ -172,7 +169,7 @@ void find_in_row(const LinearFace& linear, int y, const Interval& range, const F
     found[i] = range;
     for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
   }
-  // That the sum is not 0 shows at the ends of an interval.
+  // The sum is linear and does not change its sign within an interval, so testing both ends against 0 is enough.
   const Vec3& sum = linear.sum;
   const double u_step = rays.at(1, y).x - begin.x, row_sum = sum.y * begin.y + sum.z;
   for (const Interval& interval : found) {
@@ -187,7 +184,6 @@ void find_in_row(const LinearFace& linear, int y, const Interval& range, const F
   }
 }
 
-// Calls fn(y, x0, x1) for the runs of a face in `rect`.
 template <class Fn>
 void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, const Fn& fn) {
   const Rays& rays = plan.rays();
@@ -199,7 +195,7 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
   }
   const LinearFace linear(plan, face);
   const int sign = positive_over(linear.sum, rays, rect) ? 1 : positive_over(-linear.sum, rays, rect) ? -1 : 0;
-  if (sign == 0) {  // it straddles the eye's plane
+  if (sign == 0) {  // the triangle straddles the eye's plane
     for (int y = rect.y0; y < rect.y1; y++) find_in_row(linear, y, {rect.x0, rect.x1}, fn);
     return;
   }
@@ -225,8 +221,7 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
 
 }  // namespace
 
-// The runs of all faces in a part of the region, face by face.
-std::vector<OwnerRuns::Found> OwnerRuns::find(const ViewPlan& plan, const Rect& band) const {
+std::vector<FaceRuns::Found> FaceRuns::find(const ViewPlan& plan, const Rect& band) const {
   std::vector<Found> found;
   found.reserve(4 * static_cast<size_t>(band.height()) * 8);
   for (size_t i = 0; i < plan.faces().size(); i++) {
@@ -239,10 +234,10 @@ std::vector<OwnerRuns::Found> OwnerRuns::find(const ViewPlan& plan, const Rect& 
   return found;
 }
 
-OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel)
+FaceRuns::FaceRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel)
     : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
   if (region_.empty()) region_ = {};
-  // In small parts where pixels are looked at one by one, or might be. Else the rows of a face are found together.
+  // Small bands parallelize pixel-by-pixel scans. Otherwise the rows of a face are found together.
   constexpr int kBandRows = 32;
   constexpr size_t kManyPixels = size_t{1} << 22;
   size_t pixels = 0;
@@ -260,8 +255,7 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor
   rows_.resize(static_cast<size_t>(region_.height()));
   for (const std::vector<Found>& band : bands)
     for (const Found& f : band) rows_[static_cast<size_t>(f.y - region_.y0)].count++;
-  // Each run that lower-numbered ones cut leaves at most one more piece than it has cuts, and n disjoint runs make at
-  // most n + 1 of them: 2 n are enough for a row.
+  // n overlapping runs have 2 n ends, which split a row into fewer than 2 n pieces.
   uint32_t begin = 0;
   for (Row& row : rows_) {
     row.begin = begin;
@@ -272,7 +266,7 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor
   for (const std::vector<Found>& band : bands)
     for (const Found& f : band) {
       Row& row = rows_[static_cast<size_t>(f.y - region_.y0)];
-      OwnerRun* const end = runs_.data() + row.begin + row.count;
+      FaceRun* const end = runs_.data() + row.begin + row.count;
       if (row.count == 0 || (end - 1)->x1 <= f.x0) {
         *end = {f.x0, f.x1, f.face};
         row.count++;
@@ -282,11 +276,11 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region, const ParallelFor
     }
 }
 
-// Faces come in ascending order: what is there already stays.
-void OwnerRuns::insert(Row& row, int x0, int x1, int32_t face) {
-  OwnerRun* const begin = runs_.data() + row.begin;
-  OwnerRun* at = begin + row.count;
-  while (at > begin && (at - 1)->x1 > x0) at--;  // the first one that ends past x0
+// Faces come in ascending order, so existing runs win.
+void FaceRuns::insert(Row& row, int x0, int x1, int32_t face) {
+  FaceRun* const begin = runs_.data() + row.begin;
+  FaceRun* at = begin + row.count;
+  while (at > begin && (at - 1)->x1 > x0) at--;  // first run that ends after x0
   const auto put = [&](int from, int to) {
     std::move_backward(at, begin + row.count, begin + row.count + 1);
     *at = {from, to, face};
@@ -307,19 +301,19 @@ void OwnerRuns::insert(Row& row, int x0, int x1, int32_t face) {
   }
 }
 
-std::span<const OwnerRun> OwnerRuns::row(int y, int x0, int x1) const {
-  const std::span<const OwnerRun> all = row(y);
-  const auto first = std::partition_point(all.begin(), all.end(), [x0](const OwnerRun& r) { return r.x1 <= x0; });
-  const auto past = std::partition_point(first, all.end(), [x1](const OwnerRun& r) { return r.x0 < x1; });
+std::span<const FaceRun> FaceRuns::row(int y, int x0, int x1) const {
+  const std::span<const FaceRun> all = row(y);
+  const auto first = std::partition_point(all.begin(), all.end(), [x0](const FaceRun& r) { return r.x1 <= x0; });
+  const auto past = std::partition_point(first, all.end(), [x1](const FaceRun& r) { return r.x0 < x1; });
   return {first, past};
 }
 
-OwnerMap::OwnerMap(const ViewPlan& plan, const Rect& region) : OwnerMap(OwnerRuns(plan, region)) {}
+FaceIdMap::FaceIdMap(const ViewPlan& plan, const Rect& region) : FaceIdMap(FaceRuns(plan, region)) {}
 
-OwnerMap::OwnerMap(OwnerRuns runs) : runs_(std::move(runs)), region_(runs_.region()) {
+FaceIdMap::FaceIdMap(FaceRuns runs) : runs_(std::move(runs)), region_(runs_.region()) {
   owner_.assign(static_cast<size_t>(region_.width()) * region_.height(), kNone);
   for (int y = region_.y0; y < region_.y1; y++)
-    for (const OwnerRun& run : runs_.row(y))
+    for (const FaceRun& run : runs_.row(y))
       std::fill_n(&owner_[static_cast<size_t>(y - region_.y0) * region_.width() + (run.x0 - region_.x0)],
                   run.x1 - run.x0, run.face);
 }
@@ -337,15 +331,15 @@ CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera)
       if (plan.faces()[i].camera[k] == camera) corner_[i] = k;
 }
 
-Rect CameraCorners::owned(const OwnerRuns& runs, const Rect& rect) const {
+Rect CameraCorners::owned(const FaceRuns& runs, const Rect& rect) const {
   Rect bounds;
   for (int y = rect.y0; y < rect.y1; y++)
-    for (const OwnerRun& run : runs.row(y, rect.x0, rect.x1))
+    for (const FaceRun& run : runs.row(y, rect.x0, rect.x1))
       if (has(run.face)) bounds = unite(bounds, {std::max(run.x0, rect.x0), y, std::min(run.x1, rect.x1), y + 1});
   return bounds;
 }
 
-std::vector<float> pixel_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {
+std::vector<float> pixel_weights(const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera, const Rect& rect) {
   const CameraCorners corners(plan, camera);
   std::vector<float> weights;
   weights.reserve(static_cast<size_t>(rect.width()) * rect.height());
@@ -378,7 +372,7 @@ RenderJob::RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::sp
 RenderJob::RenderJob(ViewPlan plan, std::span<const CameraIndex> own, const ParallelFor& parallel)
     : plan_(std::move(plan)), cameras_(contributing(plan_, own)), runs_(plan_, region(plan_, cameras_), parallel) {}
 
-const OwnerMap& RenderJob::owners() const {
+const FaceIdMap& RenderJob::owners() const {
   std::call_once(owners_made_, [this] { owners_.emplace(runs_); });
   return *owners_;
 }

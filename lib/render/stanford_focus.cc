@@ -8,15 +8,15 @@
 
 #include "base/text.h"
 #include "render/focus_range.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 
 namespace lf {
 namespace {
 
-constexpr double kAcross = 50;        // degrees: of a usual lens
-constexpr double kSweep = 0.1;        // of the image's width, to both sides, between neighbours
-constexpr double kStandsStill = 0.5;  // pixels between neighbours
-constexpr double kDeep = 3;           // the farthest things over the nearest
+constexpr double kAcross = 50;        // degrees, horizontal field of view of a common lens
+constexpr double kSweep = 0.1;        // relative to the image width, in both directions, between neighbours
+constexpr double kStandsStill = 0.5;  // pixels, between neighbours
+constexpr double kDeep = 3;           // ratio of the farthest to the nearest distance
 
 double neighbour_distance(const Rig& rig) {
   std::vector<double> nearest;
@@ -35,7 +35,7 @@ double rounded(double value) {
   return std::round(value / unit) * unit;
 }
 
-// The rig of such names with images that are shifted by so many pixels for each metre of the camera's way.
+// Returns the rig with images shifted by `shift` pixels per metre of camera offset.
 Rig with_lenses(Rig rig, double f, double shift) {
   Vec3 middle(0, 0, 0);
   for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
@@ -46,19 +46,20 @@ Rig with_lenses(Rig rig, double f, double shift) {
   return rig;
 }
 
-// 0: points far away stand still. Nothing where images have too little in them.
+// Returns the focus distance; 0: distant points stand still; nothing if the images have too little texture.
 std::optional<double> focus_distance_of(const Rig& rig, double f) {
   const double baseline = neighbour_distance(rig);
   if (!std::isfinite(baseline)) return std::nullopt;
-  // A sweep has only distances before the cameras: shifted as if they met near, so that all that there may be is there.
+  // A sweep covers only distances in front of the cameras. Shifting the images as if they converged nearby moves every
+  // possible distance into this range.
   const double shift = kSweep * rig.cameras[0].width / baseline;
   const Rig swept = with_lenses(rig, f, shift);
-  StillImages images(swept);
+  StillImageCache images(swept);
   const auto range = estimate_focus_range(swept, [&](CameraIndex i) -> const Image& { return images.get(i); });
   if (!range) return std::nullopt;
   const double most = f / range->near - shift, least = f / range->far - shift;
   if (least * baseline > -kStandsStill) return 0;
-  // 1 / far, where 1 / near is so many times as much.
+  // 1 / far, with 1 / near = kDeep / far
   const double inverse_far = std::max(most - least, -least) / f / (kDeep - 1);
   return 1 / (inverse_far - least / f);
 }
@@ -72,20 +73,20 @@ RigImport import_stanford_pictures(const std::string& directory, StanfordOptions
   const Rig rig = import_stanford(directory, {1, 0, options.unit}).rig;
   if (!knows_f) {
     options.f = rounded(rig.cameras[0].width / 2.0 / std::tan(kAcross / 2 * M_PI / 180));
-    notes.push_back("no focal length was given, and such pictures do not tell it: taken to be " +
-                    number_text(options.f) + " px, 50 degrees across (--f). Depths are off by as much as it is");
+    notes.push_back("the focal length is unknown; assuming " + number_text(options.f) +
+                    " px, 50 degrees across (--f). Depths have the same relative error as the focal length");
   }
   if (!knows_focus) {
     const auto focus = focus_distance_of(rig, options.f);
     options.focus_distance = focus && *focus > 0 ? rounded(*focus) : 0;
     notes.push_back(
-        !focus ? "the pictures have too little in them for a focus distance: taken for unshifted ones "
+        !focus ? "the images have too little texture to estimate the focus distance; assuming unshifted images "
                  "(--focus-distance)"
         : *focus > 0
             ? "focus distance " + number_text(options.focus_distance) +
-                  " m, from the pictures, whose farthest things are taken to be three times as far away as the "
-                  "nearest (--focus-distance)"
-            : "the pictures are unshifted ones: nothing in them goes against the cameras' motion "
+                  " m, estimated from the images, assuming that the farthest objects are three times as far away "
+                  "as the nearest (--focus-distance)"
+            : "assuming unshifted images: nothing in the images moves against the cameras' motion "
               "(--focus-distance)");
   }
   RigImport result = import_stanford(directory, options);

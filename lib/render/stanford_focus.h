@@ -7,12 +7,11 @@
 
 namespace lf {
 
-// As import_stanford(), where it is not known what the files' names do not tell. Images of cameras that all look the
-// same way tell neither focal length nor depth, but for a scale and a shift of the inverse depth: pictures made amid
-// the cameras are the same with any. What is chosen: 50 degrees across for a focal length that is 0 in `options`; and
-// for a focus distance below 0 that of images as they are where nothing in them goes against the cameras' motion, else
-// one with which the farthest things are three times as far away as the nearest (estimate_focus_range()). The notes say
-// so.
+// Extends import_stanford(): also chooses parameters that the file names do not contain. Images of parallel cameras
+// determine neither the focal length nor, up to scale and shift of inverse depth, the depth. Views from between the
+// cameras are the same for any choice. A focal length of 0 in `options` becomes 50 degrees across. A focus distance
+// below 0 becomes 0 (unshifted images) if nothing in the images moves against the cameras' motion. Otherwise the
+// farthest objects are three times as far away as the nearest (estimate_focus_range()). The notes describe the choice.
 RigImport import_stanford_pictures(const std::string& directory, StanfordOptions options);
 
 }  // namespace lf

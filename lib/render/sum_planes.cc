@@ -3,7 +3,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sum_planes.cc"
-#include <hwy/foreach_target.h>  // has to precede highway.h
+#include <hwy/foreach_target.h>  // must precede highway.h
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
@@ -11,7 +11,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// To the nearest level, as bytes or signed bytes. What saturates here would be cut off at 255 anyway.
+// Rounds to the nearest level, as unsigned or signed bytes. Values that saturate here exceed 255 anyway.
 template <typename Byte, class D>
 HWY_INLINE auto rounded(D d, const int16_t* sum) {
   const auto half = hn::Set(d, 1 << (kSumFractionBits - 1));
@@ -33,7 +33,7 @@ void round_signed_levels(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT 
   });
 }
 
-// Planes in the order of a pixel's bytes; the fourth may be null.
+// `plane`: in the byte order of a pixel; the fourth may be null.
 void round_interleaved(uint8_t* HWY_RESTRICT out, int pixel_stride, const int16_t* const plane[4], int n) {
   for_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
@@ -93,7 +93,7 @@ Fragment rounded_fragment(const ConstSumPlanes& sums) {
   uint8_t any = 0;
   for (int y = 0; y < h; y++)
     for (int x = 0; x < w; x++)
-      any |= out.lost[static_cast<size_t>(y) * w + x] = round_lost(sums.lost[y * sums.lost_stride + x]);
+      any |= out.lost[static_cast<size_t>(y) * w + x] = round_missing(sums.lost[y * sums.missing_stride + x]);
   if (any == 0) out.lost.clear();
   return out;
 }

@@ -11,11 +11,11 @@
 
 namespace lf {
 
-// A part of the sum of some cameras' weighted contributions to one view: what an answer has, uncompressed.
+// A part of a view's weighted sum over some cameras, rounded to 8 bits: the uncompressed content of an answer.
 //
 // `pixels`: kRgb: height rows of width RGB bytes. kI420: Y plane, then Cb and Cr planes of chroma_size(width) x
 // chroma_size(height); Cb and Cr are signed bytes (two's complement) without the 128 offset; rect.x0, rect.y0 are even.
-// `lost`: the plane of lost weight, 255 = weight 1, width * height bytes; empty where nothing is lost.
+// `lost`: plane of missing weight, 255 = weight 1, width * height bytes; empty if no weight is missing.
 struct Fragment {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;
@@ -26,22 +26,21 @@ struct Fragment {
   bool operator==(const Fragment&) const = default;
 };
 
-// A fragment's pixels in somebody else's memory: a payload as it came off the wire, the output of a JPEG decoder, a
-// Fragment. Values as in Fragment.
+// A non-owning view of a fragment's pixels, for example a received payload, a decoder's output or a Fragment. Values as
+// in Fragment.
 struct FragmentPlanes {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;                      // part of the view; kI420: x0, y0 even
   const uint8_t* plane[3] = {};   // kRgb: plane[0], interleaved RGB; kI420: Y, Cb, Cr without the 128 offset
   ptrdiff_t stride[3] = {};       // bytes from row to row
-  const uint8_t* lost = nullptr;  // null where nothing is lost
-  ptrdiff_t lost_stride = 0;
+  const uint8_t* lost = nullptr;  // null if no weight is missing
+  ptrdiff_t missing_stride = 0;
 };
 
-// The planes of a fragment that lie one after the other without padding: packed_size(family, rect.width(),
-// rect.height()) bytes at `pixels`.
+// Returns the planes of a packed fragment: packed_size(family, rect.width(), rect.height()) bytes at `pixels`.
 inline FragmentPlanes packed_planes(PixelFamily family, const Rect& rect, const uint8_t* pixels, const uint8_t* lost) {
   const int w = rect.width(), h = rect.height();
-  FragmentPlanes out{.family = family, .rect = rect, .lost = lost, .lost_stride = w};
+  FragmentPlanes out{.family = family, .rect = rect, .lost = lost, .missing_stride = w};
   out.plane[0] = pixels;
   out.stride[0] = family == PixelFamily::kRgb ? 3 * static_cast<ptrdiff_t>(w) : w;
   if (family != PixelFamily::kI420) return out;
@@ -56,15 +55,14 @@ inline FragmentPlanes planes_of(const Fragment& fragment) {
                        fragment.lost.empty() ? nullptr : fragment.lost.data());
 }
 
-// A sum of weighted contributions in 16 bits, in somebody else's memory: what a fast renderer writes, what travels as
-// raw 16-bit fragments, what a compositor adds up.
+// A non-owning view of a weighted sum in 16 bits, for renderers, raw 16-bit fragments and compositors.
 //
-// A sample is signed, 128 = one of 255 levels: a whole picture's white is 255 * 128 = 32640, so weights that sum to 1
-// never overflow, and seven bits of fraction leave rounding to the end. kRgb: three planes R, G, B of the rectangle's
-// size. kI420: Y, and Cb, Cr of chroma_size() without the 128 offset; rect.x0, rect.y0 even.
-// `lost`: the sum of lost weight, 32768 = weight 1; null where nothing is lost.
+// A sample is signed, and 128 is one of 255 levels. White is 255 * 128 = 32640, so weights that sum to 1 never
+// overflow. Seven fractional bits defer the rounding to the end. kRgb: three planes R, G, B of the rectangle's size.
+// kI420: Y, and Cb, Cr of chroma_size() without the 128 offset; rect.x0, rect.y0 even. `lost`: sum of missing weight,
+// 32768 = weight 1; null if no weight is missing.
 inline constexpr int kSumFractionBits = 7;
-inline constexpr int kLostOne = 32768;
+inline constexpr int kMissingOne = 32768;
 
 template <typename Sample, typename Weight>
 struct BasicSumPlanes {
@@ -73,12 +71,12 @@ struct BasicSumPlanes {
   Sample* plane[3] = {};
   ptrdiff_t stride[3] = {};  // samples from row to row
   Weight* lost = nullptr;
-  ptrdiff_t lost_stride = 0;
+  ptrdiff_t missing_stride = 0;
 };
 using SumPlanes = BasicSumPlanes<int16_t, uint16_t>;
 using ConstSumPlanes = BasicSumPlanes<const int16_t, const uint16_t>;
 
-// Samples along a row of plane c, and how many rows it has.
+// Width of plane c in samples, and its height.
 inline int plane_width(PixelFamily family, const Rect& rect, int c) {
   return c > 0 && family == PixelFamily::kI420 ? chroma_size(rect.width()) : rect.width();
 }
@@ -86,10 +84,10 @@ inline int plane_height(PixelFamily family, const Rect& rect, int c) {
   return c > 0 && family == PixelFamily::kI420 ? chroma_size(rect.height()) : rect.height();
 }
 
-// The planes of a sum that lie one after the other without padding, packed_size() samples in all. `lost` may be null.
+// Returns the planes of a packed sum of packed_size() samples. `lost` may be null.
 template <typename Sample, typename Weight>
 BasicSumPlanes<Sample, Weight> packed_sums(PixelFamily family, const Rect& rect, Sample* samples, Weight* lost) {
-  BasicSumPlanes<Sample, Weight> out{.family = family, .rect = rect, .lost = lost, .lost_stride = rect.width()};
+  BasicSumPlanes<Sample, Weight> out{.family = family, .rect = rect, .lost = lost, .missing_stride = rect.width()};
   for (int c = 0; c < 3; c++) {
     out.plane[c] = samples;
     out.stride[c] = plane_width(family, rect, c);
@@ -98,7 +96,8 @@ BasicSumPlanes<Sample, Weight> packed_sums(PixelFamily family, const Rect& rect,
   return out;
 }
 
-// The part of `whole` in `rect`, which lies in its rectangle and begins at even pixels of it in kI420.
+// Returns the part of `whole` in `rect`, which must be inside the rectangle of `whole` and start at even offsets in
+// kI420.
 template <typename Sample, typename Weight>
 BasicSumPlanes<Sample, Weight> part_of(BasicSumPlanes<Sample, Weight> whole, const Rect& rect) {
   const int x = rect.x0 - whole.rect.x0, y = rect.y0 - whole.rect.y0;
@@ -106,26 +105,26 @@ BasicSumPlanes<Sample, Weight> part_of(BasicSumPlanes<Sample, Weight> whole, con
     const int half = c > 0 && whole.family == PixelFamily::kI420 ? 2 : 1;
     whole.plane[c] += y / half * whole.stride[c] + x / half;
   }
-  if (whole.lost) whole.lost += y * whole.lost_stride + x;
+  if (whole.lost) whole.lost += y * whole.missing_stride + x;
   whole.rect = rect;
   return whole;
 }
 
-// These round sums in 16 bits to 8, to the nearest level, halves up, saturated. Rows of `n` values do not overlap;
-// results are the same with every instruction set.
+// The following functions round 16-bit sums to 8 bits: to the nearest level, halves up, saturated. Input and output
+// rows of `n` values must not overlap. The results are the same with every instruction set.
 
-// Rounds lost weight in units of 1 / kLostOne to units of 1 / 255.
-inline uint8_t round_lost(uint16_t lost) {
-  return static_cast<uint8_t>((std::min<int>(lost, kLostOne) * 255 + kLostOne / 2) / kLostOne);
+// Rounds missing weight in units of 1 / kMissingOne to units of 1 / 255.
+inline uint8_t round_missing(uint16_t lost) {
+  return static_cast<uint8_t>((std::min<int>(lost, kMissingOne) * 255 + kMissingOne / 2) / kMissingOne);
 }
 
 void round_row(uint8_t* out, const int16_t* sum, int n);
-// `offset` 128: as in pictures, 0: as in fragments.
+// `offset`: 128 for pictures, 0 for fragments.
 void round_chroma_row(uint8_t* out, const int16_t* sum, int n, uint8_t offset);
-// Rounds three rows to one of pixels, whose fourth byte, where there is one, is set to 255.
+// Rounds three rows into interleaved pixels. A fourth byte is set to 255.
 void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, const int16_t* g, const int16_t* b, int n);
 
-// The sums as a fragment in 8 bits, without a plane of lost weight where all of it rounds to 0.
+// Rounds sums to a fragment. Omits the plane of missing weight if all its values round to 0.
 Fragment rounded_fragment(const ConstSumPlanes& sums);
 
 }  // namespace lf

@@ -7,8 +7,8 @@
 
 #include "base/text.h"
 #include "render/camera_weights.h"
-#include "render/gl/card_sum.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
+#include "render/gl/gpu_sum.h"
 #include "render/simd/sum_task.h"
 
 namespace lf {
@@ -16,57 +16,57 @@ namespace lf {
 static size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
 struct SumRenderer::State : simd::PreparedTask {
-  State(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
+  State(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources, PixelFamily family,
         Coordinates coordinates)
       : PreparedTask(plan, runs, sources, family, coordinates), sources(sources), images(task, sources) {}
-  // Before the CPU renders: it can't read what is on a card.
+  // Downloads images, once. Required before the CPU renders.
   void fetch(const ParallelFor& parallel) {
     std::call_once(fetched, [&] {
-      const auto is_on_card = [](const simd::Slot& slot) { return slot.image.on_card.image != nullptr; };
-      if (std::ranges::none_of(task.slots, is_on_card)) return;
+      const auto is_on_gpu = [](const simd::Slot& slot) { return slot.image.on_gpu.image != nullptr; };
+      if (std::ranges::none_of(task.slots, is_on_gpu)) return;
       parallel(task.slots.size(), [&](size_t i) {
         simd::Slot& slot = task.slots[i];
-        if (is_on_card(slot)) simd::place_image(task, slot, images.of(slot));
+        if (is_on_gpu(slot)) simd::place_image(task, slot, images.of(slot));
       });
     });
   }
   const std::span<const Source> sources;
   simd::FetchedImages images;
   std::once_flag fetched;
-  bool may_stay = false;
-  gl::DrawnSum drawn;
-  std::shared_ptr<gl::CardSum> card_sum;  // in its place
-  Drawing drawing;
+  bool keep_on_gpu = false;
+  gl::ReadbackBuffer drawn;
+  std::shared_ptr<gl::GpuSum> gpu_sum;  // used instead of `drawn` with keep_on_gpu
+  GpuStatus drawing;
 };
 
-SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
-                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const ParallelFor& parallel,
-                         bool may_stay)
+SumRenderer::SumRenderer(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources,
+                         PixelFamily family, Coordinates coordinates, gl::GlesRenderer* gpu,
+                         const ParallelFor& parallel, bool keep_on_gpu)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
-  state_->may_stay = may_stay;
+  state_->keep_on_gpu = keep_on_gpu;
   SumRenderer* const self = this;
-  if (card) draw({&self, 1}, *card, parallel);
+  if (gpu) draw({&self, 1}, *gpu, parallel);
 }
 
-void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel) {
+void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer& gpu, const ParallelFor& parallel) {
   std::vector<SumRenderer*> drawn;
-  std::vector<gl::SumOrder> orders;
+  std::vector<gl::GlesJob> orders;
   for (SumRenderer* const renderer : renderers) {
     const State& state = *renderer->state_;
     if (renderer->rect_.empty()) continue;
     drawn.push_back(renderer);
-    // What may be added to others on the card begins at even pixels, as do cells.
-    const bool is_even = state.may_stay || state.task.plan->blend();
+    // Sums that may be added on the GPU begin at even pixels, as do cells.
+    const bool is_even = state.keep_on_gpu || state.task.plan->blend();
     const Rect rect = is_even ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;
-    orders.push_back({&state.task, state.sources, rect, state.may_stay});
+    orders.push_back({&state.task, state.sources, rect, state.keep_on_gpu});
   }
-  card.draw(orders, parallel);
+  gpu.draw(orders, parallel);
   for (size_t i = 0; i < orders.size(); i++) {
     State& state = *drawn[i]->state_;
     state.drawn = std::move(orders[i].drawn);
-    state.card_sum = std::move(orders[i].stayed);
+    state.gpu_sum = std::move(orders[i].stayed);
     state.drawing.drawn = orders[i].why_not.empty();
-    // That a view of many cameras is too much says nothing about others.
+    // A view with too many cameras per pixel does not mean that the GPU fails for other views.
     state.drawing.refused = !state.drawing.drawn && !state.task.plan->blend();
     state.drawing.why_not = std::move(orders[i].why_not);
   }
@@ -80,9 +80,9 @@ void SumRenderer::fetch(const ParallelFor& parallel) {
 
 size_t SumRenderer::samples() const { return simd::samples_of(state_->task, rect_); }
 
-const Drawing& SumRenderer::drawing() const { return state_->drawing; }
+const GpuStatus& SumRenderer::drawing() const { return state_->drawing; }
 
-std::shared_ptr<gl::CardSum> SumRenderer::card_sum() const { return state_->card_sum; }
+std::shared_ptr<gl::GpuSum> SumRenderer::gpu_sum() const { return state_->gpu_sum; }
 
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
   if (state_->drawing.drawn) return state_->drawn.copy_rows(y0, y1, out);
@@ -93,9 +93,8 @@ bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
   const int skip = rect.x0 % simd::kBlock, chroma_width = chroma_size(rect.width());
   simd::Scratch& scratch = simd::scratch_for(rect, task.slots.size());
 
-  // Whole blocks are written right where they belong.
   const bool direct = skip == 0 && rect.width() % simd::kBlock == 0;
-  bool any_lost = false;
+  bool any_missing = false;
   for (int y = y0 / simd::kBandRows * simd::kBandRows; y < y1; y += simd::kBandRows) {
     const auto row_of = [&](int c, int r) {
       const int row = i420 && c > 0 ? (y - rect.y0) / 2 + r : y - rect.y0 + r;
@@ -108,12 +107,12 @@ bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
     for (int r = 0; r < simd::kBandRows; r++) {
       for (int c = 0; c < 3; c++)
         scratch.sum[r][c] = direct && has(c, r) ? row_of(c, r) : scratch.sum_memory[r][c].data();
-      scratch.lost[r] = direct && out.lost && has(0, r) ? out.lost + (y - rect.y0 + r) * out.lost_stride
-                                                        : scratch.lost_memory[r].data();
+      scratch.lost[r] = direct && out.lost && has(0, r) ? out.lost + (y - rect.y0 + r) * out.missing_stride
+                                                        : scratch.missing_memory[r].data();
     }
-    scratch.any_lost = false;
+    scratch.any_missing = false;
     simd::render_band(task, {rect.x0, y0, rect.x1, y1}, y, scratch);
-    any_lost = any_lost || scratch.any_lost;
+    any_missing = any_missing || scratch.any_missing;
     if (direct) continue;
     for (int r = 0; r < simd::kBandRows; r++) {
       for (int c = 0; c < 3; c++)
@@ -121,10 +120,10 @@ bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
           std::copy_n(scratch.sum[r][c] + (i420 && c > 0 ? skip / 2 : skip),
                       i420 && c > 0 ? chroma_width : rect.width(), row_of(c, r));
       if (out.lost && has(0, r))
-        std::copy_n(scratch.lost[r] + skip, rect.width(), out.lost + (y - rect.y0 + r) * out.lost_stride);
+        std::copy_n(scratch.lost[r] + skip, rect.width(), out.lost + (y - rect.y0 + r) * out.missing_stride);
     }
   }
-  return any_lost;
+  return any_missing;
 }
 
 const char* simd_target_name() { return simd::target_name(); }
@@ -133,10 +132,9 @@ namespace {
 
 constexpr int kLeastGap = 16;  // pixels
 
-// Rectangles of one row of tiles, from left to right.
+// Rectangles of one row of tiles, from left to right, at least `gap` pixels apart. Nearer rectangles are merged.
 class TileRow {
  public:
-  // They are at least `gap` pixels apart: what is nearer becomes one.
   explicit TileRow(int gap) : gap_(gap) {}
   void add(Rect rect) {
     if (rect.empty()) return;
@@ -152,7 +150,6 @@ class TileRow {
   std::vector<Rect> rects_;
 };
 
-// Which faces have one of the cameras at a corner.
 std::vector<bool> own_faces(const ViewPlan& plan, std::span<const CameraIndex> cameras) {
   std::vector<bool> own;
   for (const FacePlan& face : plan.faces())
@@ -162,12 +159,11 @@ std::vector<bool> own_faces(const ViewPlan& plan, std::span<const CameraIndex> c
   return own;
 }
 
-// What is in rows [y, y + kTileRows) of a view that is blended by its mesh.
-void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, TileRow& row_of_tiles) {
+void add_faces(const FaceRuns& runs, const std::vector<bool>& own, int y, TileRow& row_of_tiles) {
   const Rect& region = runs.region();
   for (int row = std::max(y, region.y0); row < std::min(y + kTileRows, region.y1); row++) {
-    Rect together;  // neighbours
-    for (const OwnerRun& run : runs.row(row)) {
+    Rect together;
+    for (const FaceRun& run : runs.row(row)) {
       if (!own[static_cast<size_t>(run.face)]) continue;
       if (together.empty() || run.x0 != together.x1) {
         row_of_tiles.add(together);
@@ -179,17 +175,17 @@ void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, TileR
   }
 }
 
-// The same of one that is blended otherwise: the grid's cells are as high as the row.
-static_assert(BlendGrid::kStep == kTileRows);
-void add_cells(const BlendGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y,
+// Same as add_faces() for a view that is blended by a WeightGrid. Its cells are as high as a row of tiles.
+static_assert(WeightGrid::kStep == kTileRows);
+void add_cells(const WeightGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y,
                TileRow& row_of_tiles) {
-  for (int x = region.x0 / BlendGrid::kStep * BlendGrid::kStep; x < region.x1; x += BlendGrid::kStep) {
-    BlendGrid::Cell cell;
+  for (int x = region.x0 / WeightGrid::kStep * WeightGrid::kStep; x < region.x1; x += WeightGrid::kStep) {
+    WeightGrid::Cell cell;
     const auto has = [&](CameraIndex camera) {
-      return grid.find(camera, x / BlendGrid::kStep, y / BlendGrid::kStep, cell);
+      return grid.find(camera, x / WeightGrid::kStep, y / WeightGrid::kStep, cell);
     };
     if (std::ranges::any_of(cameras, has))
-      row_of_tiles.add(intersect({x, y, x + BlendGrid::kStep, y + BlendGrid::kStep}, region));
+      row_of_tiles.add(intersect({x, y, x + WeightGrid::kStep, y + WeightGrid::kStep}, region));
   }
 }
 
@@ -201,7 +197,7 @@ void check_image(const Camera& camera, const ImageView& image) {
                 " pixels, the rig says " + size_text(camera.width, camera.height));
 }
 
-std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::span<const CameraIndex> cameras,
+std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
                             PixelFamily family, size_t spare_pixels) {
   const View& view = plan.view();
   const Rect& region = runs.region();
@@ -217,7 +213,6 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::sp
     const std::vector<Rect>& rects = row_of_tiles.rects();
     for (size_t i = 0; i < rects.size(); i++) {
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];
-      // Those that end in the row above may grow.
       const auto may_grow = [&](const Rect& tile) {
         const Rect grown = unite(tile, rect);
         return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + spare_pixels &&

@@ -18,74 +18,74 @@
 namespace lf {
 
 namespace gl {
-class CardSum;
-class SumDrawer;
+class GpuSum;
+class GlesRenderer;
 }  // namespace gl
 
-// One camera and what it sees now.
+// One camera and its current image.
 struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
-  const Camera* rig_camera = nullptr;  // what the rig says of the camera
-  // Has the camera's size; family kNone: there is no picture, and the camera's weight is lost. May be on the card that
-  // is to draw it, in textures that the card's context shares; whatever the CPU then has to do with it, it comes here.
+  const Camera* rig_camera = nullptr;  // the camera in the rig
+  // Must have the camera's size. Family kNone: no image, the camera's weight is missing. The image may be in textures
+  // of the GPU that renders the sum; the CPU downloads the image when needed.
   ImageView image;
 };
 
-// Throws Error unless the image is of the camera's size.
+// Throws Error unless the image has the camera's size.
 void check_image(const Camera& camera, const ImageView& image);
 
-// How positions in the cameras' images are found.
+// How positions in camera images are computed.
 enum class Coordinates {
   kExact,  // projected for every pixel, in float
-  kGrid,   // projected every 16 pixels of a row, or at a focal map's nodes; interpolated between where that is
-           // good to kGridError
+  kGrid,   // projected every 16 pixels of a row, or at a focal map's nodes; interpolated where accurate to kGridError
 };
-inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
+inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera image
 
-// What a graphics card has to do with a sum.
-struct Drawing {
-  bool drawn = false;    // by the card
-  bool refused = false;  // the card was asked to draw it, and could not
-  std::string why_not;   // of what is refused; also of what no card is asked for
+// The GPU's part in a sum.
+struct GpuStatus {
+  bool drawn = false;    // by the GPU
+  bool refused = false;  // the GPU failed to render the sum
+  std::string why_not;   // reason if not drawn by the GPU
 };
 
-// Adds up the contributions of any number of cameras to one view: the fast path. Weight x colour of up to three cameras
-// a pixel meet in registers, in 16 bits with 7 bits of fraction, so that rounding to 8 bits comes once and at the end.
-// Portable SIMD (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON as the processor has them.
+// Adds up the contributions of any number of cameras to one view. Products of weight and colour are accumulated in
+// registers, in 16 bits with 7 fractional bits, so that rounding to 8 bits happens once, at the end. Uses portable SIMD
+// (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON, as the processor supports.
 //
-// Bound against the rule in double precision, where coverage is above 0.999: 1 of 255 once rounded; see
-// docs/error-budget.md.
+// Error bound against the rule in double precision, where coverage is above 0.999: 1 of 255 after rounding; see
+// docs/reference/error-budget.md.
 class SumRenderer {
  public:
-  // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
-  // `card`: draw() is called, for this sum alone, where there is one. `may_stay`: what a card draws may stay there, see
-  // card_sum(); the card is then owned by a shared_ptr.
-  SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
-              Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr,
-              const ParallelFor& parallel = serial_for, bool may_stay = false);
+  // All arguments must outlive this object. Sources must have one family, images of their cameras' sizes (else throws
+  // Error), and no duplicate cameras. `gpu`: calls draw() for this sum alone, if not null. `keep_on_gpu`: the sum may
+  // stay on the GPU, see gpu_sum(); a shared_ptr must own the GPU's renderer.
+  SumRenderer(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources, PixelFamily family,
+              Coordinates coordinates = Coordinates::kGrid, gl::GlesRenderer* gpu = nullptr,
+              const ParallelFor& parallel = serial_for, bool keep_on_gpu = false);
   ~SumRenderer();
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
 
-  // Has a card draw the sums of renderers that were made without one here and now, where it can, out of images that
-  // `parallel` copies to it: of views of one moment in a pass, see SumDrawer::draw(). Else the CPU does, row by row, as
-  // it is asked for. A card without compute shaders is asked only for views that are blended by their mesh.
-  static void draw(std::span<SumRenderer* const> renderers, gl::SumDrawer& card, const ParallelFor& parallel);
+  // Renders the sums of several renderers on a GPU, as far as possible, in shared passes (see GlesRenderer::draw()).
+  // The renderers must have been made without a GPU. `parallel` copies the images. The CPU renders the remaining sums
+  // in render_rows().
+  static void draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer& gpu, const ParallelFor& parallel);
 
-  // Has the images that are on a card come here, if the CPU is to render them: render_rows() does, too, in one thread.
+  // Downloads images from the GPU if the CPU renders the sum. Otherwise render_rows() downloads them in one
+  // thread.
   void fetch(const ParallelFor& parallel);
 
-  // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
+  // Bounds of the sources' contributions according to the plan; whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
-  // How many samples of cameras it takes at the most: pixels times cameras.
+  // Upper bound of the number of samples: pixels times cameras.
   size_t samples() const;
-  const Drawing& drawing() const;
-  // The sum of rect(), grown to whole blocks of two by two pixels, if it has stayed on the card: render_rows() is then
-  // not called.
-  std::shared_ptr<gl::CardSum> card_sum() const;
-  // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
-  // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
-  // if any weight was lost. Call from several threads for different rows.
+  const GpuStatus& drawing() const;
+  // Returns the sum of rect(), extended to whole 2x2 blocks, if it has stayed on the GPU; then do not call
+  // render_rows().
+  std::shared_ptr<gl::GpuSum> gpu_sum() const;
+  // Writes rows [y0, y1) of the sum into `out`; y0 is even, and y1 is even or the end of out.rect. Pixels without a
+  // contribution become 0. out.rect must be inside the runs' region. Fills out.lost unless null. Returns true if any
+  // weight is missing. Thread-safe for different rows.
   bool render_rows(int y0, int y1, const SumPlanes& out) const;
 
  private:
@@ -94,20 +94,20 @@ class SumRenderer {
   Rect rect_;
 };
 
-// Name of the instruction set that SumRenderer uses on this machine: "AVX2".
+// Returns the name of the instruction set that SumRenderer uses on this machine, such as "AVX2".
 const char* simd_target_name();
 
-// Rectangles of the view that together hold every pixel in which one of `cameras` (ascending) has a weight: what the
-// sum of these cameras has to consist of. They are disjoint, ascend by their upper edges, and are chroma-aligned in
-// kI420. `runs` cover the cameras' chroma-aligned rectangles.
+// Returns disjoint rectangles of the view that contain every pixel with a weight of one of `cameras` (ascending),
+// sorted by their upper edges. They are chroma-aligned in kI420. `runs` must cover the cameras' chroma-aligned
+// rectangles.
 //
-// A rectangle is grown by what lies next to it as long as that adds at most `spare_pixels` pixels without any weight:
-// as many as are cheaper to send than another rectangle. One camera's part of a view is a hexagon or so: of few spare
-// pixels become rectangles of kTileRows rows, each as wide as the hexagon is there, and of many its bounds.
-std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::span<const CameraIndex> cameras,
+// A rectangle is merged with its neighbour if this adds at most `spare_pixels` pixels without weight: the number that
+// is cheaper to send than another rectangle. A camera's part of a view is about a hexagon. Few spare pixels give
+// rectangles of kTileRows rows, as wide as the hexagon is there; many give the bounds of the hexagon.
+std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
                             PixelFamily family, size_t spare_pixels);
 
-// Rectangles begin and end at multiples of so many rows, but for the first and the last: whole units of a JPEG.
+// Rectangles begin and end at multiples of this number of rows, except at the top and bottom: whole MCUs of a JPEG.
 inline constexpr int kTileRows = 16;
 
 }  // namespace lf

@@ -16,8 +16,8 @@ namespace lf {
 
 namespace {
 
-// The tables of distorted lenses that were used last. A view keeps its lens from picture to picture, and a node and a
-// compositor in one process need the same table. Thread-safe.
+// Cache of ray tables of distorted lenses. A viewer's lens stays the same from view to view, and a node and a
+// compositor in one process share the table. Thread-safe.
 class RayTables {
  public:
   using Table = std::shared_ptr<const Vec2[]>;
@@ -83,9 +83,10 @@ Vec2 Rays::at_centre_of_four(int x, int y) const {
 
 namespace {
 
-constexpr int kTileSize = 16;    // pixels
-constexpr int kBlockTiles = 8;   // tiles of a block in each direction
-constexpr double kSlack = 1e-9;  // of a half-plane's largest value in the view: far above rounding, far below a pixel
+constexpr int kTileSize = 16;   // pixels
+constexpr int kBlockTiles = 8;  // tiles per block and direction
+// relative to a half-plane's largest value in the view: far above rounding, far below a pixel
+constexpr double kSlack = 1e-9;
 constexpr double kPixelSlack = 1e-6;  // pixels
 
 double value(const Vec3& h, const Vec2& ray) { return h.x * ray.x + h.y * ray.y + h.z; }
@@ -134,8 +135,8 @@ void RegionBounds::Tile::add(const Tile& other) {
   high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y)};
 }
 
-// The largest value of a linear function over a box is at a corner.
-bool RegionBounds::Tile::may_hold(std::span<const Vec3> half_planes) const {
+// The maximum of a linear function over a box is at a corner.
+bool RegionBounds::Tile::may_contain(std::span<const Vec3> half_planes) const {
   return std::ranges::all_of(half_planes, [this](const Vec3& h) {
     const double u = h.x > 0 ? high.x : low.x, v = h.y > 0 ? high.y : low.y;
     const double slack = kSlack * (std::abs(h.x * u) + std::abs(h.y * v) + std::abs(h.z));
@@ -143,9 +144,9 @@ bool RegionBounds::Tile::may_hold(std::span<const Vec3> half_planes) const {
   });
 }
 
-// Rounding is monotonic, and the slack of a block is at least that of each of its tiles: a block never says no where
-// one of its tiles says yes.
-bool RegionBounds::Block::may_hold(std::span<const Vec3> half_planes) const {
+// Never rejects a block with a tile that may contain a pixel: rounding is monotonic, and the block has at least the
+// slack of its tiles.
+bool RegionBounds::Block::may_contain(std::span<const Vec3> half_planes) const {
   const Vec2 &low = whole.low, &high = whole.high;
   const double u = std::max(std::abs(low.x), std::abs(high.x)), v = std::max(std::abs(low.y), std::abs(high.y));
   return std::ranges::none_of(half_planes, [&](const Vec3& h) {
@@ -158,11 +159,11 @@ Rect RegionBounds::bound(std::span<const Vec3> half_planes) const {
   return tiles_.empty() ? bound_polygon(half_planes) : bound_tiles(half_planes);
 }
 
-// Sutherland-Hodgman clipping of the view's outline (Sutherland & Hodgman 1974), in normalised coordinates.
+// Clips the view's outline in normalised coordinates (Sutherland & Hodgman 1974).
 Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
   const double u0 = (-0.5 - cx_) / fx_, u1 = (width_ - 0.5 - cx_) / fx_;
   const double v0 = (-0.5 - cy_) / fy_, v1 = (height_ - 0.5 - cy_) / fy_;
-  constexpr size_t kMaxVertices = 16;  // 4 corners and one more for each half-plane
+  constexpr size_t kMaxVertices = 16;  // 4 corners, plus one for each half-plane
   Vec2 polygon[kMaxVertices] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}}, clipped[kMaxVertices];
   const Vec2 corners[4] = {polygon[0], polygon[1], polygon[2], polygon[3]};
   size_t n = 4;
@@ -175,7 +176,7 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
     for (size_t i = 0; i < n; i++) {
       const Vec2 &a = polygon[i], &b = polygon[(i + 1) % n];
       const double va = value(h, a) + slack, vb = value(h, b) + slack;
-      if (!std::isfinite(va - vb)) return {0, 0, width_, height_};  // nothing is known of where it is 0
+      if (!std::isfinite(va - vb)) return {0, 0, width_, height_};  // position of the zero is unknown
       if (va >= 0) clipped[m++] = a;
       if ((va >= 0) != (vb >= 0)) clipped[m++] = a + (b - a) * (va / (va - vb));
     }
@@ -190,10 +191,10 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
   }
   const double left = low.x * fx_ + cx_, top = low.y * fy_ + cy_, right = high.x * fx_ + cx_,
                bottom = high.y * fy_ + cy_;
-  // Where the principal point is so far away that positions lose more than the slack, nothing is known.
+  // A distant principal point makes rounding larger than the slack.
   const double rounding = 8 * std::numeric_limits<double>::epsilon() * std::max(std::abs(cx_), std::abs(cy_));
   if (rounding > kPixelSlack || std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
-  // Integers only of what is in the view or next to it.
+  // Clamps before the conversion to int.
   const auto first = [](double v, int size) {
     return static_cast<int>(std::ceil(std::clamp(v, -1.0, size + 1.0) - kPixelSlack));
   };
@@ -208,17 +209,16 @@ Rect RegionBounds::bound_tiles(std::span<const Vec3> half_planes) const {
   Rect rect;
   const auto adds = [&rect](const Tile& tile) { return intersect(rect, tile.rect) != tile.rect; };
   for (const Block& block : blocks_) {
-    if (!adds(block.whole) || !block.may_hold(half_planes)) continue;
+    if (!adds(block.whole) || !block.may_contain(half_planes)) continue;
     for (size_t i = block.first; i < block.past; i++)
-      if (adds(tiles_[i]) && tiles_[i].may_hold(half_planes)) rect = unite(rect, tiles_[i].rect);
+      if (adds(tiles_[i]) && tiles_[i].may_contain(half_planes)) rect = unite(rect, tiles_[i].rect);
   }
   return rect;
 }
 
 namespace {
 
-// Cameras as one view sees them: nothing but differences of world positions ever meets a rotation, so that arrays at
-// 1e6 m keep their precision.
+// Cameras as seen by a view. Rotates only differences of world positions, so that arrays at 1e6 m keep their precision.
 class CamerasInView {
  public:
   CamerasInView(const Rig& rig, const Pose& world_from_view)
@@ -226,24 +226,26 @@ class CamerasInView {
 
   Vec3 forward(CameraIndex i) const { return view_from_world_ * rig_.cameras[i].pose.forward(); }
 
-  // e_ij = d . ((C_i - E) x (C_j - E)), as (C_n - E) x (C_j - C_i) with n the end nearer to the eye: rounding is then
-  // relative to the distance of the nearer end, so that the edges that meet in a camera agree on which side of them the
-  // eye is however near it is to that camera (exactly 0 at it). Canonical order makes e_ij = -e_ji exact.
+  // Returns e_ij = d . ((C_i - E) x (C_j - E)), computed as (C_n - E) x (C_j - C_i) with n the camera nearer to the
+  // eye. The rounding error is then relative to the distance of the nearer camera. All edges that meet in a camera
+  // agree on the side of an arbitrarily close eye, and are exactly 0 at the camera. Canonical order makes e_ij = -e_ji
+  // exact.
   Vec3 edge(CameraIndex i, CameraIndex j) const {
     if (i > j) return -edge(j, i);
     const Vec3 a = position(i) - eye_, b = position(j) - eye_;
     return normal_of_sight(glm::dot(a, a) <= glm::dot(b, b) ? a : b, position(j) - position(i), i);
   }
-  // The same for the end of a strip, a line along `extent` through camera i.
+  // The same for the end of a strip: a line along `extent` through camera i.
   Vec3 strip_edge(CameraIndex i, const Vec3& extent) const { return normal_of_sight(position(i) - eye_, extent, i); }
 
  private:
-  // Of the plane through the eye and a line through camera i, in view coordinates: 0 where the eye is on the line as
-  // far as positions can tell. What rounding would leave there has a direction of its own: it would hide half a picture
-  // from an eye on the array's border, and let a triangle without area contain whatever an eye in line with it looks
-  // at. Zeros only add to what a face contains, so no cracks come of it.
+  // Returns the normal, in view coordinates, of the plane through the eye and a line through camera i. Returns 0 if the
+  // eye is on the line within the precision of positions. A normal made of rounding errors would hide half a view from
+  // an eye on the array's border, and let a triangle without area contain pixels. Zeros only enlarge faces, so they
+  // cause no cracks.
   Vec3 normal_of_sight(const Vec3& to_line, const Vec3& along, CameraIndex i) const {
-    constexpr double kPositionRounding = 8 * std::numeric_limits<double>::epsilon();  // of a position's length
+    // relative to the length of a position
+    constexpr double kPositionRounding = 8 * std::numeric_limits<double>::epsilon();
     const Vec3 normal = glm::cross(to_line, along);
     const double tolerance = kPositionRounding * (glm::length(position(i)) + glm::length(eye_)) * glm::length(along);
     return glm::dot(normal, normal) <= tolerance * tolerance ? Vec3(0) : view_from_world_ * normal;
@@ -271,16 +273,16 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
       plan.edge[2] = cameras.edge(a, b);
       break;
     case 2:
-      // The limit of a triangle whose third corner is infinitely far away in both directions of `extent`.
+      // Limit of a triangle with its third corner infinitely far away in both directions of `extent`.
       plan.edge[0] = -cameras.strip_edge(b, face.extent);
       plan.edge[1] = cameras.strip_edge(a, face.extent);
       break;
-    default: plan.edge[0] = plan.facing;  // any functional: the only corner has weight e / e = 1
+    default: plan.edge[0] = plan.facing;  // any function will do: the only corner has weight e / e = 1
   }
   return plan;
 }
 
-// A face without corners that contains what is in front.
+// Returns a face without corners that contains everything in front.
 FacePlan whole_view(const Vec3& in_front, const Rect& rect) {
   FacePlan plan;
   plan.camera.fill(MeshFace::kNone);
@@ -299,13 +301,13 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
   focal_offset_ = -plane.signed_distance(view.pose.position);
   if (view.focus.map) {
     eye_distance_ = -focal_offset_;
-    focal_offset_ = 1;  // whatever looks along the normal meets a map somewhere; what that is behind is lost
+    focal_offset_ = 1;  // every line of sight along the normal meets the map; surfaces behind the eye count as missing
   }
-  if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets it at t > 0
+  if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets the plane at t > 0
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
 
   if (!view.blending.is_mesh()) {
-    blend_ = make_blend_grid(rig, mesh, *this, parallel);
+    blend_ = make_weight_grid(rig, mesh, *this, parallel);
     for (CameraIndex i = 0; i < camera_rects_.size(); i++) camera_rects_[i] = blend_->camera_rect(i);
     faces_.push_back(whole_view(in_front, {0, 0, view.width, view.height}));
     return;
@@ -315,7 +317,7 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
   const RegionBounds bounds(rays_, view.lens, view.width, view.height, parallel);
   for (uint32_t i = 0; i < mesh.faces.size(); i++) {
     FacePlan face = plan_face(cameras, mesh.faces[i], i);
-    if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // without area: never contains anything
+    if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // no area: never contains a pixel
     for (const double sign : {1.0, -1.0}) {
       const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing,
                                    in_front};
@@ -340,7 +342,7 @@ ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& 
     if (camera.camera >= num_cameras)
       throw Error("camera " + std::to_string(camera.camera) + " is not one of the " + std::to_string(num_cameras) +
                   " of the rig");
-    told_.emplace_back(camera.camera, camera.camera_from_ray);
+    homographies_.emplace_back(camera.camera, camera.camera_from_ray);
   }
   for (const FacePlan& face : faces_) bound_corners(face);
 }
@@ -350,9 +352,9 @@ void ViewPlan::bound_corners(const FacePlan& face) {
     if (camera != MeshFace::kNone) camera_rects_[camera] = unite(camera_rects_[camera], face.rect);
 }
 
-const Mat3* ViewPlan::told_matrix(CameraIndex camera) const {
-  const auto found = std::ranges::lower_bound(told_, camera, {}, &std::pair<CameraIndex, Mat3>::first);
-  return found != told_.end() && found->first == camera ? &found->second : nullptr;
+const Mat3* ViewPlan::explicit_homography(CameraIndex camera) const {
+  const auto found = std::ranges::lower_bound(homographies_, camera, {}, &std::pair<CameraIndex, Mat3>::first);
+  return found != homographies_.end() && found->first == camera ? &found->second : nullptr;
 }
 
 std::vector<CameraIndex> ViewPlan::contributors() const {

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 // --- OpenCV's FileStorage --------------------------------------------------------------------------------------------
 
-constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // those of cv::calibrateCamera
+constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // sizes that cv::calibrateCamera writes
 constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
 
 struct Matrix {
@@ -43,7 +43,7 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-// `place`: the camera matrix, `distortion_terms`: the coefficients, if the file has them.
+// `place`: camera matrix; `distortion_terms`: coefficients, if present.
 Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
@@ -65,7 +65,7 @@ Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& d
       }
   }
   try {
-    return lens_of_opencv_terms({k[0], k[4], k[2], k[5]}, distortion);
+    return lens_from_opencv({k[0], k[4], k[2], k[5]}, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -88,9 +88,9 @@ void parse_size(const JsonValue& value, Camera& camera) {
   value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
 }
 
-// camera_from_world
-RigidMotion parse_motion(const JsonValue& value) {
-  RigidMotion motion;
+// Returns camera_from_world.
+RigidTransform parse_motion(const JsonValue& value) {
+  RigidTransform motion;
   if (const auto rotation = value.find("R")) {
     const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
     motion.rotation =
@@ -118,13 +118,13 @@ const std::set<std::string_view> kOpenCvKeys = {
     // Read.
     "cameras", "name", "camera_name", "image", "image_width", "image_height", "image_size", "imageSize",
     "camera_matrix", "distortion_coefficients", "R", "T", "rows", "cols", "data", "M1", "M2", "D1", "D2",
-    // Without meaning for a rig.
+    // Irrelevant for a rig.
     "dt", "R1", "R2", "P1", "P2", "Q", "distortion_model", "camera_model", "calibration_time", "nframes",
     "nr_of_frames", "board_width", "board_height", "square_size", "marker_size", "aspectRatio", "flags",
     "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
     "rectification_matrix", "fisheye_model"};
 
-// One camera may be where the world is.
+// Only one camera may lack R and T: it defines the world.
 void require_places(const std::vector<JsonValue>& cameras) {
   size_t without = 0;
   for (const JsonValue& camera : cameras) {
@@ -136,13 +136,13 @@ void require_places(const std::vector<JsonValue>& cameras) {
   }
 }
 
-// Two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
+// Parses the two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
 std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
   std::vector<Camera> cameras(2);
   for (Camera& camera : cameras) parse_size(file, camera);
   cameras[0].lens = parse_opencv_lens(file.at("M1"), file.find("D1"));
   cameras[1].lens = parse_opencv_lens(file.at("M2"), file.find("D2"));
-  RigidMotion second_from_first;
+  RigidTransform second_from_first;
   if (file.find("R") && file.find("T")) {
     second_from_first = parse_motion(file);
   } else {
@@ -153,10 +153,10 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
     if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the file of extrinsics");
     const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
     const JsonValue extrinsics(root, beside);
-    for (const char* key : {"R", "T"}) extrinsics.at(key);  // both must be there
+    for (const char* key : {"R", "T"}) extrinsics.at(key);  // both are required
     for (const std::string& note : check_foreign_keys(root, beside, kOpenCvKeys)) notes.push_back(note);
     second_from_first = parse_motion(extrinsics);
-    notes.push_back("R and T are those of " + beside);
+    notes.push_back("R and T come from " + beside);
   }
   cameras[1].pose = pose_of_camera_from_world(second_from_first);
   notes.push_back("the cameras are " + number_text(glm::length(cameras[1].pose.position)) +
@@ -200,7 +200,7 @@ std::string opencv_yaml_text(const Rig& rig) {
        << "[";
   for (const Camera& camera : rig.cameras) {
     const Lens& lens = camera.lens;
-    const RigidMotion motion = camera_from_world(camera.pose);
+    const RigidTransform motion = camera_from_world(camera.pose);
     file << "{"
          << "name" << camera.name;
     if (!camera.image.empty()) file << "image" << camera.image;
@@ -255,13 +255,13 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
     if (distortion.size() != 4) terms.fail("must be [k1, k2, p1, p2]");
   }
   try {
-    return lens_of_opencv_terms({k[0], k[1], k[2], k[3]}, distortion);
+    return lens_from_opencv({k[0], k[1], k[2], k[3]}, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
 }
 
-// The cameras "cam0", "cam1", ... by their numbers, which may have gaps.
+// Returns the keys "cam0", "cam1", ... by number. Numbers may have gaps.
 std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const JsonValue& file) {
   std::map<uint32_t, std::string> cameras;
   if (!root.is_object()) return cameras;
@@ -278,16 +278,17 @@ std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const J
   return cameras;
 }
 
-// Where the camera stands: by the camera of the number before it, which is `before` if the file has it, or by the IMU.
-RigidMotion place_of(const JsonValue& camera, const RigidMotion* before, uint32_t number, bool is_first) {
+// Returns the camera's pose (world from camera), relative to the camera with the previous number (`before`, null if
+// missing) or to the IMU.
+RigidTransform place_of(const JsonValue& camera, const RigidTransform* before, uint32_t number, bool is_first) {
   const auto step = camera.find("T_cn_cnm1"), from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
-  if (step && before) return *before * parse_rigid_motion(*step).inverse();
-  if (from_imu) return parse_rigid_motion(*from_imu).inverse();
-  if (to_imu) return parse_rigid_motion(*to_imu);
+  if (step && before) return *before * parse_rigid_transform(*step).inverse();
+  if (from_imu) return parse_rigid_transform(*from_imu).inverse();
+  if (to_imu) return parse_rigid_transform(*to_imu);
   if (step)
     step->fail("is relative to cam" + std::to_string(number - 1) +
                ", which the file does not have; add that camera, or T_cam_imu to this one");
-  if (!is_first) camera.at("T_cn_cnm1");  // says that it is missing
+  if (!is_first) camera.at("T_cn_cnm1");  // reports the missing key
   return {};
 }
 
@@ -295,14 +296,14 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const std::map<uint32_t, std::string> cameras = find_cameras(root, file);
-  if (cameras.empty()) file.at("cam0");  // says that it is missing
+  if (cameras.empty()) file.at("cam0");  // reports the missing key
   std::set<std::string_view> known = {"cam_overlaps", "camera_model", "distortion_coeffs", "distortion_model",
                                       "intrinsics",   "resolution",   "rostopic",          "T_cam_imu",
                                       "T_cn_cnm1",    "T_imu_cam",    "timeshift_cam_imu"};
   for (const auto& [number, key] : cameras) known.insert(key);
   RigImport result;
   result.notes = check_foreign_keys(root, path, known);
-  std::map<uint32_t, RigidMotion> places;
+  std::map<uint32_t, RigidTransform> places;
   for (const auto& [number, key] : cameras) {
     const JsonValue value = file.at(key.c_str());
     Camera camera;
@@ -313,10 +314,10 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
     camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
     camera.name = key;
     if (const auto topic = value.find("rostopic")) camera.name = name_of_topic(topic->text());
-    // Kalibr: time of the IMU = time of the camera + shift.
+    // Kalibr: IMU time = camera time + shift.
     if (const auto shift = value.find("timeshift_cam_imu")) camera.time_offset = shift->number();
     const auto before = number > 0 ? places.find(number - 1) : places.end();
-    const RigidMotion place =
+    const RigidTransform place =
         place_of(value, before != places.end() ? &before->second : nullptr, number, places.empty());
     places.emplace(number, place);
     camera.pose = pose_of_world_from_camera(place);
@@ -336,19 +337,19 @@ std::string kalibr_text(const Rig& rig) {
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const Camera& camera = rig.cameras[i];
     const Lens& lens = camera.lens;
-    const RigidMotion here = camera_from_world(camera.pose);
+    const RigidTransform here = camera_from_world(camera.pose);
     const auto line = [&](const char* key, const std::string& value) {
       text += std::string("  ") + key + ": " + value + "\n";
     };
     text += "cam" + std::to_string(i) + ":\n";
     if (i > 0) {
-      // Differences of positions first: nothing is lost far from the origin.
+      // Subtract positions first, to keep precision far from the origin.
       const Pose& before = rig.cameras[i - 1].pose;
-      const RigidMotion step = {here.rotation * before.rotation(),
-                                here.rotation * (before.position - camera.pose.position)};
-      line("T_cn_cnm1", rigid_motion_text(step));
+      const RigidTransform step = {here.rotation * before.rotation(),
+                                   here.rotation * (before.position - camera.pose.position)};
+      line("T_cn_cnm1", rigid_transform_text(step));
     } else {
-      line("T_cam_imu", rigid_motion_text(here));
+      line("T_cam_imu", rigid_transform_text(here));
     }
     line("camera_model", "pinhole");
     line("intrinsics", list({lens.fx(), lens.fy(), lens.cx(), lens.cy()}));

@@ -29,7 +29,7 @@ bool exists(const std::string& path) {
 
 // --- Names -----------------------------------------------------------------------------------------------------------
 
-// "%20" and the like decoded; nothing if there is none, or if one is broken.
+// Returns `text` with "%20" and the like decoded, or nullopt for an invalid escape.
 std::optional<std::string> percent_decoded(std::string_view text) {
   const auto digit = [](char c) {
     return c >= '0' && c <= '9'   ? c - '0'
@@ -50,7 +50,7 @@ std::optional<std::string> percent_decoded(std::string_view text) {
   return decoded;
 }
 
-// Explains a likely mistake in the name of a missing file. Begins with a semicolon, or is empty.
+// Explains a likely mistake in the name of a missing file. Starts with a semicolon, or is empty.
 std::string naming_advice(const Rig& rig, const std::string& text) {
   if (text.starts_with("\xef\xbb\xbf")) return "; the name begins with a byte order mark: remove it";
   if (std::isspace(static_cast<unsigned char>(text.front())) || std::isspace(static_cast<unsigned char>(text.back())))
@@ -83,7 +83,6 @@ std::vector<uint8_t> first_bytes(std::ifstream& file, size_t count) {
   return bytes;
 }
 
-// Whether a second JPEG picture follows the first one.
 bool has_second_picture(std::ifstream& file, uintmax_t size) {
   constexpr size_t kHeaders = 1 << 16, kMostBytes = 1 << 26;
   for (size_t count = 1 << 20; count <= kMostBytes; count *= 2) {
@@ -96,7 +95,7 @@ bool has_second_picture(std::ifstream& file, uintmax_t size) {
   return false;
 }
 
-// Throws MissingFile if there is nothing to read.
+// Throws MissingFile if the path is not a readable file.
 std::ifstream open_file(const std::string& path) {
   std::error_code error;
   if (!fs::exists(path, error)) throw MissingFile(path + ": no such file");
@@ -109,10 +108,10 @@ std::ifstream open_file(const std::string& path) {
 CameraSource source_of_file(const std::string& path, bool is_image) {
   std::ifstream file = open_file(path);
   const std::vector<uint8_t> magic = first_bytes(file, 4);
-  const PictureCoding coding = picture_coding(magic);
+  const ImageCoding coding = detect_image_coding(magic);
   std::error_code error;
-  if (coding == PictureCoding::kPng) return {.kind = Kind::kStill, .codec = Codec::kPng, .location = path};
-  if (coding == PictureCoding::kJpeg) {
+  if (coding == ImageCoding::kPng) return {.kind = Kind::kStill, .codec = Codec::kPng, .location = path};
+  if (coding == ImageCoding::kJpeg) {
     const bool stream = !is_image && has_second_picture(file, fs::file_size(path, error));
     return {.kind = stream ? Kind::kJpegStream : Kind::kStill, .codec = Codec::kJpeg, .location = path};
   }
@@ -124,7 +123,8 @@ CameraSource source_of_file(const std::string& path, bool is_image) {
 
 // --- Sequences -------------------------------------------------------------------------------------------------------
 
-// How many %d, %4d, %04d `text` holds; nothing if it holds another printf conversion. "%%" is a plain %.
+// Returns the number of %d, %4d, %04d in `text`, or nullopt if it contains another printf conversion. "%%" is a literal
+// %.
 std::optional<int> count_conversions(const std::string& text) {
   int count = 0;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -138,7 +138,7 @@ std::optional<int> count_conversions(const std::string& text) {
   return count;
 }
 
-// `path` with every % doubled: the folder in front of a pattern is no pattern.
+// Doubles every %, because the folder of a pattern is not a pattern.
 std::string escape_percent(const std::string& path) {
   std::string escaped;
   for (const char c : path) escaped.append(c == '%' ? 2 : 1, c);
@@ -148,14 +148,14 @@ std::string escape_percent(const std::string& path) {
 std::string numbered(const std::string& pattern, int number) {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wformat-nonliteral"
-  const int size = std::snprintf(nullptr, 0, pattern.c_str(), number);  // one %d, as checked by the caller
+  const int size = std::snprintf(nullptr, 0, pattern.c_str(), number);  // the caller has checked that there is one %d
   std::string path(static_cast<size_t>(std::max(size, 0)), '\0');
   std::snprintf(path.data(), path.size() + 1, pattern.c_str(), number);
 #pragma GCC diagnostic pop
   return path;
 }
 
-// The pattern of a sequence as a path, with the first number. Returns nothing if neither number 0 nor 1 exists.
+// Returns the pattern of a sequence as a path, with the first number; nullopt if neither number 0 nor 1 exists.
 std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) {
   if (is_uri(text) || count_conversions(text) != 1) return std::nullopt;
   const std::string resolved = rig.resolve(text);
@@ -166,14 +166,14 @@ std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) 
   return std::nullopt;
 }
 
-// Counts the pictures up to the first missing number. Tests each name, because the folder may hold all cameras' files.
+// Counts the images up to the first missing number. Tests each name, because the folder may hold all cameras' files.
 int count_pictures(const CameraSource& sequence) {
   int count = 1;
   while (exists(sequence_file(sequence, count))) count++;
   return count;
 }
 
-// The first file behind a gap after the last picture; empty without a gap.
+// Returns the first file after a gap at the end of the sequence, or "" if there is no gap.
 std::string file_behind_gap(const CameraSource& sequence) {
   constexpr int kLeastLook = 256;
   for (int ahead = 1; ahead <= std::max(kLeastLook, sequence.count); ahead++)
@@ -181,8 +181,8 @@ std::string file_behind_gap(const CameraSource& sequence) {
   return "";
 }
 
-// A sequence that begins with 1 may have lost number 0. Then it ends with the same number as the other cameras'
-// sequences, which begin with 0. A few of them are looked at, so that the cost does not grow with the array.
+// A sequence that starts with 1 may have lost number 0. In that case it ends with the same number as sequences of other
+// cameras that start with 0. Checks only a few cameras, so that the cost does not grow with the array.
 void require_first_picture(const Rig& rig, const std::string& text, const CameraSource& sequence) {
   if (sequence.first == 0) return;
   constexpr int kMostOthers = 3;
@@ -197,8 +197,8 @@ void require_first_picture(const Rig& rig, const std::string& text, const Camera
       continue;
     CameraSource from_zero = sequence;
     from_zero.first = 0;
-    throw MissingFile(sequence_file(from_zero, 0) + ": missing, while the other cameras' sequences begin with " +
-                      sequence_file(other, 0) + ": put a picture in its place");
+    throw MissingFile(sequence_file(from_zero, 0) + ": missing, while the other cameras' sequences start at " +
+                      sequence_file(other, 0) + ": add the missing picture");
   }
 }
 
@@ -213,7 +213,7 @@ CameraSource find_sequence(const Rig& rig, const std::string& text) {
   source->count = count_pictures(*source);
   if (const std::string behind = file_behind_gap(*source); !behind.empty())
     throw MissingFile(sequence_file(*source, source->count) + ": missing, while " + behind +
-                      " exists: put a picture in its place, or renumber the files of all cameras");
+                      " exists: add the missing picture, or renumber the files of all cameras");
   require_first_picture(rig, text, *source);
   const std::string first = sequence_file(*source, 0);
   source->codec = source_of_file(first, true).codec;
@@ -237,7 +237,7 @@ CameraSource find_source(const Rig& rig, const std::string& text, bool is_image)
   const std::string path = rig.resolve(text);
   const bool has_percent = !is_image && text.find('%') != std::string::npos;
   if (exists(path) && !(has_percent && pattern_of(rig, text))) return source_of_file(path, is_image);
-  if (!is_image && describes_elements(rig, text)) return {.kind = Kind::kBin, .location = text};
+  if (!is_image && is_launch_line(rig, text)) return {.kind = Kind::kBin, .location = text};
   if (has_percent) return find_sequence(rig, text);
   throw MissingFile(path + ": no such file" + naming_advice(rig, text));
 }
@@ -250,12 +250,12 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
 
 // --- Colours ---------------------------------------------------------------------------------------------------------
 
-CameraColours::CameraColours(const Rig& rig) {
+RigColourCorrections::RigColourCorrections(const Rig& rig) {
   if (!rig.has_colour()) return;
   for (const Camera& camera : rig.cameras) {
     cameras_.push_back(nullptr);
     if (!camera.colour || *camera.colour == ColourModel()) continue;
-    cameras_.back() = std::make_unique<OfCamera>();
+    cameras_.back() = std::make_unique<CameraEntry>();
     cameras_.back()->model = *camera.colour;
     cameras_.back()->width = camera.width;
     cameras_.back()->height = camera.height;
@@ -263,9 +263,9 @@ CameraColours::CameraColours(const Rig& rig) {
   }
 }
 
-const ColourCorrection* CameraColours::of(CameraIndex camera, PixelFamily family) const {
+const ColourCorrection* RigColourCorrections::of(CameraIndex camera, PixelFamily family) const {
   if (camera >= cameras_.size() || !cameras_[camera]) return nullptr;
-  OfCamera& found = *cameras_[camera];
+  CameraEntry& found = *cameras_[camera];
   const size_t i = family == PixelFamily::kRgb ? 0 : 1;
   std::call_once(found.made[i], [&] {
     found.correction[i] =

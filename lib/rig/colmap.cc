@@ -30,17 +30,15 @@ struct ColmapModel {
   size_t num_focal;
 };
 
-// Those of COLMAP's models.h that are not ours as well.
+// Models in COLMAP's models.h without an equivalent here.
 constexpr ColmapModel kOtherModels[] = {
     {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
     {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
 
-// One file of a model, line by line.
 class LineReader {
  public:
   explicit LineReader(const std::string& path) : path_(path), text_(read_text_file(path)) {}
 
-  // The next line as it is.
   bool next() {
     if (!std::getline(text_, line_)) return false;
     number_++;
@@ -50,7 +48,6 @@ class LineReader {
     position_ = 0;
     return true;
   }
-  // The next line that is neither empty nor a comment.
   bool next_data() {
     while (next()) {
       const size_t first = line_.find_first_not_of(" \t");
@@ -69,13 +66,13 @@ class LineReader {
     position_ = std::min(line_.find_first_of(" \t", begin), line_.size());
     return line_.substr(begin, position_ - begin);
   }
-  // The rest of the line: names may have spaces in them.
+  // Returns the rest of the line: names may contain spaces.
   std::string rest(const char* what) {
     const size_t begin = line_.find_first_not_of(" \t", position_);
     if (begin == std::string::npos) fail(std::string(what) + " is missing");
     position_ = line_.size();
     std::string text = line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
-    if (!is_utf8(text)) fail(std::string(what) + " is no text in UTF-8");
+    if (!is_utf8(text)) fail(std::string(what) + " is not UTF-8");
     return text;
   }
   double number(const char* what) {
@@ -88,7 +85,7 @@ class LineReader {
   }
   uint32_t integer(const char* what, uint32_t least, uint32_t most) {
     const std::string text = word(what);
-    double value = 0;  // holds every uint32_t; some programs write whole numbers as floats (1080.0)
+    double value = 0;  // a double holds every uint32_t; some programs write integers as floats (1080.0)
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most) ||
         std::trunc(value) != value)
@@ -143,7 +140,7 @@ std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::
   while (reader.next_data()) {
     ColmapImage image;
     image.id = reader.integer("IMAGE_ID", 0, UINT32_MAX);
-    // One statement each: the order in which arguments are evaluated is open.
+    // Separate statements, because the evaluation order of arguments is unspecified.
     image.q.w = reader.number("QW");
     image.q.x = reader.number("QX");
     image.q.y = reader.number("QY");
@@ -153,7 +150,7 @@ std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::
     image.t.z = reader.number("TZ");
     const double norm = glm::length(image.q);
     if (!(norm > 0 && is_finite(norm))) reader.fail("QW, QX, QY, QZ must be a rotation");
-    // COLMAP normalises what it reads as well: files of 6 digits are usual. What is unit already stays to the last bit.
+    // COLMAP normalises on reading as well; files with 6 digits are common. A unit quaternion stays bit-identical.
     if (std::abs(norm - 1) > 1e-15) image.q /= norm;
     image.camera_id = reader.integer("CAMERA_ID", 0, UINT32_MAX);
     if (!cameras.count(image.camera_id))
@@ -161,7 +158,7 @@ std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::
     image.name = reader.rest("NAME");
     if (!ids.insert(image.id).second) reader.fail("IMAGE_ID " + std::to_string(image.id) + " is there twice");
     images.push_back(image);
-    // The line of POINTS2D[] may be empty, but it is there; read so that a file without these lines is not misread.
+    // The POINTS2D[] line may be empty but must exist. Parsing it detects files without these lines.
     if (reader.next())
       while (!reader.at_end())
         for (const char* what : {"POINTS2D[] X", "POINTS2D[] Y", "POINTS2D[] POINT3D_ID"}) reader.number(what);
@@ -195,9 +192,9 @@ std::string colmap_images_text(const std::vector<ColmapImage>& images) {
 
 namespace {
 
-constexpr size_t kLongestPath = 4096;  // as Linux has it
+constexpr size_t kLongestPath = 4096;
 
-// Calls `use` with each proper ending of `text` that begins with a word: "1.jpg" of "cam 1.jpg", not of "11.jpg".
+// Calls `use` with each proper suffix of `text` that starts a word: "1.jpg" of "cam 1.jpg", but not of "11.jpg".
 template <typename Use>
 void for_each_ending(const std::string& text, Use use) {
   for (size_t i = 1; i < text.size(); i++)
@@ -215,7 +212,7 @@ ImageSearch::ImageSearch(const std::string& directory) : directory_(directory) {
   std::sort(files_.begin(), files_.end());
   for (const std::string& file : files_)
     for_each_ending(file, [&](const std::string& text) {
-      Ending& ending = endings_[text];
+      Suffix& ending = suffixes_[text];
       if (ending.files++ < 2) (ending.files == 1 ? ending.first : ending.second) = file;
     });
 }
@@ -230,7 +227,7 @@ std::string ImageSearch::find(const std::string& name) const {
   for_each_ending(wanted, [&](const std::string& file) {
     if (exists(file)) found.insert(file);
   });
-  if (const auto longer = endings_.find(wanted); longer != endings_.end())
+  if (const auto longer = suffixes_.find(wanted); longer != suffixes_.end())
     for (const std::string& file : {longer->second.first, longer->second.second})
       if (!file.empty()) found.insert(file);
   if (found.empty()) throw Error(directory_ + ": no image file for \"" + name + "\"");
@@ -244,10 +241,10 @@ std::string ImageSearch::find(const std::string& name) const {
 
 namespace {
 
-constexpr double kColmapPixelCentre = 0.5;     // where COLMAP has the centre of the top-left pixel
+constexpr double kColmapPixelCentre = 0.5;     // COLMAP's centre of the top-left pixel
 constexpr uint32_t kMaxColmapId = 2147483646;  // COLMAP's database checks id < 2147483647
 
-// The lens as it is in the model: its parameters are COLMAP's but for where pixels have their centre.
+// Returns the lens of the model. Its parameters equal COLMAP's except for the position of pixel centres.
 Lens lens_of(const ColmapCamera& camera) {
   std::optional<LensModel> model = lens_model_from_name(camera.model);
   if (!model && camera.model == "FULL_OPENCV" &&
@@ -264,7 +261,7 @@ Lens lens_of(const ColmapCamera& camera) {
   return Lens(*model, params);
 }
 
-// Undistorting changes sides by some percent. Both sides much smaller: a copy for viewing, or for quicker training.
+// Undistortion changes the size by a few percent. If both sides are much smaller, the file is a reduced copy.
 bool is_scaled_copy(const ImageSize& size, const ColmapCamera& camera) {
   constexpr double kMost = 0.7;
   return size.width < kMost * camera.width && size.height < kMost * camera.height;
@@ -284,7 +281,7 @@ Pose pose_of(const ColmapImage& image) {
   return pose;
 }
 
-// "a.png", but not "20.23.45": a letter comes first.
+// True for "a.png", but not for "20.23.45": the extension must start with a letter.
 bool has_image_ending(const std::string& name) {
   const std::string ending = fs::path(name).extension().string();
   return ending.size() > 1 && std::isalpha(static_cast<unsigned char>(ending[1]));
@@ -292,7 +289,6 @@ bool has_image_ending(const std::string& name) {
 
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
 
-// A folder that is no text model: says how to make one.
 void require_text_model(const std::string& directory) {
   std::error_code ignored;
   if (fs::exists(path_in(directory, "cameras.txt"), ignored)) return;
@@ -307,13 +303,13 @@ void require_text_model(const std::string& directory) {
               "model that colmap model_converter --output_type TXT writes");
 }
 
-// Throws Error where most cells of a grid do not lie side by side, else returns a note for the few that do not.
+// Throws Error if most cells of a grid are not side by side, otherwise adds a note for the few exceptions.
 void check_grid(const Rig& rig, const std::string& path, std::vector<std::string>& notes) {
-  constexpr size_t kMostFolded = 10;  // one in so many
+  constexpr size_t kMaxFolded = 10;  // inverse of the tolerated share
   const std::optional<GridFault> fault = find_grid_fault(rig);
   if (!fault) return;
-  const std::string text = path + ": by the order of their names " + fault->text;
-  if (fault->folded * kMostFolded > fault->triangles)
+  const std::string text = path + ": in the order of their names, " + fault->text;
+  if (fault->folded * kMaxFolded > fault->triangles)
     throw Error(text + "; name the files row by row, give the right --grid, or leave it out");
   notes.push_back(text);
 }
@@ -349,7 +345,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
 
   std::map<std::string, std::string> name_of_file;
-  std::string renamed;  // the first image whose file has another name
+  std::string renamed;
   size_t num_renamed = 0;
   for (const ColmapImage& image : images) {
     const ColmapCamera& from = cameras.at(image.camera_id);
@@ -404,14 +400,14 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
   std::vector<ColmapImage> images;
   std::map<std::string, uint32_t> id_of_name;
   for (const Camera& camera : rig.cameras) {
-    const auto fail = [&](const std::string& what) { refuse_camera(camera, what); };
+    const auto fail = [&](const std::string& what) { throw_camera_error(camera, what); };
     if (camera.id > kMaxColmapId) fail("COLMAP has no ids beyond " + std::to_string(kMaxColmapId));
     const std::string name = camera.image.empty() ? camera.name : camera.image;
     if (name.empty()) fail("COLMAP wants a name");
     if (name.find_first_of(" \t\r\n") != std::string::npos)
       fail("COLMAP reads the name \"" + name + "\" up to its first space only");
     const auto [same, is_new] = id_of_name.emplace(name, camera.id);
-    if (!is_new) fail("the name \"" + name + "\" is also that of camera " + std::to_string(same->second));
+    if (!is_new) fail("the name \"" + name + "\" is also used by camera " + std::to_string(same->second));
 
     const Lens& lens = camera.lens;
     const size_t num_focal = lens_model_num_focal(lens.model());
@@ -434,7 +430,6 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
   write_text_file(colmap_images_text(images), path_in(directory, "images.txt"));
   write_text_file("# 3D point list: empty\n", path_in(directory, "points3D.txt"));
 
-  // What a reader will have, from the files themselves.
   const auto written_cameras = read_colmap_cameras(path_in(directory, "cameras.txt"));
   Rig written;
   for (const ColmapImage& image : read_colmap_images(path_in(directory, "images.txt"), written_cameras)) {

@@ -22,7 +22,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr size_t kMaxYamlDepth = 64;  // as in JSON files
+constexpr size_t kMaxYamlDepth = 64;
 
 json scalar(const std::string& text) {
   const char* begin = text.data();
@@ -40,7 +40,6 @@ json scalar(const std::string& text) {
   return text;
 }
 
-// Builds the value as the parser walks the text.
 class Builder : public YAML::EventHandler {
  public:
   json root;
@@ -121,7 +120,7 @@ RigImport with_topology(RigImport import) {
   return import;
 }
 
-RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapacity& capacity) {
+RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity) {
   double extent = 0;
   bool images = false, names = false, ids = false, sources = false, time_offsets = false;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -147,7 +146,7 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
   return result;
 }
 
-void refuse_camera(const Camera& camera, const std::string& what) {
+void throw_camera_error(const Camera& camera, const std::string& what) {
   throw Error("camera " + std::to_string(camera.id) + ": " + what);
 }
 
@@ -156,11 +155,12 @@ namespace {
 constexpr int kSteps = 8;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-// At the pixel where `a` sees direction (u, v, 1), `distance` metres along the axis; infinity: the direction alone.
+// Returns the distance in pixels between `pixel` and the projection into `b` of the point that `a` sees there, at
+// direction (u, v, 1) and `distance` metres along the axis (infinity: only the direction counts).
 double error_at(const Camera& a, const Camera& b, const Vec2& pixel, const Vec2& uv, double distance) {
   const Mat3 b_from_a = glm::transpose(b.pose.rotation()) * a.pose.rotation();
   Vec3 x = b_from_a * Vec3(uv, 1);
-  if (distance < kNever)  // differences of positions first: nothing is lost far from the origin
+  if (distance < kNever)  // subtract positions first, to keep precision far from the origin
     x = x * distance + glm::transpose(b.pose.rotation()) * (a.pose.position - b.pose.position);
   const std::optional<Vec2> seen = b.lens.project(x);
   return seen ? glm::length(*seen - pixel) : kNever;
@@ -177,7 +177,7 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance) {
       const Vec2 pixel(camera.width * (n % (kSteps + 1)) / double{kSteps} - 0.5,
                        camera.height * (n / (kSteps + 1)) / double{kSteps} - 0.5);
       const std::optional<Vec2> uv = camera.lens.unproject(pixel);
-      if (!uv) continue;  // no ray of `a` ends there
+      if (!uv) continue;
       for (const double d : {distance, kNever}) worst = std::max(worst, error_at(camera, b.cameras[i], pixel, *uv, d));
     }
   }
@@ -187,7 +187,7 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance) {
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path)) {
   Rig moved = rig;
-  relocate(moved, std::filesystem::path(path).parent_path().string());
+  rebase_paths(moved, std::filesystem::path(path).parent_path().string());
   const std::string text = text_of(moved);
   const RigExport result = describe_export(rig, parse(text, path).rig, {.ids = false});
   write_text_file(text, path);
@@ -198,11 +198,11 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
 
 namespace {
 
-constexpr double kRotationTolerance = 1e-3;  // an element of R^T R; angles are then good to half of that
+constexpr double kRotationTolerance = 1e-3;  // on an element of R^T R; angles are then accurate to half of this
 
 }  // namespace
 
-Lens lens_of_opencv_terms(const FocalAndCentre& pinhole, const std::vector<double>& distortion) {
+Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion) {
   const auto [fx, fy, cx, cy] = pinhole;
   const auto term = [&](size_t i) { return i < distortion.size() ? distortion[i] : 0.0; };
   const double k1 = term(0), k2 = term(1), p1 = term(2), p2 = term(3);
@@ -214,20 +214,20 @@ Lens lens_of_opencv_terms(const FocalAndCentre& pinhole, const std::vector<doubl
   return Lens(LensModel::kRadial, {fx, cx, cy, k1, k2});
 }
 
-RigidMotion RigidMotion::operator*(const RigidMotion& first) const {
+RigidTransform RigidTransform::operator*(const RigidTransform& first) const {
   return {rotation * first.rotation, (*this)(first.translation)};
 }
 
-RigidMotion RigidMotion::inverse() const {
+RigidTransform RigidTransform::inverse() const {
   const Mat3 back = glm::transpose(rotation);
   return {back, -(back * translation)};
 }
 
-RigidMotion camera_from_world(const Pose& pose) { return RigidMotion{pose.rotation(), pose.position}.inverse(); }
+RigidTransform camera_from_world(const Pose& pose) { return RigidTransform{pose.rotation(), pose.position}.inverse(); }
 
-Pose pose_of_camera_from_world(const RigidMotion& motion) { return pose_of_world_from_camera(motion.inverse()); }
+Pose pose_of_camera_from_world(const RigidTransform& motion) { return pose_of_world_from_camera(motion.inverse()); }
 
-Pose pose_of_world_from_camera(const RigidMotion& motion) {
+Pose pose_of_world_from_camera(const RigidTransform& motion) {
   return {motion.translation, glm::normalize(glm::quat_cast(motion.rotation))};
 }
 
@@ -238,18 +238,18 @@ Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value) {
     for (int r = 0; r < 3; r++) error = std::max(error, std::abs(square[c][r] - (c == r)));
   if (!(error <= kRotationTolerance) || glm::determinant(matrix) < 0)
     value.fail("must be a rotation (orthonormal, right-handed)");
-  // One Newton step of the polar decomposition squares the error; more only where a file is rounded.
+  // One Newton step of the polar decomposition squares the error. Exact input needs none.
   Mat3 rotation = matrix;
   for (int i = 0; i < 4 && error > 1e-15; i++, error *= error)
     rotation = (rotation + glm::transpose(glm::inverse(rotation))) * 0.5;
   return rotation;
 }
 
-RigidMotion parse_rigid_motion(const JsonValue& rows) {
+RigidTransform parse_rigid_transform(const JsonValue& rows) {
   const std::vector<JsonValue> lines = rows.elements();
   if (lines.size() != 3 && lines.size() != 4) rows.fail("must have 3 or 4 rows");
   Mat3 matrix;
-  RigidMotion motion;
+  RigidTransform motion;
   for (int r = 0; r < static_cast<int>(lines.size()); r++) {
     const std::vector<JsonValue> row = lines[r].elements(4);
     for (int c = 0; c < 4; c++) {
@@ -263,7 +263,7 @@ RigidMotion parse_rigid_motion(const JsonValue& rows) {
   return motion;
 }
 
-std::string rigid_motion_text(const RigidMotion& motion) {
+std::string rigid_transform_text(const RigidTransform& motion) {
   std::string text = "[";
   for (int r = 0; r < 3; r++) {
     text += "[";
@@ -283,7 +283,7 @@ namespace {
 
 using nlohmann::json;
 
-struct Danger {
+struct UnsupportedKey {
   const char* text;
   bool anywhere;  // matches any key with `text` in it, else the whole key
   const char* meaning;
@@ -293,7 +293,7 @@ struct Danger {
 constexpr char kReshoot[] = "use a global shutter, or remove the key if the cameras stood still";
 constexpr char kRewrite[] = "convert the poses to OpenGL's axes (x right, y up, z back) and remove the key";
 
-constexpr Danger kDangers[] = {
+constexpr UnsupportedKey kDangers[] = {
     {"fisheye", true, "a fisheye lens", kUndistortRemedy},
     {"ftheta", true, "an f-theta lens", kUndistortRemedy},
     {"equirect", true, "a panoramic picture", kUndistortRemedy},
@@ -326,7 +326,7 @@ constexpr std::string_view kModelKeys[] = {"camera_model", "distortion_model", "
 constexpr std::string_view kPinholes[] = {"pinhole", "simple_pinhole", "perspective", "opencv", "radial",
                                           "simple_radial", "radtan", "plumb_bob", "radial-tangential", "brown",
                                           "brown_conrady",
-                                          // Their further terms are checked where they are read.
+                                          // the importers check the additional terms
                                           "rational_polynomial", "full_opencv"};
 
 std::string lower_case(std::string text) {
@@ -359,7 +359,7 @@ class KeyChecker {
  public:
   KeyChecker(const std::string& path, const std::set<std::string_view>& known) : path_(path), known_(known) {}
 
-  // `is_known`: keys inside of an unknown value are not listed again.
+  // `is_known` is false inside an unknown value, so that its keys are not listed again.
   void check(const json& value, bool is_known = true) {
     if (value.is_array()) {
       for (size_t i = 0; i < value.size(); i++) {
@@ -381,12 +381,12 @@ class KeyChecker {
   }
 
   std::vector<std::string> notes() const {
-    constexpr size_t kMostNames = 12;
+    constexpr size_t kMaxNames = 12;
     if (unknown_.empty()) return {};
     std::string text = "keys that were not read: ";
     size_t listed = 0;
     for (const auto& [key, count] : unknown_) {
-      if (listed == kMostNames) {
+      if (listed == kMaxNames) {
         text += ", and " + std::to_string(unknown_.size() - listed) + " more";
         break;
       }
@@ -422,7 +422,7 @@ class KeyChecker {
       return;
     }
     const std::string name = lower_case(key);
-    for (const Danger& danger : kDangers)
+    for (const UnsupportedKey& danger : kDangers)
       if ((danger.anywhere ? name.find(danger.text) != std::string::npos : name == danger.text) && !is_neutral(value))
         fail("is " + short_dump(value) + ", which means " + danger.meaning + " that a rig cannot hold; " +
              danger.remedy);

@@ -17,52 +17,49 @@
 #include "geometry/pose.h"
 #include "rig/rig.h"
 
-// Rigs from and to the files of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
+// Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
 namespace lf {
 
-// The first document of a YAML text as the JSON value that says the same, so that a JsonValue can read it and name the
-// place of what is wrong. Plain scalars that are numbers become numbers; tags are dropped. Aliases, keys that are not
-// scalars and keys that are there twice are refused. `name` stands for the file in messages; throws Error with the
-// line.
+// Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Numeric plain
+// scalars become numbers; tags are dropped. Throws Error with the line for aliases, non-scalar keys and duplicate keys.
+// `name` is the file name in messages.
 nlohmann::json parse_yaml(const std::string& text, const std::string& name);
 
-// A number that every reader of YAML takes for one: "400.0", "1.0e-09" (to PyYAML "1e-09" is a text).
+// Returns a number that every YAML reader parses as a number: "400.0", "1.0e-09" (PyYAML reads "1e-09" as a string).
 std::string yaml_number(double value);
 
-// The result of reading a file. Keys that change the meaning of others (fisheye lenses, skew, rolling shutters) are
-// read or refused with an Error, see check_foreign_keys().
+// The result of an import. Keys that change the meaning of other keys (fisheye lenses, skew, rolling shutters) are read
+// or cause an Error, see check_foreign_keys().
 struct RigImport {
-  Rig rig;                         // directory "": image paths start at the current folder
-  std::vector<std::string> notes;  // what was assumed, what was not read, and which topology was chosen
+  Rig rig;                         // directory is "": image paths are relative to the current folder
+  std::vector<std::string> notes;  // assumptions, ignored content and the chosen topology
 };
 
-// `import` with the topology that suits its cameras, see fit_topology().
+// Returns `import` with the topology that suits its cameras, see fit_topology().
 RigImport with_topology(RigImport import);
 
-// What a writer has made of a rig.
 struct RigExport {
-  double max_error = 0;            // pixels: reprojection error of what was written against the rig
-  std::vector<std::string> notes;  // sentences that tell a person what the format can't hold
+  double max_error = 0;            // pixels; reprojection error of the written cameras against the rig
+  std::vector<std::string> notes;  // sentences about content that the format cannot hold
 };
 
-// What a format can hold beside lenses and poses.
-struct FormatCapacity {
+struct FormatSupport {
   bool images = true, names = true, ids = true, time_offsets = false;
 };
 
-// `written` is what a reader has of `rig`; the error is at the rig's own extent and far away.
-RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapacity& capacity);
-// Writes the file of a format of one text, without ids and with images beside it: as `text_of` makes it, and `parse`
-// reads it back, with the path for errors.
+// Compares `rig` with `written`, the rig as read back. Measures the error at the rig's own extent and at infinity.
+RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity);
+// Writes a single-file text format that has no ids and keeps images outside the file. `text_of` produces the text,
+// `parse` reads it back; its `path` is for messages.
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path));
 
-// Throws Error "Camera ID: what", for lenses and names that a format can't hold.
-[[noreturn]] void refuse_camera(const Camera& camera, const std::string& what);
+// Throws Error "Camera ID: what", for lenses and names that a format cannot hold.
+[[noreturn]] void throw_camera_error(const Camera& camera, const std::string& what);
 
-// How far apart two descriptions of the same cameras are, in pixels: the largest distance between where camera i of `b`
-// and camera i of `a` see the same point, over 9 x 9 points of each image of `a`, at `distance` metres along the axis
-// and far away. Infinity if the numbers of cameras differ or `b` does not see a point.
+// Returns the maximum difference in pixels between two descriptions of the same cameras. Projects 9 x 9 points of each
+// image of `a`, at `distance` metres along the axis and at infinity, into `b`. Returns infinity if the numbers of
+// cameras differ or a camera of `b` does not see a point.
 double max_reprojection_error(const Rig& a, const Rig& b, double distance);
 
 // Kalibr's camchain.yaml (https://github.com/ethz-asl/kalibr/wiki/yaml-formats): cam0, cam1, ..., each with
@@ -70,121 +67,118 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance);
 //   distortion_coeffs; resolution: [width, height]; rostopic;
 //   T_cn_cnm1 (from cam1 on): camera n from camera n - 1, metres; T_cam_imu (or its inverse, T_imu_cam): camera from
 //   the body's frame; timeshift_cam_imu: the camera's time_offset, seconds.
-// Pixels and axes as ours. All functions throw Error naming file and place.
-// Other models (omni, eucm, ds; equidistant, fov) are refused. The world is the IMU's frame where the first camera has
-// T_cam_imu, else the first camera's. Numbers may have gaps: the camera after a gap needs T_cam_imu. A camera's id is
-// its number, its name the topic without a leading "/" and a trailing "/image_raw".
+// Pixel coordinates and axes are the same as in a rig. Other lens models (omni, eucm, ds; equidistant, fov) are
+// rejected. The world is the IMU frame if the first camera has T_cam_imu, otherwise the first camera's frame. Camera
+// numbers may have gaps; the camera after a gap needs T_cam_imu. The id is the camera number, and the name is the topic
+// without a leading "/" and a trailing "/image_raw". All functions throw Error with file and place.
 RigImport import_kalibr(const std::string& path);
-// T_cam_imu carries the rig's world. Kalibr numbers cameras from 0 and has no place for images and sources.
+// T_cam_imu holds the rig's world. Kalibr numbers cameras from 0 and cannot hold images and sources.
 RigExport export_kalibr(const Rig& rig, const std::string& path);
 
-// NeRF's transforms.json as instant-ngp and nerfstudio read and write it. A camera is an element of "frames":
+// NeRF's transforms.json as read and written by instant-ngp and nerfstudio. A camera is an element of "frames":
 //   file_path, transform_matrix (4x4, world from camera; the camera's x right, y up, z back)
-// with its lens there or, for all, at the top: camera_model (OPENCV, PINHOLE, SIMPLE_PINHOLE), fl_x, fl_y, cx, cy, w,
-// h, k1, k2, p1, p2 (or nerfstudio's distortion_params); or camera_angle_x (radians) alone. Pixels have their centres
-// at (0.5, 0.5). nerfstudio's applied_transform and applied_scale are undone, so that positions are in the units of the
-// capture, which are taken as metres. instant-ngp's scale and offset do not change the file's poses.
-// All functions throw Error naming file and place. Refused: other lens models and terms, and frames of different
-// "time", because a rig is one instant. Without w and h the size is that of the image file, whose name may lack its
-// ".png". A camera's name is the file's without folder and ending.
+// The lens is in the frame, or at the top level for all frames: camera_model (OPENCV, PINHOLE, SIMPLE_PINHOLE), fl_x,
+// fl_y, cx, cy, w, h, k1, k2, p1, p2 (or nerfstudio's distortion_params); or only camera_angle_x (radians). Pixel
+// centres are at (0.5, 0.5). nerfstudio's applied_transform and applied_scale are undone, which restores the units of
+// the capture; these are taken as metres. instant-ngp's scale and offset do not affect the poses in the file. Rejects
+// other lens models and terms, and frames with different "time", because a rig is a single instant. If w and h are
+// missing, the size comes from the image file. A file_path may lack its ".png". The camera name is the file name
+// without folder and extension. All functions throw Error with file and place.
 RigImport import_nerf(const std::string& path);
-// Every frame has a lens of its own. Images are given relative to `path`.
 RigExport export_nerf(const Rig& rig, const std::string& path);
 
-// The Stanford light field archive (http://lightfield.stanford.edu): rectified images whose names say where they were
-// taken, out_ROW_COLUMN_Y_X_.png, such as out_00_01_-381.909271_1038.347534_.png: y downwards, x to the right, in units
-// that the archive leaves open. All cameras look the same way, and a point at the focus distance is at the same pixel
-// in all images: the lens moves with the camera.
+// The Stanford light field archive (http://lightfield.stanford.edu): rectified images with the camera position in the
+// file name, out_ROW_COLUMN_Y_X_.png, such as out_00_01_-381.909271_1038.347534_.png. y points down and x to the right;
+// the unit is unspecified. All cameras have the same orientation. A point at the focus distance is at the same pixel in
+// all images, because the lens moves with the camera.
 
 struct StanfordOptions {
-  double f = 0;               // pixels; the names do not tell
-  double focus_distance = 0;  // metres; 0: far away, where points stand still in unshifted images
+  double f = 0;               // pixels; not in the file names
+  double focus_distance = 0;  // metres; 0: infinity, for unshifted images
   double unit = 1e-3;         // metres
 };
 
-// Imports all files in `directory` with such names, row by row; a grid where no place is empty. The axis of the middle
-// of the array goes through the middle of the images. Throws Error naming the file or the option.
+// Imports all matching files in `directory`, row by row; a grid if no position is empty. The optical axis at the middle
+// of the array passes through the middle of the images. Throws Error with the file or the option.
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options);
 
-// Copies the images under such names into `directory`, which is made where it is missing. The rig must be a grid of
-// cameras in one plane that look at right angles to it with one focal length and without distortion, their principal
-// points shifted for one focus distance; up to a turn of the whole: otherwise Error says by how many pixels it differs.
-// The notes have the options that bring it back.
+// Copies the images with archive names into `directory`, which is created if missing. The rig must be a grid of cameras
+// in one plane, looking perpendicular to the plane, with one focal length and no distortion. Principal points must be
+// shifted for one focus distance. The whole rig may be rotated. Otherwise throws Error with the difference in pixels.
+// The notes contain the import options that restore the rig.
 RigExport export_stanford(const Rig& rig, const std::string& directory, double unit = StanfordOptions().unit);
 
 // COLMAP's text models (https://colmap.github.io/format.html): cameras.txt and images.txt; points3D.txt is not needed.
-// COLMAP puts the centre of the top-left pixel at (0.5, 0.5) and stores camera_from_world; lens models are its own.
-// All functions throw Error naming file and line, or the camera.
+// COLMAP puts the centre of the top-left pixel at (0.5, 0.5), stores camera_from_world, and has its own lens models.
+// All functions throw Error with file and line, or with the camera.
 
 struct ColmapImportOptions {
-  // Folder of the image files. "": `images` in the model's folder if there is one; else files are not looked at and
-  // Camera::image is NAME (nothing if that has no ending like an image's).
+  // Folder of the image files. "": the model's folder `images` if it exists. Otherwise files are not read, and
+  // Camera::image is NAME if it has an image extension.
   std::string images;
-  // The image files are the undistorted ones (COLMAP's image_undistorter): PINHOLE with the focal length of cameras.txt
-  // and the size of each file; the principal point moves with the size, so that the middle stays the middle.
-  // Otherwise a file of another size than its camera is an error.
+  // The image files are undistorted (COLMAP's image_undistorter): PINHOLE with the focal length of cameras.txt and the
+  // size of each file; the principal point keeps its offset from the image centre. If false, a file size that differs
+  // from its camera's size is an error.
   bool undistorted = false;
-  // A grid of the cameras in the natural order of their names (see natural_less()), refused where its cells do not lie
-  // side by side in space; 0: see fit_topology(), cameras in the order of images.txt.
+  // Grid of the cameras in natural order of their names (see natural_less()). Throws Error if the cells are not side by
+  // side in space. 0: cameras in the order of images.txt and a topology by fit_topology().
   int rows = 0, columns = 0;
 };
 
-// Makes one camera of each image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under
-// its name is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"),
-// where there is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
+// Makes a camera for each image: id = IMAGE_ID, name = NAME without its extension. If no image file has this name, uses
+// the only file with a matching suffix, in either direction ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"). Rejects
+// lens models without an exact equivalent, unless `undistorted`.
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
 
-// Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
-// is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
+// Writes cameras.txt, images.txt and an empty points3D.txt (required by COLMAP) into `directory`, which is created if
+// missing. NAME is Camera::image, or the camera's name without an image. Numbers round-trip exactly.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
 
-// The text files of a COLMAP model (https://colmap.github.io/format.html), with the numbers as they stand there:
-// COLMAP's conventions, not ours. See import_colmap() for a rig.
+// The text files of a COLMAP model, with unconverted numbers in COLMAP's conventions. See import_colmap() for a rig.
 
 struct ColmapCamera {
-  std::string model;           // any of COLMAP's
+  std::string model;
   int width = 0, height = 0;   // pixels, 1..kMaxImageSize
-  std::vector<double> params;  // as many numbers as the model takes: `num_focal` focal lengths, cx, cy, distortion
+  std::vector<double> params;  // `num_focal` focal lengths, cx, cy, distortion
   size_t num_focal = 1;
 };
 
 struct ColmapImage {
   uint32_t id = 0, camera_id = 0;
-  Quat q{1, 0, 0, 0};  // camera_from_world, of unit norm
+  Quat q{1, 0, 0, 0};  // camera_from_world, unit norm
   Vec3 t{0, 0, 0};     // camera_from_world
   std::string name;    // name of the image file; may have spaces and folders
 };
 
-// Reads cameras.txt; cameras by CAMERA_ID. Throws Error naming file and line.
+// Returns the cameras of cameras.txt by CAMERA_ID. Throws Error with file and line.
 std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path);
-// Reads images.txt, in the order of the file; 2D points are checked for form and dropped. Throws Error naming file and
-// line.
+// Returns the images of images.txt in file order. Checks the syntax of 2D points and drops them. Throws Error with file
+// and line.
 std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras);
 
-// Numbers are written so that they read back as the same numbers.
+// Numbers round-trip exactly.
 std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
 std::string colmap_images_text(const std::vector<ColmapImage>& images);
 
-// The image files below a folder, to be found by the names that some other program knew them by.
 class ImageSearch {
  public:
   // Throws Error if `directory` is not a folder.
   explicit ImageSearch(const std::string& directory);
 
-  // The path of the file called `name` (which may have folders in it). Where there is none: of the one file whose name
-  // ends `name`, or that `name` ends with, at a place where a word begins. Throws Error if there is no such file, or
-  // more than one.
+  // Returns the path of the file `name`, which may include folders. Otherwise returns the only file with a matching
+  // suffix: its name ends with `name`, or `name` ends with its name, at the start of a word. Throws Error if no file or
+  // several files match.
   std::string find(const std::string& name) const;
   size_t size() const { return files_.size(); }
 
  private:
-  struct Ending {
+  struct Suffix {
     size_t files = 0;
-    std::string first, second;  // in the order of files_
+    std::string first, second;
   };
   std::string directory_;
-  std::vector<std::string> files_;                   // relative to directory_, sorted
-  std::unordered_map<std::string, Ending> endings_;  // what a file's name ends with, from where a word begins
+  std::vector<std::string> files_;                    // relative to directory_, sorted
+  std::unordered_map<std::string, Suffix> suffixes_;  // suffixes of file names that start at a word
 };
 
 // OpenCV's FileStorage in YAML, with the key names of its calibration samples. One entry per camera:
@@ -198,57 +192,59 @@ class ImageSearch {
 //         distortion_coefficients: !!opencv-matrix        # a row or a column of 4, 5, 8, 12 or 14: k1 k2 p1 p2 ...
 //         R: !!opencv-matrix                              # 3x3, X_camera = R X_world + T, metres
 //         T: !!opencv-matrix                              # 3x1
-// Pixels as ours: (0, 0) is the centre of the top-left one. R and T default to none. Also read:
-// - camera_matrix at the top, as OpenCV's calibration sample and ROS write it: one camera at the origin;
-// - M1, D1, M2, D2, R, T, as OpenCV's stereo sample writes them: two cameras. R and T may be in extrinsics.yml beside
-//   the file. The size must be there: image_width and image_height, or image_size: [width, height].
-// All functions throw Error naming file and place. Terms beyond p2 must be 0.
+//
+// Pixel coordinates are the same as in a rig: (0, 0) is the centre of the top-left pixel. R and T default to identity.
+// Also read:
+// - camera_matrix at the top level, as written by OpenCV's calibration sample and ROS: one camera at the origin;
+// - M1, D1, M2, D2, R, T, as written by OpenCV's stereo sample: two cameras. R and T may be in extrinsics.yml next to
+//   the file. The file must hold the size: image_width and image_height, or image_size: [width, height].
+// All functions throw Error with file and place. Terms beyond p2 must be 0.
 RigImport import_opencv_yaml(const std::string& path);
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 
-// Lenses and poses in the terms that OpenCV, Kalibr and NeRF files share.
+// Lenses and poses in the conventions that OpenCV, Kalibr and NeRF files share.
 
 // fx, fy, cx, cy.
-using FocalAndCentre = std::array<double, 4>;
+using PinholeParams = std::array<double, 4>;
 
-// The lens with `distortion` k1, k2, p1, p2 (fewer: the rest is 0), under the shortest of our model names that holds
-// it. (0, 0) is the centre of the top-left pixel. Throws Error.
-Lens lens_of_opencv_terms(const FocalAndCentre& pinhole, const std::vector<double>& distortion);
+// Returns the lens with `distortion` k1, k2, p1, p2 (missing terms are 0), as the simplest model that holds the terms.
+// (0, 0) is the centre of the top-left pixel. Throws Error.
+Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion);
 
-// A rotation with what comes after it: x -> rotation x + translation.
-struct RigidMotion {
+// A rigid transform: x -> rotation x + translation.
+struct RigidTransform {
   Mat3 rotation{1};
   Vec3 translation{0, 0, 0};
 
   Vec3 operator()(const Vec3& x) const { return rotation * x + translation; }
-  RigidMotion operator*(const RigidMotion& first) const;  // `first`, then this
-  RigidMotion inverse() const;
+  RigidTransform operator*(const RigidTransform& first) const;  // applies `first`, then this
+  RigidTransform inverse() const;
 };
 
-RigidMotion camera_from_world(const Pose& pose);
-Pose pose_of_camera_from_world(const RigidMotion& motion);
-Pose pose_of_world_from_camera(const RigidMotion& motion);
+RigidTransform camera_from_world(const Pose& pose);
+Pose pose_of_camera_from_world(const RigidTransform& motion);
+Pose pose_of_world_from_camera(const RigidTransform& motion);
 
-// The rotation nearest to `matrix`. `value` fails if that is farther than the rounding of a file of 4 digits.
+// Returns the rotation nearest to `matrix`. Calls value.fail() if the difference exceeds rounding to 4 digits.
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);
-// [[r, r, r, t], ...]: 3 rows, or 4 with 0 0 0 1.
-RigidMotion parse_rigid_motion(const JsonValue& rows);
-// The motion as text that is JSON and YAML at once, with a fourth row.
-std::string rigid_motion_text(const RigidMotion& motion);
+// Parses [[r, r, r, t], ...]: 3 rows, or 4 with 0 0 0 1.
+RigidTransform parse_rigid_transform(const JsonValue& rows);
+// Returns the transform as text that is valid JSON and YAML, with a fourth row.
+std::string rigid_transform_text(const RigidTransform& motion);
 
-// Checks the keys of another program's file, in every object of it.
+// Checks the keys of all objects in another program's file.
 //
-// Some keys change the meaning of others: they select a fisheye or a panoramic lens, skew, a rolling shutter or other
-// axes. No importer reads these keys, so any value but a neutral one (false, 0, null, "", "none") throws Error with
-// file, place, key and a remedy. The same holds for keys that name a lens model other than a pinhole with radial and
-// tangential distortion.
+// Some keys change the meaning of other keys: they select a fisheye or panoramic lens, skew, a rolling shutter or other
+// axes. No importer supports these keys. A non-neutral value (other than false, 0, null, "", "none") throws Error with
+// file, place, key and a remedy. Keys with a lens model other than a pinhole with radial and tangential distortion
+// throw as well.
 //
-// Returns a note that lists the keys that are neither in `known` nor dangerous, or nothing. `known` holds what the
-// importer reads and what does not matter to a rig. `path` stands for the file in messages.
+// Returns a note with the harmless keys that are not in `known`, or nothing. `known` lists the keys that the importer
+// reads and keys without effect on a rig. `path` is the file name in messages.
 std::vector<std::string> check_foreign_keys(const nlohmann::json& root, const std::string& path,
                                             const std::set<std::string_view>& known);
 
-// What to do about a lens that no rig can hold; ends messages.
+// Ends messages about a lens that a rig cannot hold, with a remedy.
 extern const char kUndistortRemedy[];
 
 }  // namespace lf

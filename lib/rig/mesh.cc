@@ -50,7 +50,7 @@ std::vector<Triangle> delaunay_triangles(const CameraCentres& centres, const Pla
   std::vector<IntPoint> points;
   for (const CameraIndex i : in_service) points.push_back(quantise(centres.at[i], plane, centres.quantum));
   std::vector<Triangle> faces = delaunay(points);
-  // in_service ascends, so lowest-first and sorted stay so.
+  // in_service is ascending, so lowest-first and sorted order are preserved.
   for (Triangle& t : faces) t = {in_service[t[0]], in_service[t[1]], in_service[t[2]]};
   return faces;
 }
@@ -66,7 +66,7 @@ PlaneAxes plane_of_cameras(const Rig& rig, const CameraCentres& centres) {
 
 bool any_has_area(const std::vector<Triangle>& faces, const CameraCentres& centres) {
   return std::any_of(faces.begin(), faces.end(), [&](const Triangle& t) {
-    return !on_one_line(centres.at[t[0]], centres.at[t[1]], centres.at[t[2]], centres.quantum);
+    return !are_collinear(centres.at[t[0]], centres.at[t[1]], centres.at[t[2]], centres.quantum);
   });
 }
 
@@ -84,7 +84,7 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
     if (!is_out[i]) in_service.push_back(i);
     positions.push_back(rig.cameras[i].pose.position);
   }
-  // Of all cameras: coordinates do not change when a camera fails.
+  // Computed from all cameras, so that coordinates do not change when a camera fails.
   const CameraCentres centres = normalised_centres(positions);
   const PlaneAxes plane = plane_of_cameras(rig, centres);
 
@@ -104,7 +104,7 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
   return mesh;
 }
 
-CameraSet corner_cameras(const Rig& rig) {
+CameraSet hull_cameras(const Rig& rig) {
   std::vector<Vec3> positions;
   for (const Camera& camera : rig.cameras) positions.push_back(camera.pose.position);
   const CameraCentres centres = normalised_centres(positions);
@@ -116,7 +116,7 @@ CameraSet corner_cameras(const Rig& rig) {
   std::ranges::sort(places);
   const auto same_place = [](const Place& a, const Place& b) { return a.first == b.first; };
   places.erase(std::unique(places.begin(), places.end(), same_place), places.end());
-  // Its lower and its upper half (Andrew 1979).
+  // Lower and upper half of the hull (Andrew 1979).
   CameraSet corners;
   for (int half = 0; half < 2; ++half) {
     std::vector<Place> chain;
@@ -133,7 +133,7 @@ CameraSet corner_cameras(const Rig& rig) {
   return corners;
 }
 
-CameraSet out_of_mesh(const CameraSet& lost, const CameraSet& corners, size_t num_cameras) {
+CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras) {
   if (lost.size() + 3 > num_cameras) return lost;
   CameraSet out;
   std::ranges::set_difference(lost, corners, std::back_inserter(out));
@@ -150,7 +150,6 @@ const Mesh& MeshCache::get(const Rig& rig, const CameraSet& out_of_service) {
 
 namespace {
 
-// Unit vector perpendicular to the unit vector `line`.
 Vec3 strip_extent(const Rig& rig, std::span<const CameraIndex> in_service, const Vec3& line) {
   Vec3 forward(0), down(0);
   for (const CameraIndex i : in_service) {
@@ -162,7 +161,7 @@ Vec3 strip_extent(const Rig& rig, std::span<const CameraIndex> in_service, const
   if (glm::length(across) > enough) return glm::normalize(across);
   const Vec3 downwards = down - line * glm::dot(line, down);
   if (glm::length(downwards) > enough) return glm::normalize(downwards);
-  // Cameras that look every way: any perpendicular will do, if it is the same everywhere.
+  // The cameras look in all directions: any perpendicular works if it is the same on every machine.
   const Vec3 size = glm::abs(line);
   const Vec3 axis = size.x <= size.y && size.x <= size.z ? Vec3(1, 0, 0)
                     : size.y <= size.z                   ? Vec3(0, 1, 0)
@@ -200,19 +199,20 @@ std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> i
 
 namespace {
 
-constexpr double kLeastCosine = 0.25;   // of the angle between an optical axis and the normal of a face: 75 degrees
-constexpr double kThinTriangle = 0.02;  // height over the longest side; as the slivers of check_rig()
-constexpr double kFlatRow = 0.1;        // height of a row over the distance of neighbours
-constexpr double kSuits = 0.9;          // share of triangles and cameras of a mesh that is kept
-constexpr double kMostFolded = 0.002;   // height over the longest side of a grid's triangle that counts as flat
+constexpr double kMinCosine = 0.25;     // minimum cosine between an optical axis and a face normal: 75 degrees
+constexpr double kThinTriangle = 0.02;  // height over the longest side; same as the slivers of check_rig()
+constexpr double kFlatRow = 0.1;        // height of a row over the distance between neighbours
+constexpr double kSuits = 0.9;          // minimum share of well-placed triangles and cameras for keeping a mesh
+constexpr double kMaxFolded = 0.002;    // height over the longest side below which a grid triangle counts as flat
 
-// The cross product of two sides over the square of the longest: its length is the height over the longest side.
+// Returns the cross product of two sides over the square of the longest side. Its length is the height over the longest
+// side.
 Vec3 relative_normal(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double longest = std::max({glm::length(b - a), glm::length(c - b), glm::length(a - c)});
   return longest > 0 ? glm::cross((b - a) / longest, (c - a) / longest) : Vec3(0);
 }
 
-// Positions within +-1 and unit axes.
+// Positions within +-1, and unit viewing directions.
 struct CameraAxes {
   std::vector<Vec3> at, forward;
   CameraCentres centres;
@@ -232,7 +232,8 @@ std::optional<CameraAxes> looks_of(const Rig& rig) {
   return looks;
 }
 
-// Whether all corners look through the triangle to one side. `outwards`: the side that its normal must be on, 0: any.
+// True if all corners look through the triangle to the same side. `side` 0: either side; otherwise the side relative to
+// `outwards`.
 bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Vec3& outwards) {
   Vec3 normal = relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]]);
   const double height = glm::length(normal);
@@ -245,13 +246,13 @@ bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Ve
     least = std::min(least, cosine);
     most = std::max(most, cosine);
   }
-  return (side >= 0 && least >= kLeastCosine) || (side <= 0 && most <= -kLeastCosine);
+  return (side >= 0 && least >= kMinCosine) || (side <= 0 && most <= -kMinCosine);
 }
 
-// How well triangles suit the cameras, 0..1.
+// How well a triangulation suits the viewing directions, 0..1.
 struct Fit {
-  double triangles = 1;  // share of them that cameras look through; slivers do not count
-  double cameras = 0;    // share that are corners of such triangles
+  double triangles = 1;  // share of triangles with cameras that look through them, without slivers
+  double cameras = 0;    // share of cameras at a corner of such a triangle
   double both() const { return triangles * cameras; }
 };
 
@@ -278,7 +279,7 @@ std::vector<Triangle> triangles_of(const Mesh& mesh) {
   return triangles;
 }
 
-// A row or an arc of less than half a circle, whose cameras look across it.
+// True for a row, or an arc of less than half a circle, of cameras that look across the row.
 bool is_row(const CameraAxes& looks) {
   const Vec3 line = principal_axes(looks.at).x;
   Vec3 forward(0);
@@ -297,7 +298,7 @@ bool is_row(const CameraAxes& looks) {
   return high - low < kFlatRow * (right - left) / static_cast<double>(looks.at.size() - 1);
 }
 
-// The point nearest to all optical axes in the sense of least squares. Nothing where the axes are nearly parallel.
+// Returns the least-squares nearest point to all optical axes, or nullopt if the axes are nearly parallel.
 std::optional<Vec3> centre_of_axes(const CameraAxes& looks) {
   Mat3 sum(0.0);
   Vec3 right_side(0);
@@ -312,7 +313,8 @@ std::optional<Vec3> centre_of_axes(const CameraAxes& looks) {
   return glm::inverse(sum) * right_side;
 }
 
-// Where the sphere has its largest gap, of a few directions: the pole of the stereographic projection.
+// Returns the direction with the largest gap on the sphere, from a few candidates: the pole of the stereographic
+// projection.
 Vec3 emptiest_direction(const std::vector<Vec3>& directions) {
   const PlaneAxes axes = principal_axes(directions);
   Vec3 mean(0);
@@ -333,9 +335,8 @@ Vec3 emptiest_direction(const std::vector<Vec3>& directions) {
   return best;
 }
 
-// The triangles that close the hull of a triangulation: on a sphere there is no outside.
 void close_hull(std::vector<Triangle>& triangles) {
-  std::map<std::pair<CameraIndex, CameraIndex>, bool> edges;  // whether the triangle on the other side is there
+  std::map<std::pair<CameraIndex, CameraIndex>, bool> edges;  // true if the triangle on the other side exists
   for (const Triangle& t : triangles)
     for (int k = 0; k < 3; k++) edges[{t[k], t[(k + 1) % 3]}] = true;
   std::map<CameraIndex, CameraIndex> next;
@@ -347,12 +348,11 @@ void close_hull(std::vector<Triangle>& triangles) {
   for (size_t n = 0; n < next.size(); n++) {
     const auto after = next.find(at);
     if (after == next.end() || after->second == first) return;
-    triangles.push_back(lowest_first({first, at, after->second}));
+    triangles.push_back(canonical_triangle({first, at, after->second}));
     at = after->second;
   }
 }
 
-// Of cameras around a centre. Empty where they are not.
 std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
   const std::optional<Vec3> centre = centre_of_axes(looks);
   if (!centre) return {};
@@ -383,7 +383,7 @@ std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
   close_hull(triangles);
   std::vector<Triangle> kept;
   for (const Triangle& t : triangles) {
-    const Triangle named = lowest_first({cameras[t[0]], cameras[t[1]], cameras[t[2]]});
+    const Triangle named = canonical_triangle({cameras[t[0]], cameras[t[1]], cameras[t[2]]});
     const Vec3 outwards = directions[t[0]] + directions[t[1]] + directions[t[2]];
     if (look_through(looks, named, inwards ? -1 : 1, outwards)) kept.push_back(named);
   }
@@ -394,7 +394,7 @@ std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
 
 }  // namespace
 
-double share_looked_through(const Rig& rig, const Mesh& mesh) {
+double share_facing_cameras(const Rig& rig, const Mesh& mesh) {
   const std::vector<Triangle> triangles = triangles_of(mesh);
   const std::optional<CameraAxes> looks = looks_of(rig);
   return triangles.empty() || !looks ? 1 : fit_of(*looks, triangles).triangles;
@@ -408,7 +408,7 @@ std::vector<std::string> fit_topology(Rig& rig) {
   if (flat.empty()) return {};
   if (is_row(*looks)) {
     rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
-    return {"the cameras stand in a row: views blend along it (topology: no triangles)"};
+    return {"the cameras form a row: views blend along it (topology: no triangles)"};
   }
   const double share = fit_of(*looks, flat).both();
   if (share >= kSuits) return {};
@@ -417,14 +417,14 @@ std::vector<std::string> fit_topology(Rig& rig) {
   if (const double share_around = fit_of(*looks, around).both(); share_around > share) {
     rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
     rig.topology.triangles = std::move(around);
-    return {std::string("the cameras stand around a place and look ") + (inwards ? "at it" : "away from it") +
-            ": the mesh goes around it (" + std::to_string(rig.topology.triangles.size()) + " triangles)"};
+    return {std::string("the cameras surround a point and look ") + (inwards ? "at it" : "away from it") +
+            ": the mesh surrounds the point (" + std::to_string(rig.topology.triangles.size()) + " triangles)"};
   }
   if (share >= 0.5) return {};
   return {
-      "no mesh suits the directions of the cameras, most look along it: views between them will stay black. A "
-      "ring that looks inwards needs two rows; of a ring with one row, lf-rig subset makes an arc of less than "
-      "half a circle"};
+      "no mesh suits the viewing directions, most cameras look along its faces: views between cameras stay "
+      "black. An inward-looking ring needs two rows. For a ring with one row, use lf-rig subset to keep an arc of "
+      "less than half a circle"};
 }
 
 std::optional<GridFault> find_grid_fault(const Rig& rig) {
@@ -433,13 +433,13 @@ std::optional<GridFault> find_grid_fault(const Rig& rig) {
   const std::optional<CameraAxes> looks = looks_of(rig);
   if (!looks) return std::nullopt;
   const std::vector<Triangle> triangles = triangles_of(build_mesh(rig));
-  // On which side of its triangle the cameras look: 1, -1, or 0 for a flat triangle.
+  // The side of each triangle that the cameras look to: 1, -1, or 0 for a flat triangle.
   std::vector<int> sides;
   int balance = 0;
   for (const Triangle& t : triangles) {
     const Vec3 normal = relative_normal(looks->at[t[0]], looks->at[t[1]], looks->at[t[2]]);
     const double cosine = glm::dot(normal, looks->forward[t[0]] + looks->forward[t[1]] + looks->forward[t[2]]);
-    sides.push_back(glm::length(normal) < kMostFolded ? 0 : cosine > 0 ? 1 : -1);
+    sides.push_back(glm::length(normal) < kMaxFolded ? 0 : cosine > 0 ? 1 : -1);
     balance += sides.back();
   }
   const int usual = balance < 0 ? -1 : 1;
@@ -453,15 +453,15 @@ std::optional<GridFault> find_grid_fault(const Rig& rig) {
       return text.empty() ? "camera " + std::to_string(rig.cameras[camera].id) : text;
     };
     const Triangle& t = triangles[i];
-    fault.text = name(t[0]) + ", " + name(t[1]) + ", " + name(t[2]) +
-                 (sides[i] == 0 ? " stand in one line" : " are turned over");
+    fault.text =
+        name(t[0]) + ", " + name(t[1]) + ", " + name(t[2]) + (sides[i] == 0 ? " are collinear" : " are turned over");
   }
   if (fault.folded == 0 && triangles.size() > 0) return std::nullopt;
   if (triangles.empty()) {
     fault.folded = fault.triangles = 2 * static_cast<size_t>(grid.rows - 1) * static_cast<size_t>(grid.columns - 1);
-    fault.text = "all cameras stand in one line";
+    fault.text = "all cameras are collinear";
   }
-  fault.text = "the cameras are no grid of " + std::to_string(grid.rows) + "x" + std::to_string(grid.columns) +
+  fault.text = "the cameras form no grid of " + std::to_string(grid.rows) + "x" + std::to_string(grid.columns) +
                " in this order: " + fault.text + " (" + std::to_string(fault.folded) + " of " +
                std::to_string(fault.triangles) + " triangles)";
   return fault;

@@ -18,12 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-constexpr double kNerfPixelCentre = 0.5;  // where NeRF has the centre of the top-left pixel
+constexpr double kNerfPixelCentre = 0.5;  // NeRF's centre of the top-left pixel
 
-// Between its axes (y up, z back) and ours, both ways.
+// Converts between NeRF's axes (y up, z back) and rig axes, in both directions.
 Mat3 turned(const Mat3& rotation) { return {rotation[0], -rotation[1], -rotation[2]}; }
 
-// A frame, with the top of the file behind it.
+// A frame; missing keys are looked up at the top level of the file.
 class Frame {
  public:
   Frame(const JsonValue& frame, const JsonValue& file) : frame_(frame), file_(file) {}
@@ -40,7 +40,7 @@ class Frame {
   const JsonValue &frame_, &file_;
 };
 
-// k1, k2, p1, p2, as keys of their own or as nerfstudio's distortion_params [k1, k2, k3, k4, p1, p2].
+// Returns k1, k2, p1, p2, from separate keys or from nerfstudio's distortion_params [k1, k2, k3, k4, p1, p2].
 std::vector<double> distortion_of(const Frame& frame) {
   if (const auto params = frame.find("distortion_params")) {
     std::vector<double> k;
@@ -60,39 +60,38 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   double fy = frame.number("fl_y", 0);
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {
-    return lens_of_opencv_terms({fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
-                                 frame.number("cy", height / 2.0) - kNerfPixelCentre},
-                                distortion_of(frame));
+    return lens_from_opencv({fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
+                             frame.number("cy", height / 2.0) - kNerfPixelCentre},
+                            distortion_of(frame));
   } catch (const Error& e) {
     place.fail(e.what());
   }
 }
 
-// Undoes what nerfstudio did to the poses of a capture.
 class AppliedTransform {
  public:
   AppliedTransform(const JsonValue& file, std::vector<std::string>& notes) {
     const auto motion = file.find("applied_transform"), scale = file.find("applied_scale");
-    if (motion) undo_ = parse_rigid_motion(*motion).inverse();
+    if (motion) undo_ = parse_rigid_transform(*motion).inverse();
     if (scale) scale_ = scale->number();
     if (scale && !(scale_ > 0)) scale->fail("must be positive");
     if (motion || scale_ != 1)
       notes.push_back(std::string("positions and axes are those before ") + (motion ? "applied_transform" : "") +
                       (motion && scale_ != 1 ? " and " : "") + (scale_ != 1 ? "applied_scale" : ""));
   }
-  RigidMotion undone(RigidMotion world_from_camera) const {
+  RigidTransform undone(RigidTransform world_from_camera) const {
     world_from_camera.translation /= scale_;
     return undo_ * world_from_camera;
   }
 
  private:
-  RigidMotion undo_;
+  RigidTransform undo_;
   double scale_ = 1;
 };
 
-// Which file a name means: the name itself, the name with ".png", or the name with Windows' separators replaced.
+// Returns the file for a name: the name itself, the name with ".png", or the name with backslashes replaced.
 fs::path file_of(const fs::path& directory, const std::string& name) {
-  std::error_code ignored;  // a name that no file can have is left as it is
+  std::error_code ignored;  // invalid names are returned unchanged
   if (fs::exists(directory / name, ignored)) return name;
   if (fs::exists(directory / (name + ".png"), ignored)) return name + ".png";
   std::string slashes = name;
@@ -120,14 +119,14 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
     camera.height = size.height;
   }
   camera.lens = parse_lens(frame, value, camera.width, camera.height);
-  RigidMotion motion = applied.undone(parse_rigid_motion(value.at("transform_matrix")));
+  RigidTransform motion = applied.undone(parse_rigid_transform(value.at("transform_matrix")));
   motion.rotation = turned(motion.rotation);
   camera.pose = pose_of_world_from_camera(motion);
   return camera;
 }
 
-// Frames of different times are a film of one moving camera, or several instants of an array.
-class OneInstant {
+// Frames with different times are a film from one moving camera, or several instants of an array.
+class SingleTimeCheck {
  public:
   void add(const JsonValue& frame) {
     const auto time = frame.find("time");
@@ -135,14 +134,14 @@ class OneInstant {
     if (!first_) first_ = time->number();
     if (time->number() != *first_)
       time->fail("is " + number_text(time->number()) + ", an earlier frame has " + number_text(*first_) +
-                 ": a rig is one instant. Keep the frames of one time and remove the others");
+                 ": a rig is one instant. Keep only the frames of one time");
   }
 
  private:
   std::optional<double> first_;
 };
 
-// Read, or without meaning for a rig. Masks and depths are left to the note.
+// Keys that are read or irrelevant for a rig. Masks and depths appear in the note.
 const std::set<std::string_view> kNerfKeys = {"frames",
                                               "file_path",
                                               "transform_matrix",
@@ -196,7 +195,7 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   if (values.size() > kMaxCameras) frames.fail("at most " + std::to_string(kMaxCameras) + " cameras");
   result.notes = check_foreign_keys(root, path, kNerfKeys);
   const AppliedTransform applied(file, result.notes);
-  OneInstant instant;
+  SingleTimeCheck instant;
   for (const JsonValue& value : values) {
     instant.add(value);
     result.rig.cameras.push_back(parse_camera(value, file, fs::path(path).parent_path(), applied));

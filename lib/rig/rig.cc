@@ -26,7 +26,7 @@ class Fnv1a {
   void add(uint64_t value) {
     for (int i = 0; i < 8; i++) hash_ = (hash_ ^ ((value >> (8 * i)) & 0xff)) * 0x100000001b3;
   }
-  void add(double value) { add(std::bit_cast<uint64_t>(value + 0.0)); }  // -0 and 0 make the same picture
+  void add(double value) { add(std::bit_cast<uint64_t>(value + 0.0)); }  // + 0.0 turns -0 into 0
   void add(const Vec3& v) {
     for (int i = 0; i < 3; i++) add(v[i]);
   }
@@ -36,7 +36,7 @@ class Fnv1a {
   uint64_t hash_ = 0xcbf29ce484222325;
 };
 
-// The columns and rows of a grid that `indices` are the full product of, in ascending row-major order.
+// True if `indices` are the full product of some rows and columns of the grid, in ascending row-major order.
 bool find_sub_grid(const Topology& grid, const std::vector<CameraIndex>& indices, int* rows, int* columns) {
   const CameraIndex stride = grid.columns;
   size_t width = 0;
@@ -56,7 +56,6 @@ void require_length(const char* what, double value) {
   if (!(value > 0 && is_finite(value))) throw Error(std::string(what) + ": must be positive");
 }
 
-// A row of cameras in one place each, with lens, size, id and name; `place` says where the i-th stands and looks.
 template <typename Place>
 Rig row_of(int cameras, double fov_y_deg, int width, int height, Place place) {
   Rig rig = make_grid_rig({1, cameras, 1, fov_y_deg, width, height});
@@ -111,7 +110,7 @@ bool Rig::has_colour() const {
 
 std::string Rig::resolve(const std::string& path) const {
   if (path.empty() || directory.empty() || is_uri(path)) return path;
-  return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
+  return (std::filesystem::path(directory) / path).string();
 }
 
 bool is_uri(const std::string& path) {
@@ -121,13 +120,13 @@ bool is_uri(const std::string& path) {
                                                              path[n] == '-' || path[n] == '.'))))
     n++;
   if (n < 2) return false;
-  // A colon alone is common in names of files: "cam-12:30:05.mkv".
+  // A colon alone is common in file names: "cam-12:30:05.mkv".
   const std::string_view scheme = std::string_view(path).substr(0, n), rest = std::string_view(path).substr(n);
   return rest.starts_with("://") || (scheme == "file" && rest.starts_with(":/")) ||
          ((scheme == "data" || scheme == "testbin") && rest.starts_with(":"));
 }
 
-void relocate(Rig& rig, const std::string& directory) {
+void rebase_paths(Rig& rig, const std::string& directory) {
   namespace fs = std::filesystem;
   const auto canonical = [](const fs::path& path) {
     std::error_code error;
@@ -138,18 +137,19 @@ void relocate(Rig& rig, const std::string& directory) {
   const fs::path to = canonical(directory.empty() ? "." : directory);
   const auto rewrite = [&](std::string& path) {
     if (path.empty() || is_uri(path) || fs::path(path).is_absolute()) return;
-    // Folders may be links, which ".." does not go back through; what the file itself is does not matter.
+    // Resolves symbolic links in the folder, because ".." does not go back through a link. The file itself may be a
+    // link.
     const fs::path from = fs::path(rig.directory.empty() ? "." : rig.directory) / path;
     path = (canonical(from.parent_path()) / from.filename()).lexically_relative(to).string();
   };
   for (Camera& camera : rig.cameras) {
     rewrite(camera.image);
-    if (!describes_elements(rig, camera.source)) rewrite(camera.source);
+    if (!is_launch_line(rig, camera.source)) rewrite(camera.source);
   }
   rig.directory = directory;
 }
 
-Rig sub_rig(const Rig& rig, const std::vector<CameraIndex>& indices) {
+Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
   if (indices.empty()) throw Error("a rig needs at least one camera");
   Rig sub;
   sub.directory = rig.directory;
@@ -172,14 +172,14 @@ Rig sub_rig(const Rig& rig, const std::vector<CameraIndex>& indices) {
   return sub;
 }
 
-Rig every_nth(const Rig& rig, int n) {
+Rig subsample_grid(const Rig& rig, int n) {
   if (rig.topology.type != Topology::Type::kGrid) throw Error("every: the rig's topology is not a grid");
   if (n < 1) throw Error("every: must be at least 1, is " + std::to_string(n));
   std::vector<CameraIndex> indices;
   for (int64_t row = 0; row < rig.topology.rows; row += n)
     for (int64_t column = 0; column < rig.topology.columns; column += n)
       indices.push_back(static_cast<CameraIndex>(row * rig.topology.columns + column));
-  return sub_rig(rig, indices);
+  return rig_subset(rig, indices);
 }
 
 std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& list) {
@@ -323,8 +323,8 @@ int widest_axis(const Rig& rig) {
   return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
 }
 
-// Two cameras are no farther apart than their distances from the centre together: pairs are tried from the outside in,
-// until these sums are no larger than what was found.
+// Two cameras are at most as far apart as the sum of their distances from the centre. Tries pairs from the outside in,
+// until these sums are no larger than the distance found.
 double largest_distance(const Rig& rig) {
   if (rig.cameras.size() < 2) return 0;
   const auto [least, most] = bounding_box(rig);
@@ -333,7 +333,6 @@ double largest_distance(const Rig& rig) {
   for (const Camera& camera : rig.cameras)
     places.emplace_back(glm::distance(camera.pose.position, centre), camera.pose.position);
   std::ranges::sort(places, [](const auto& a, const auto& b) { return a.first > b.first; });
-  // A good beginning: from the outermost camera to the farthest from it, and so on.
   double largest = 0;
   Vec3 from = places[0].second;
   for (int i = 0; i < 3; i++) {
@@ -350,7 +349,8 @@ double largest_distance(const Rig& rig) {
   return largest;
 }
 
-// From each camera both ways along the widest axis, as long as that distance alone is shorter than the nearest found.
+// Searches in both directions along the widest axis while the distance along the axis is below the nearest distance
+// found.
 double mean_nearest_distance(const Rig& rig) {
   if (rig.cameras.size() < 2) return 0;
   const int axis = widest_axis(rig);
@@ -411,7 +411,7 @@ Rig make_arc_rig(const ArcRigOptions& options) {
     throw Error("radius: " + std::to_string(options.cameras) +
                 " cameras at this pitch go around half the circle or more; make several rigs of them");
   return row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
-    const double angle = step * (i - (options.cameras - 1) / 2.0);  // to the right
+    const double angle = step * (i - (options.cameras - 1) / 2.0);
     Pose pose;
     pose.position = options.radius * Vec3(std::sin(angle), 0, 1 - std::cos(angle));
     pose.orientation = Quat(std::cos(angle / 2), 0, -std::sin(angle / 2), 0);

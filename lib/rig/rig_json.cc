@@ -28,7 +28,6 @@ using nlohmann::ordered_json;
 constexpr char kRigFormat[] = "lightfield-rig";
 constexpr int kRigVersion = 1;
 
-// Members that are not there are as they are in a camera without faults.
 ColourModel parse_colour(const JsonValue& value, const Camera& camera) {
   ColourModel colour;
   if (const auto black = value.find("black")) colour.black = black->vec3();
@@ -42,7 +41,7 @@ ColourModel parse_colour(const JsonValue& value, const Camera& camera) {
   read("matrix", colour.matrix);
   read("vignetting", colour.vignetting);
   const VignettingField field(camera.width, camera.height, camera.principal_point());
-  if (const auto fault = fault_of(colour, field.most())) value.fail_inside(*fault);
+  if (const auto fault = model_error(colour, field.most())) value.fail_inside(*fault);
   return colour;
 }
 
@@ -150,7 +149,6 @@ ordered_json to_json(const Topology& topology) {
   return {{"type", "delaunay"}};
 }
 
-// Copies members of `original` that this version does not know.
 void keep_unknown(const json& original, std::initializer_list<std::string_view> known, ordered_json& value) {
   if (!original.is_object()) return;
   for (const auto& [key, member] : original.items())
@@ -164,7 +162,7 @@ std::optional<double> parse_control(const json& value, const std::string& place)
   return number;
 }
 
-// Keys of a camera that stay where they are when two devices are swapped.
+// Keys that stay in place when two devices are swapped.
 constexpr std::array kOfThePlace = {"id", "name", "position", "orientation"};
 
 json& camera_of(json& rig, uint32_t id) {
@@ -186,10 +184,10 @@ Rig parse_rig(const std::string& text, const std::string& name, const std::strin
 }
 
 void save_rig(const Rig& rig, const std::string& path, const json* original) {
-  FileReplacement file(path);
-  // An existing file keeps its mode. Only its owner can read a new file with a password.
+  AtomicFileWriter file(path);
+  // An existing file keeps its mode. A new file with a password is readable by its owner only.
   const bool has_secret = std::ranges::any_of(
-      rig.cameras, [](const Camera& camera) { return location_text(camera.source) != camera.source; });
+      rig.cameras, [](const Camera& camera) { return redacted_location(camera.source) != camera.source; });
   std::error_code ignored;
   if (has_secret && !std::filesystem::exists(path, ignored)) fchmod(file.descriptor(), 0600);
   file.write(rig_to_json(rig, original));
@@ -206,15 +204,14 @@ std::string rig_to_json(const Rig& rig, const json* original) {
   if (original && original->contains("cameras"))
     for (const json& camera : (*original)["cameras"]) original_cameras.emplace(camera["id"].get<uint32_t>(), &camera);
 
-  // One line per camera: small enough to read, and a change to one camera is a change to one line.
+  // One line per camera keeps the file short and diffs readable.
   std::string text = "{\n \"format\": \"" + std::string(kRigFormat) +
                      "\",\n \"version\": " + std::to_string(kRigVersion) + ",\n \"cameras\": [\n";
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     for (const std::string* name : {&rig.cameras[i].name, &rig.cameras[i].image, &rig.cameras[i].source})
       if (!is_utf8(*name))
-        throw Error("cameras[" + std::to_string(i) +
-                    "]: " + json(*name).dump(-1, ' ', true, json::error_handler_t::replace) +
-                    " is no text in UTF-8, which a rig must be: rename the file");
+        throw Error("cameras[" + std::to_string(i) + "]: " +
+                    json(*name).dump(-1, ' ', true, json::error_handler_t::replace) + " is not UTF-8: rename the file");
     const json name = rig.cameras[i].name;
     const std::string place = "cameras[" + std::to_string(i) + "].name";
     JsonValue(name, place).name();  // load_rig() must accept the file
@@ -259,7 +256,7 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
 
 std::map<uint32_t, Controls> load_controls(const std::string& path) {
   const std::string text = read_text_file(path);
-  // Each camera of an array asks for itself: most files have none, and need not be parsed for it.
+  // Every camera of an array calls this function. Most files have no controls, so skip parsing them.
   if (text.find("\"controls\"") == std::string::npos) return {};
   return parse_controls(parse_json(text, path), path);
 }

@@ -22,7 +22,7 @@ using Severity = RigFinding::Severity;
 
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
 constexpr double kSamePlace = 1e-9;  // of the baseline
-constexpr double kLeastShare = 0.5;  // of the triangles: that cameras look through
+constexpr double kMinShare = 0.5;    // minimum share of triangles with cameras that look through them
 
 std::string short_text(double value) { return format_text("%.6g", value); }
 
@@ -60,7 +60,7 @@ std::vector<std::string> lens_lines(const Rig& rig) {
   return lines;
 }
 
-// Height over the longest side.
+// Returns the height over the longest side.
 double flatness(const Rig& rig, const MeshFace& face) {
   const auto position = [&](int i) { return rig.cameras[face.camera[i]].pose.position; };
   const Vec3 a = position(1) - position(0), b = position(2) - position(0);
@@ -68,7 +68,8 @@ double flatness(const Rig& rig, const MeshFace& face) {
   return longest > 0 ? glm::length(glm::cross(a / longest, b / longest)) : 0;
 }
 
-// Cameras at one place, each named once with the first camera there: neighbours in the order along the widest axis.
+// Reports coincident cameras, each once with the first camera at that position. Compares neighbours along the widest
+// axis.
 void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   const double tolerance = kSamePlace * largest_distance(rig);
   const int axis = widest_axis(rig);
@@ -83,15 +84,15 @@ void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
       const auto [a, b] = std::minmax(order[i], order[j]);
       if (named[b] || distance(rig, a, b) > tolerance) continue;
       named[order[j]] = true;
-      findings.push_back({Severity::kWarning, "cameras[" + std::to_string(b) + "].position: is that of cameras[" +
-                                                  std::to_string(a) + "] too"});
+      findings.push_back({Severity::kWarning, "cameras[" + std::to_string(b) + "].position: also used by cameras[" +
+                                                  std::to_string(a) + "]"});
     }
   }
 }
 
-// Another unit, or clocks that were never set by each other.
+// A large spread suggests a wrong unit or unsynchronised clocks.
 void check_time_offsets(const Rig& rig, std::vector<RigFinding>& findings) {
-  constexpr double kMost = 1;  // s
+  constexpr double kMost = 1;  // seconds
   const auto [least, most] = std::ranges::minmax_element(rig.cameras, {}, &Camera::time_offset);
   if (most->time_offset - least->time_offset <= kMost) return;
   const auto text = [&](const auto& camera) {
@@ -99,7 +100,7 @@ void check_time_offsets(const Rig& rig, std::vector<RigFinding>& findings) {
            "].time_offset: " + number_text(camera->time_offset) + " s";
   };
   findings.push_back({Severity::kWarning, text(most) + ", " + text(least) +
-                                              ": frames of one time must exist in all films; seconds are expected"});
+                                              ": all films must have frames of the same time; the unit is seconds"});
 }
 
 void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
@@ -121,19 +122,19 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
   if (triangles == 0)
     findings.push_back({Severity::kWarning, "topology: the mesh of " + std::to_string(rig.cameras.size()) +
                                                 (rig.cameras.size() == 1 ? " camera" : " cameras") +
-                                                " has no triangle: views blend along a line alone"});
+                                                " has no triangle: views blend along a line only"});
   if (slivers > 0)
     findings.push_back({Severity::kWarning, "topology: " + std::to_string(slivers) + " of " +
                                                 std::to_string(triangles) +
-                                                " triangles are slivers, the worst that of cameras " + worst_text});
-  if (const double share = share_looked_through(rig, mesh); slivers < triangles && share < kLeastShare)
+                                                " triangles are slivers, the worst between cameras " + worst_text});
+  if (const double share = share_facing_cameras(rig, mesh); slivers < triangles && share < kMinShare)
     findings.push_back(
         {Severity::kWarning,
          "topology: cameras look along " +
              std::to_string(std::lround((1 - share) * static_cast<double>(triangles - slivers))) + " of " +
              std::to_string(triangles) +
-             " triangles, not through them, as in a ring that looks inwards: views between them stay black. List the "
-             "triangles around the scene (lf-rig new --inward and lf-rig import make such)"});
+             " triangles, not through the triangles, as in an inward-looking ring: views between cameras stay black. "
+             "List the triangles around the scene (as lf-rig new --inward and lf-rig import do)"});
   if (const std::optional<GridFault> fault = find_grid_fault(rig))
     findings.push_back({Severity::kWarning, "topology: " + fault->text});
 }
@@ -143,22 +144,22 @@ std::vector<uint8_t> bytes_of_file(const std::string& path, std::streamoff from,
   std::ifstream file(path, std::ios::binary);
   std::vector<uint8_t> bytes(count);
   file.seekg(from, direction);
-  if (!file) file.clear(), file.seekg(0);  // shorter than that
+  if (!file) file.clear(), file.seekg(0);  // shorter than the requested range
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<size_t>(file.gcount()));
   return bytes;
 }
 
-// Whether a PNG or JPEG file has no end: the commonest damage, as of a full disk, and found without decoding.
+// True if a PNG or JPEG file has no end marker. Truncation is the most common damage, for example by a full disk, and
+// is detected without decoding.
 bool is_cut_off(const std::string& path) {
   constexpr std::streamoff kTail = 4096;  // some cameras pad JPEG
   const std::vector<uint8_t> tail = bytes_of_file(path, -kTail, std::ios::end, kTail);
   const std::string_view text(reinterpret_cast<const char*>(tail.data()), tail.size());
-  const PictureCoding coding = picture_coding(bytes_of_file(path, 0, std::ios::beg, 4));
-  return text.find(coding == PictureCoding::kPng ? "IEND" : "\xff\xd9") == text.npos;
+  const ImageCoding coding = detect_image_coding(bytes_of_file(path, 0, std::ios::beg, 4));
+  return text.find(coding == ImageCoding::kPng ? "IEND" : "\xff\xd9") == text.npos;
 }
 
-// What is found in the files of one camera.
 class FileChecker {
  public:
   FileChecker(const Rig& rig, size_t index, std::vector<RigFinding>& findings, std::vector<std::string>& turned)
@@ -182,10 +183,10 @@ class FileChecker {
       const CameraSource source = find_source(rig_, text, is_image);
       if (source.kind == CameraSource::Kind::kStill) check_picture(key, source.location);
       if (source.kind == CameraSource::Kind::kSequence) check_sequence(key, source);
-      if (const auto part = source.is_file() ? std::nullopt : untrusted_part(text))
-        find(Severity::kWarning, key, "has " + *part + ": the rig opens with --trust-rig alone");
+      if (const auto part = source.is_file() ? std::nullopt : untrusted_component(text))
+        find(Severity::kWarning, key, "has " + *part + ": the rig opens only with --trust-rig");
     } catch (const Error& e) {
-      find(Severity::kError, key, e.what());
+      find(Severity::kError, key, redacted_location(e.what()));
     }
   }
 
@@ -217,7 +218,7 @@ class FileChecker {
   const Rig& rig_;
   const Camera& camera_;
   std::vector<RigFinding>& findings_;
-  std::vector<std::string>& turned_;  // what is said of pictures that EXIF asks to be turned
+  std::vector<std::string>& turned_;  // notices about images with an EXIF rotation
   std::string place_;
 };
 
@@ -247,7 +248,7 @@ std::vector<RigFinding> check_rig(const Rig& rig) {
     const auto [same, is_new] = index_of_name.emplace(rig.cameras[i].name, i);
     if (!is_new)
       findings.push_back({Severity::kWarning, "cameras[" + std::to_string(i) + "].name: \"" + rig.cameras[i].name +
-                                                  "\" is that of cameras[" + std::to_string(same->second) + "] too"});
+                                                  "\" is also used by cameras[" + std::to_string(same->second) + "]"});
     if (rig.cameras[i].image.empty() && rig.cameras[i].source.empty()) blind.push_back(i);
     FileChecker(rig, i, findings, turned).check();
   }
@@ -255,13 +256,12 @@ std::vector<RigFinding> check_rig(const Rig& rig) {
     findings.push_back({Severity::kWarning,
                         turned[0] + (turned.size() > 1 ? "; " + std::to_string(turned.size() - 1) + " more" : "")});
   if (!blind.empty())
-    findings.push_back(
-        {Severity::kWarning,
-         "cameras[" + std::to_string(blind[0]) + "]" +
-             (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) + " more have" : " has") +
-             " neither an image nor a source: " +
-             (blind.size() == rig.cameras.size() ? "the built-in scene is shown until each camera names one"
-                                                 : "name one, or remove the camera")});
+    findings.push_back({Severity::kWarning,
+                        "cameras[" + std::to_string(blind[0]) + "]" +
+                            (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) + " more have" : " has") +
+                            " neither an image nor a source: " +
+                            (blind.size() == rig.cameras.size() ? "the built-in scene is used until each camera has one"
+                                                                : "add one, or remove the camera")});
   check_time_offsets(rig, findings);
   find_duplicates(rig, findings);
   check_mesh(rig, findings);

@@ -25,8 +25,8 @@ namespace {
 
 constexpr std::string_view kWord = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";
 
-// Sources, converters, parsers, demuxers and decoders. None writes a file, runs a program, opens another light field,
-// or reads what is not meant for it (file descriptors, screens). Encoders are left out, as some write statistics.
+// Sources, converters, parsers, demuxers and decoders. No element here writes files, runs programs, opens another light
+// field, or reads unrelated data (file descriptors, screens). Encoders are excluded, because some write statistics.
 constexpr auto kTrustedElements = std::to_array<std::string_view>(
     {// Sources.
      "aravissrc", "decklinkvideosrc", "filesrc", "gltestsrc", "libcamerasrc", "nvarguscamerasrc", "nvv4l2camerasrc",
@@ -50,25 +50,25 @@ constexpr auto kTrustedElements = std::to_array<std::string_view>(
      "v4l2jpegdec", "vaapih264dec", "vaapih265dec", "vaapijpegdec", "vah264dec", "vah265dec", "vajpegdec", "vp8dec",
      "vp9dec"});
 
-// Schemes of URIs: cameras, streams and files. Others reach elements that are not on the list above, and GStreamer's
-// imagesequence: and multifile: use what they are given as a format string of printf().
+// URI schemes of cameras, streams and files. Other schemes reach elements that are not on the list above. GStreamer's
+// imagesequence: and multifile: use their argument as a printf() format string.
 constexpr auto kTrustedSchemes =
     std::to_array<std::string_view>({"file", "http", "https", "rtmp", "rtmps", "rtmpt", "rtp", "rtsp", "rtspt", "rtsps",
                                      "rtspu", "rtsph", "srt", "tcp", "udp", "v4l2"});
 
-// Properties of these elements that a stranger must not set: requests that change something at a server, and files that
-// decide which server is believed.
+// Properties of the allowed elements that an untrusted rig must not set: requests that change data on a server, and
+// files that decide which servers are trusted.
 constexpr auto kUntrustedProperties = std::to_array<std::string_view>(
     {"method", "ssl-ca-file", "ssl-use-system-ca-file", "tls-database", "tls-interaction"});
 
-// Reads a description as gst_parse_launch() does, but knows a part of its language only: elements with properties, and
-// caps, with " ! " between them. Whatever else there is (names of pads, bins, back-slashes) counts as untrusted, so
-// that nothing here can be read in two ways.
+// Parses a description like gst_parse_launch(), but accepts only a subset: elements with properties, and caps,
+// separated by " ! ". Everything else (pad names, bins, backslashes) counts as untrusted, so that no text has two
+// interpretations.
 class DescriptionReader {
  public:
   explicit DescriptionReader(const std::string& text) : text_(text) {}
 
-  std::optional<std::string> untrusted_part() {
+  std::optional<std::string> untrusted_component() {
     bool is_first = true;
     do {
       skip_spaces();
@@ -112,7 +112,7 @@ class DescriptionReader {
     const size_t begin = at_, end = std::min(text_.find('!', at_), text_.size());
     for (; at_ < end; at_++)
       if (text_[at_] == ';' || text_[at_] == '\\') return quoted(text_.substr(begin, end - begin));
-    // The link after the caps must be a word of its own.
+    // The link after the caps must be a separate word.
     if (end < text_.size() && !is_space(text_[end - 1])) return quoted(text_.substr(begin, end + 1 - begin));
     return std::nullopt;
   }
@@ -154,7 +154,7 @@ class DescriptionReader {
 
 }  // namespace
 
-bool is_bin_description(const std::string& source) {
+bool is_launch_description(const std::string& source) {
   if (is_uri(source)) return false;
   if (source.find(" ! ") != std::string::npos) return true;
   const size_t begin = source.find_first_not_of(' ');
@@ -169,13 +169,13 @@ bool is_bin_description(const std::string& source) {
   return equals != std::string::npos && source[equals] == '=';
 }
 
-bool describes_elements(const Rig& rig, const std::string& source) {
+bool is_launch_line(const Rig& rig, const std::string& source) {
   std::error_code error;
-  return is_bin_description(source) && !std::filesystem::exists(rig.resolve(source), error);
+  return is_launch_description(source) && !std::filesystem::exists(rig.resolve(source), error);
 }
 
-std::optional<std::string> untrusted_part(const std::string& source) {
-  if (is_bin_description(source)) return DescriptionReader(source).untrusted_part();
+std::optional<std::string> untrusted_component(const std::string& source) {
+  if (is_launch_description(source)) return DescriptionReader(source).untrusted_component();
   const size_t colon = source.find(':');
   if (colon == std::string::npos) return std::nullopt;
   std::string scheme = source.substr(0, colon);
@@ -218,11 +218,11 @@ void require_own_file(const std::string& path) {
 }  // namespace
 
 void require_trust(const Camera& camera, const std::string& path, bool trusted) {
-  if (is_bin_description(camera.source) && !path.empty()) require_own_file(path);
+  if (is_launch_description(camera.source) && !path.empty()) require_own_file(path);
   if (trusted) return;
-  // An image is never a description, but may be a URI. It is opened where there is no source.
-  const bool is_image = camera.source.empty() && !is_bin_description(camera.image);
-  if (const auto part = untrusted_part(is_image ? camera.image : camera.source))
+  // An image is never a description, but may be a URI, and is used if there is no source.
+  const bool is_image = camera.source.empty() && !is_launch_description(camera.image);
+  if (const auto part = untrusted_component(is_image ? camera.image : camera.source))
     throw Error("its source has " + *part +
                 ", which may write files or run programs. If you trust this rig file, allow it: --trust-rig, or the "
                 "property trusted=true");
@@ -230,7 +230,7 @@ void require_trust(const Camera& camera, const std::string& path, bool trusted) 
 
 void require_trust(const Rig& rig, const std::string& path, bool trusted) {
   for (const Camera& camera : rig.cameras) {
-    if (is_bin_description(camera.source) && !describes_elements(rig, camera.source)) continue;  // a file's name
+    if (is_launch_description(camera.source) && !is_launch_line(rig, camera.source)) continue;  // a file's name
     try {
       require_trust(camera, path, trusted);
     } catch (const Error& error) {
@@ -248,7 +248,7 @@ constexpr std::string_view kEndOfUri = " \t\r\n\"'<>`";
 
 bool is_name_character(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_'; }
 
-// Whether a value of this name is to be hidden.
+// True if values with this name must be hidden.
 bool is_secret_name(std::string_view name) {
   std::string lower(name);
   std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return std::tolower(c); });
@@ -261,7 +261,8 @@ bool is_secret_name(std::string_view name) {
          std::ranges::find(kNames, lower) != kNames.end() || lower.ends_with("-key") || lower.ends_with("_key");
 }
 
-// Whether a parameter of a URI's query may be shown. Cameras have many names for passwords.
+// True if a parameter in a URI's query may be displayed. Cameras use many names for passwords, so this is an
+// allow-list.
 bool is_shown_parameter(std::string_view name) {
   constexpr auto kNames =
       std::to_array<std::string_view>({"action", "camera", "channel", "codec", "fps", "framerate", "height", "latency",
@@ -269,7 +270,7 @@ bool is_shown_parameter(std::string_view name) {
   return std::ranges::find(kNames, name) != kNames.end();
 }
 
-// The end of "user:password@" at the beginning of a word that lacks the scheme in front; `begin` if there is none.
+// Returns the end of "user:password@" at the start of a word without a scheme, or `begin` if there is none.
 size_t end_of_bare_user_info(std::string_view text, size_t begin) {
   const size_t end = std::min(text.find_first_of(kEndOfUri, begin), text.size());
   const std::string_view word = text.substr(begin, end - begin);
@@ -277,17 +278,17 @@ size_t end_of_bare_user_info(std::string_view text, size_t begin) {
   return colon != word.npos && at != word.npos && colon < at && word.find("://") == word.npos ? begin + at + 1 : begin;
 }
 
-// Where the user info of a URI ends ("@" included), `begin` being behind "//"; `begin` if there is none.
+// Returns the end of a URI's user info (after "@"), or `begin` if there is none. `begin`: just after "//".
 size_t end_of_user_info(std::string_view text, size_t begin) {
   const size_t end = std::min(text.find_first_of(kEndOfUri, begin), text.size());
   const std::string_view rest = text.substr(begin, end - begin);
   const std::string_view authority = rest.substr(0, rest.find_first_of("/?#"));
   if (const size_t at = authority.rfind('@'); at != authority.npos) return begin + at + 1;
-  // A user name may have a space.
+  // A user name may contain a space.
   const std::string_view line = text.substr(begin, text.find_first_of("/?#\t\r\n\"'<>`", begin) - begin);
   if (const size_t at = line.rfind('@'); end < begin + line.size() && at != line.npos && line.find(':') < at)
     return begin + at + 1;
-  // A password may have a "/" that is not escaped: then what follows the colon is no port.
+  // A password may contain an unescaped "/". In that case the text after the colon is not a port.
   const size_t colon = authority.rfind(':'), at = rest.rfind('@');
   if (colon == authority.npos || at == rest.npos || authority.back() == ']') return begin;
   const std::string_view port = authority.substr(colon + 1);
@@ -295,10 +296,10 @@ size_t end_of_user_info(std::string_view text, size_t begin) {
   return is_port ? begin : begin + at + 1;
 }
 
-// The end of the value that begins at `begin`. In the query of a URI it ends at an "&", too.
+// Returns the end of the value that starts at `begin`. In a URI's query, "&" ends the value as well.
 size_t end_of_value(std::string_view text, size_t begin, bool in_query) {
   if (in_query) return std::min(text.find_first_of(" \t\r\n\"'<>`&#", begin), text.size());
-  // Texts of GStreamer's structures name the type in front: password=(string)"a b".
+  // GStreamer structures write the type before the value: password=(string)"a b".
   if (begin < text.size() && text[begin] == '(') {
     const size_t type = text.find(')', begin);
     if (type != text.npos) begin = type + 1;
@@ -316,10 +317,10 @@ size_t end_of_value(std::string_view text, size_t begin, bool in_query) {
 
 }  // namespace
 
-std::string location_text(const std::string& source) {
+std::string redacted_location(const std::string& source) {
   const std::string_view text = source;
   std::string shown;
-  // GStreamer names the value that it can't set.
+  // GStreamer's message includes the rejected value.
   constexpr std::string_view kNotSet = "could not set property", kTo = " to \"";
   for (size_t i = 0; i < text.size();) {
     if (i == 0 || kEndOfUri.find(text[i - 1]) != kEndOfUri.npos) i = end_of_bare_user_info(text, i);
@@ -327,7 +328,7 @@ std::string location_text(const std::string& source) {
       const bool is_rtmp = shown.ends_with("rtmp") || shown.ends_with("rtmps") || shown.ends_with("rtmpt");
       shown += "://";
       i = end_of_user_info(text, i + 3);
-      if (!is_rtmp) continue;  // else the path has the key of the stream
+      if (!is_rtmp) continue;  // the path of an RTMP URI contains the stream key
       const size_t path = std::min(text.find_first_of("/ \t\r\n\"'<>`", i), text.size());
       shown += text.substr(i, path - i);
       i = std::min(text.find_first_of(kEndOfUri, path), text.size());

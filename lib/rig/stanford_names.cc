@@ -22,7 +22,7 @@ using Place = std::pair<int, int>;  // row, column
 
 struct NamedImage {
   std::string path;
-  Vec2 position{0, 0};  // x, y as the name has them
+  Vec2 position{0, 0};  // x, y from the file name
 };
 
 std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {
@@ -30,7 +30,7 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
                                 std::regex::icase);
   std::error_code error;
   std::map<Place, NamedImage> images;
-  constexpr size_t kLongestName = 255;  // std::regex recurses
+  constexpr size_t kLongestName = 255;  // std::regex is recursive
   size_t left_out = 0;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
@@ -59,7 +59,6 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
   return images;
 }
 
-// The rig that the names mean; widths, heights and images are there already.
 void place_cameras(const std::vector<Vec2>& positions, const StanfordOptions& options, Rig& rig) {
   Vec2 middle(0, 0);
   for (const Vec2& position : positions) middle += position / static_cast<double>(positions.size());
@@ -79,7 +78,7 @@ std::string place_text(int index, int columns) {
   return text;
 }
 
-// No exponent, which the archive's names never have.
+// The archive's names have no exponents.
 std::string fixed_text(double value) {
   char text[400];
   return {text, std::to_chars(text, text + sizeof(text), value, std::chars_format::fixed).ptr};
@@ -88,7 +87,7 @@ std::string fixed_text(double value) {
 }  // namespace
 
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options) {
-  if (!(options.f > 0)) throw Error("f: the focal length must be given in pixels: the names of the files do not tell");
+  if (!(options.f > 0)) throw Error("f: give the focal length in pixels, because the file names do not contain it");
   if (!(options.unit > 0)) throw Error("unit: must be positive");
   if (!(options.focus_distance >= 0)) throw Error("focus distance: must not be negative");
   RigImport result;
@@ -121,14 +120,14 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
   if (!(unit > 0)) throw Error("unit: must be positive");
   if (rig.topology.type != Topology::Type::kGrid) throw Error("the archive's names want a grid of cameras");
 
-  // In the axes of the first camera.
+  // In the coordinates of the first camera.
   Rig turned = rig;
   const Mat3 turn = glm::transpose(rig.cameras[0].pose.rotation());
   const double depth = (turn * rig.cameras[0].pose.position).z;
   std::vector<Vec2> positions, shifts;
   Vec2 mean_position(0, 0), mean_shift(0, 0);
   for (Camera& camera : turned.cameras) {
-    if (camera.image.empty()) refuse_camera(camera, "has no image to be copied");
+    if (camera.image.empty()) throw_camera_error(camera, "has no image to be copied");
     const Vec3 position = turn * camera.pose.position;
     camera.pose = {position - Vec3(0, 0, depth), glm::normalize(glm::quat_cast(turn * camera.pose.rotation()))};
     positions.push_back(Vec2(position) / unit);
@@ -136,7 +135,7 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
     mean_position += Vec2(position) / static_cast<double>(rig.cameras.size());
     mean_shift += shifts.back() / static_cast<double>(rig.cameras.size());
   }
-  double slope = 0, square = 0;  // of principal points over positions: f / focus distance
+  double slope = 0, square = 0;  // of principal points against positions: f / focus distance
   for (size_t i = 0; i < positions.size(); i++) {
     const Vec2 position = positions[i] * unit - mean_position;
     slope += glm::dot(position, shifts[i] - mean_shift);

@@ -19,13 +19,13 @@ namespace {
 
 double largest_component(const Vec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-int exponent_of(double v) {  // v in [2^(e-1), 2^e)
+int exponent_of(double v) {  // v is in [2^(e-1), 2^e)
   int e = 0;
   std::frexp(v, &e);
   return e;
 }
 
-// Divides by the power of two 2^e that brings the largest component into [1/2, 1); returns e. Not for all zeros.
+// Scales by 2^-e so that the largest component is in [1/2, 1); returns e. At least one component must be non-zero.
 int scale_to_unit(std::vector<Vec3>& points) {
   double reach = 0;
   for (const Vec3& p : points) reach = std::max(reach, largest_component(p));
@@ -47,7 +47,7 @@ CameraCentres normalised_centres(std::span<const Vec3> positions) {
   centres.at.reserve(positions.size());
   for (size_t i = 0; i < positions.size(); ++i) {
     if (!is_finite(positions[i])) throw Error("cameras[" + std::to_string(i) + "].position: must be finite numbers");
-    // Relative to a camera first: exact for arrays far from the origin. Quarters, so that nothing overflows below.
+    // Subtracting a camera first is exact for arrays far from the origin. The factor 0.25 prevents overflow below.
     centres.at.push_back(0.25 * positions[i] - 0.25 * positions[0]);
     magnitude = std::max(magnitude, 0.25 * largest_component(positions[i]));
   }
@@ -58,7 +58,7 @@ CameraCentres normalised_centres(std::span<const Vec3> positions) {
   mean /= static_cast<double>(positions.size());
   for (Vec3& c : centres.at) c -= mean;
   const int unit_exponent = e + scale_to_unit(centres.at);
-  // A double of magnitude 2^k is known to 2^(k-53); four of these leave room for the rotation into the plane.
+  // A double of magnitude 2^k has an error of 2^(k-53); four times that leaves room for the rotation into the plane.
   centres.quantum = std::max(0x1p-23, std::ldexp(1.0, exponent_of(magnitude) - 51 - unit_exponent));
   return centres;
 }
@@ -67,7 +67,7 @@ PlaneAxes principal_axes(std::span<const Vec3> points) {
   Vec3 mean(0);
   for (const Vec3& p : points) mean += p;
   if (!points.empty()) mean /= static_cast<double>(points.size());
-  double s[3][3] = {};  // scatter; ends up diagonal
+  double s[3][3] = {};  // scatter matrix; becomes diagonal
   for (const Vec3& p : points) {
     const Vec3 d = p - mean;
     for (int i = 0; i < 3; ++i) {
@@ -75,7 +75,7 @@ PlaneAxes principal_axes(std::span<const Vec3> points) {
     }
   }
   Vec3 axis[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  constexpr int kMaxSweeps = 32;  // converges quadratically: 5 or 6 are usual
+  constexpr int kMaxSweeps = 32;  // converges quadratically, usually in 5 or 6 sweeps
   bool rotated = true;
   for (int sweep = 0; sweep < kMaxSweeps && rotated; ++sweep) {
     rotated = false;
@@ -132,7 +132,7 @@ IntPoint quantise(const Vec3& centre, const PlaneAxes& axes, double quantum) {
           static_cast<int32_t>(std::floor(glm::dot(centre, axes.y) / quantum + 0.5))};
 }
 
-bool on_one_line(const Vec3& a, const Vec3& b, const Vec3& c, double tolerance) {
+bool are_collinear(const Vec3& a, const Vec3& b, const Vec3& c, double tolerance) {
   const Vec3 ab = b - a, ac = c - a, bc = c - b;
   const double longest2 = std::max({length2(ab), length2(ac), length2(bc)});
   return length2(glm::cross(ab, ac)) <= tolerance * tolerance * longest2;
@@ -142,8 +142,8 @@ bool on_one_line(const Vec3& a, const Vec3& b, const Vec3& c, double tolerance) 
 
 namespace {
 
-// First any triangulation, by adding the points from left to right to their convex hull, then Lawson's flips (1977).
-// Vertices are places in the sorted order.
+// Builds a first triangulation by adding points from left to right to their convex hull, then applies Lawson's flips
+// (1977). Vertices are indices into the sorted order.
 class Triangulation {
  public:
   explicit Triangulation(std::span<const IntPoint> points) : points_(points) {
@@ -159,7 +159,7 @@ class Triangulation {
   std::vector<Triangle> triangles() const {
     std::vector<Triangle> result;
     for (const Node& t : nodes_) {
-      result.push_back(lowest_first({order_[t.vertex[0]], order_[t.vertex[1]], order_[t.vertex[2]]}));
+      result.push_back(canonical_triangle({order_[t.vertex[0]], order_[t.vertex[1]], order_[t.vertex[2]]}));
     }
     std::sort(result.begin(), result.end());
     return result;
@@ -174,7 +174,7 @@ class Triangulation {
 
   IntPoint at(int vertex) const { return points_[order_[vertex]]; }
 
-  void join(int t, int side, int u) {  // u has the same edge the other way round, or is kNone
+  void join(int t, int side, int u) {  // u has the same edge reversed, or is kNone
     nodes_[t].neighbour[side] = u;
     if (u == kNone) return;
     const int from = nodes_[t].vertex[(side + 1) % 3];
@@ -183,8 +183,8 @@ class Triangulation {
     }
   }
 
-  // The hull is a ring of vertices, counter-clockwise; behind_[v] is the triangle at its edge v, next_[v].
-  // Covers the hull's edge a, next_[a] by a triangle with apex p to its right.
+  // The hull is a counter-clockwise ring of vertices; behind_[v] is the triangle at the edge v, next_[v]. Covers the
+  // hull edge a, next_[a] with a triangle with apex p on its right.
   int cover(int a, int p) {
     const int t = static_cast<int>(nodes_.size()), b = next_[a];
     nodes_.push_back({{b, a, p}});
@@ -194,13 +194,13 @@ class Triangulation {
 
   void sweep() {
     const int n = static_cast<int>(order_.size());
-    int first = 2;  // the first point off the line of those before it
+    int first = 2;  // first point that is not collinear with the points before
     while (first < n && orientation(at(0), at(1), at(first)) == 0) ++first;
     if (first >= n) return;
     next_.assign(n, kNone);
     previous_.assign(n, kNone);
     behind_.assign(n, kNone);
-    // A flat ring along the line, there and back; the side that the first point sees gets covered.
+    // A degenerate ring along the line and back. The side that faces the first non-collinear point is covered.
     const bool left = orientation(at(0), at(1), at(first)) > 0;
     int previous_triangle = kNone;
     for (int i = 0; i + 1 < first; ++i) {
@@ -227,9 +227,10 @@ class Triangulation {
     behind_[a] = triangle;
   }
 
-  // p is to the right of all points so far, p - 1 the rightmost of these: the edges p sees adjoin p - 1.
+  // p is to the right of all earlier points and p - 1 is the rightmost of them, so the edges visible from p meet at p -
+  // 1.
   void add(int p) {
-    int low = p - 1, high = p - 1;  // the seen chain from low to high along the ring
+    int low = p - 1, high = p - 1;  // visible chain, from low to high along the ring
     int low_triangle = kNone, high_triangle = kNone;
     while (orientation(at(high), at(next_[high]), at(p)) < 0) {
       const int t = cover(high, p);
@@ -249,8 +250,8 @@ class Triangulation {
     link(p, high, high_triangle);
   }
 
-  // Among cocircular four the diagonal with the lowest index wins. Flips end: each lowers the lifted surface or, where
-  // that stays, gives the lowest of its four vertices an edge and takes edges from higher ones only.
+  // For four cocircular points, prefers the diagonal with the lowest index. Flipping terminates: each flip lowers the
+  // lifted surface, or gives the lowest of the four vertices an edge and takes edges only from higher vertices.
   bool should_flip(int t, int side) const {
     const int u = nodes_[t].neighbour[side];
     if (u == kNone) return false;
@@ -291,7 +292,7 @@ class Triangulation {
       if (!should_flip(t, side)) continue;
       const int u = nodes_[t].neighbour[side];
       flip(t, side);
-      // The four outer edges; an entry that named one of them by its old place is covered by these.
+      // The four outer edges. They also cover stale entries for these edges.
       doubtful.insert(doubtful.end(), {{t, 0}, {t, 2}, {u, 0}, {u, 2}});
     }
   }
@@ -354,7 +355,7 @@ class LinkWalker {
   }
 
  private:
-  // Goes on from the last camera along edges not walked yet, whichever way these turn.
+  // Extends the path from its last camera along edges not walked yet, in either direction.
   void walk(std::vector<CameraIndex>& way) {
     for (bool moved = true; moved;) {
       moved = false;
@@ -369,7 +370,7 @@ class LinkWalker {
   }
 
   std::vector<Edge> edges_;
-  std::map<CameraIndex, std::vector<size_t>> at_;  // edges that end in a camera
+  std::map<CameraIndex, std::vector<size_t>> at_;  // edges at each camera
 };
 
 }  // namespace
@@ -399,7 +400,7 @@ class EarClipper {
     for (size_t left = vertices_.size(); left >= 3; --left) {
       const int tip = best_ear();
       if (tip < 0) break;
-      ears.push_back(lowest_first({camera(vertices_[tip].previous), camera(tip), camera(vertices_[tip].next)}));
+      ears.push_back(canonical_triangle({camera(vertices_[tip].previous), camera(tip), camera(vertices_[tip].next)}));
       clip(tip);
     }
     return ears;
@@ -408,11 +409,11 @@ class EarClipper {
  private:
   struct Vertex {
     int previous = 0, next = 0;
-    bool is_end = false;  // of a chain: never a tip
+    bool is_end = false;  // end of a chain, never a tip
     bool clipped = false;
-    bool possible = false;  // as a tip: left turn, clear of the mesh around
-    int contained = 0;      // vertices of the outline that the triangle contains
-    int in_circle = 0;      // vertices of the outline inside its circumcircle
+    bool possible = false;  // possible tip: left turn, clear of the surrounding mesh
+    int contained = 0;      // outline vertices inside the triangle
+    int in_circle = 0;      // outline vertices inside its circumcircle
   };
 
   IntPoint at(int i) const { return outline_.at[i]; }
@@ -420,13 +421,13 @@ class EarClipper {
 
   bool contains(const Vertex& v, IntPoint tip, IntPoint p) const {
     const IntPoint a = at(v.previous), b = at(v.next);
-    return p != a && p != tip && p != b && in_closed_triangle(a, tip, b, p);
+    return p != a && p != tip && p != b && triangle_contains(a, tip, b, p);
   }
 
   bool is_clear(const Vertex& v, int tip) const {
     for (const MeshEdge& e : around_) {
       if (contains(v, at(tip), e.from_at) || contains(v, at(tip), e.to_at)) return false;
-      if (cross_properly(at(v.next), at(v.previous), e.from_at, e.to_at)) return false;
+      if (segments_cross(at(v.next), at(v.previous), e.from_at, e.to_at)) return false;
       if (e.from == camera(v.next) && e.to == camera(v.previous)) return false;
     }
     return true;
@@ -497,12 +498,12 @@ PlaneAxes local_plane(const LinkPart& part, const Vec3& centre, const CameraCent
     area += glm::cross(a, b);
     longest2 = std::max({longest2, glm::dot(a, a), glm::dot(b, b)});
   }
-  // Thinner than a quantum: no direction but noise.
+  // Thinner than a quantum: the direction is only noise.
   if (glm::dot(area, area) <= centres.quantum * centres.quantum * longest2) return plane;
   return plane_with_normal(area, plane);
 }
 
-// A box in local coordinates, in quanta.
+// In local coordinates, in quanta.
 struct Box {
   Vec3 low{HUGE_VAL}, high{-HUGE_VAL};
   void add(const Vec3& p) {
@@ -526,8 +527,8 @@ class HoleFiller {
     return outline;
   }
 
-  // The edges that a filled bay could run into: near the chain in depth as well, so that the far side of a cylinder
-  // does not count.
+  // Returns the edges that a filled bay could cross. Edges must be near the chain in depth as well, so that the far
+  // side of a cylinder does not count.
   std::vector<MeshEdge> edges_near(const LinkPart& part, const std::vector<Triangle>& faces,
                                    const std::vector<LinkPart>& link) const {
     Box bay;
@@ -571,7 +572,7 @@ void remove_camera(std::vector<Triangle>& faces, CameraIndex camera, const Camer
   const std::vector<LinkPart> link = camera_link(star, camera);
   for (const LinkPart& part : link) {
     const HoleFiller filler(centres, local_plane(part, centres.at[camera], centres, plane));
-    // Inside a ring there is nothing else.
+    // The inside of a ring is empty.
     const std::vector<MeshEdge> around = part.closed ? std::vector<MeshEdge>{} : filler.edges_near(part, faces, link);
     const std::vector<Triangle> filled = clip_ears(filler.outline(part), around);
     faces.insert(faces.end(), filled.begin(), filled.end());

@@ -51,16 +51,16 @@ SequenceWindow::Verdict SequenceWindow::add(uint16_t sequence, uint32_t timestam
 }
 
 void Reassembly::drop_oldest() {
-  bytes_ -= making_.front().cost();
-  making_.erase(making_.begin());
+  bytes_ -= partial_units_.front().cost();
+  partial_units_.erase(partial_units_.begin());
   dropped_++;
 }
 
 void Reassembly::clear() {
-  while (!making_.empty()) drop_oldest();
+  while (!partial_units_.empty()) drop_oldest();
 }
 
-ByteBuffer Reassembly::finish(Making& making) {
+ByteBuffer Reassembly::finish(PartialUnit& making) {
   if (making.in_order) return std::move(making.bytes);
   ByteBuffer unit;
   unit.reserve(making.size);
@@ -70,10 +70,11 @@ ByteBuffer Reassembly::finish(Making& making) {
 
 Reassembly::Result Reassembly::add(uint32_t source, const Chunk& chunk, ByteBuffer& unit) {
   if (chunk.size > limits_.bytes) return Result::kTooLarge;
-  auto found = std::ranges::find_if(
-      making_, [&](const Making& making) { return making.source == source && making.number == chunk.unit; });
+  auto found = std::ranges::find_if(partial_units_, [&](const PartialUnit& making) {
+    return making.source == source && making.number == chunk.unit;
+  });
   const uint32_t end = chunk.offset + static_cast<uint32_t>(chunk.bytes.size());
-  if (found != making_.end()) {
+  if (found != partial_units_.end()) {
     if (found->size != chunk.size) return Result::kBad;
     const auto next = found->chunks.lower_bound(chunk.offset);
     if (next != found->chunks.end()) {
@@ -85,9 +86,9 @@ Reassembly::Result Reassembly::add(uint32_t source, const Chunk& chunk, ByteBuff
       if (before->first + before->second.size > chunk.offset) return Result::kBad;
     }
   } else {
-    if (making_.size() >= limits_.units) drop_oldest();
-    making_.push_back({source, chunk.unit, chunk.size});
-    found = making_.end() - 1;
+    if (partial_units_.size() >= limits_.units) drop_oldest();
+    partial_units_.push_back({source, chunk.unit, chunk.size});
+    found = partial_units_.end() - 1;
   }
   if (found->bytes.size() != chunk.offset) found->in_order = false;
   found->chunks.emplace(chunk.offset, Place{chunk.bytes.size(), found->bytes.size()});
@@ -96,10 +97,10 @@ Reassembly::Result Reassembly::add(uint32_t source, const Chunk& chunk, ByteBuff
   if (found->bytes.size() == found->size) {
     bytes_ -= found->cost();
     unit = finish(*found);
-    making_.erase(found);
+    partial_units_.erase(found);
     return Result::kComplete;
   }
-  while (bytes_ > limits_.bytes && !making_.empty()) drop_oldest();
+  while (bytes_ > limits_.bytes && !partial_units_.empty()) drop_oldest();
   return Result::kKept;
 }
 
@@ -114,7 +115,7 @@ Depacketizer::Stats Depacketizer::stats() const {
   return stats;
 }
 
-// A viewer that begins anew asks for later times with the numbers that it had.
+// A restarted viewer repeats sequence numbers with later target times.
 bool Depacketizer::is_repeated(Source& source, const RequestHeader& head) {
   const std::optional<Source::Request>& last = source.requests[head.view_id];
   if (!last) return false;
@@ -130,7 +131,7 @@ bool Depacketizer::is_sound_request(Source& source, Bytes bytes) {
     stats_.repeated++;
     return false;
   }
-  if (peek && admit_ && !admit_(bytes)) return false;
+  if (peek && filter_ && !filter_(bytes)) return false;
   if (!peek || !wire::decode_request(bytes)) {
     stats_.bad_units++;
     return false;
@@ -143,7 +144,7 @@ bool Depacketizer::is_sound(Source& source, Bytes bytes, const wire::UnitHeader&
   if (header.version != wire::kVersion) return true;
   if (kind_ == wire::UnitKind::kRequest && header.type == wire::kViewRequestType)
     return is_sound_request(source, bytes);
-  if (admit_ && !admit_(bytes)) return false;
+  if (filter_ && !filter_(bytes)) return false;
   if (kind_ == wire::UnitKind::kRequest || header.type != wire::kFragmentsType || wire::parse_answer(bytes))
     return true;
   stats_.bad_units++;
@@ -156,9 +157,9 @@ void Depacketizer::take_unit(Source& source, Bytes bytes, const wire::UnitHeader
   deliver(bytes, nullptr);
 }
 
-void Depacketizer::leave_newest(std::vector<Bytes>& units) {
-  if (units.size() <= kRequestsOfPacket) return;
-  const auto superseded = static_cast<ptrdiff_t>(units.size() - kRequestsOfPacket);
+void Depacketizer::keep_newest(std::vector<Bytes>& units) {
+  if (units.size() <= kMaxRequestsPerPacket) return;
+  const auto superseded = static_cast<ptrdiff_t>(units.size() - kMaxRequestsPerPacket);
   stats_.superseded += static_cast<uint64_t>(superseded);
   units.erase(units.begin(), units.begin() + superseded);
 }
@@ -174,7 +175,7 @@ void Depacketizer::take_units(Source& source, Bytes bytes, const Deliver& delive
     units_.push_back(bytes.first(header->size));
     bytes = bytes.subspan(header->size);
   }
-  if (kind_ == wire::UnitKind::kRequest) leave_newest(units_);
+  if (kind_ == wire::UnitKind::kRequest) keep_newest(units_);
   for (const Bytes unit : units_) take_unit(source, unit, *wire::peek_unit(unit), deliver);
 }
 
@@ -209,7 +210,7 @@ void Depacketizer::push(const Packet& packet, const Deliver& deliver) {
   Source& source = sources_[packet.source];
   const uint64_t lost = source.window.lost();
   const SequenceWindow::Verdict verdict = source.window.add(packet.sequence, packet.timestamp);
-  stats_.lost += source.window.lost() - lost;  // less than before if a late one has come
+  stats_.lost += source.window.lost() - lost;  // decreases if a late packet arrived
   if (verdict == SequenceWindow::Verdict::kDuplicate) {
     stats_.duplicates++;
     return;

@@ -16,13 +16,13 @@ uint8_t first_byte(PacketKind kind) { return static_cast<uint8_t>(kPayloadVersio
 }  // namespace
 
 void put_units_header(uint8_t* to) {
-  wire::PlacedWriter out(to);
+  wire::BufferWriter out(to);
   out.put(first_byte(PacketKind::kUnits));
   out.put(uint8_t{0});
 }
 
 void put_chunk_header(uint8_t* to, const Chunk& chunk) {
-  wire::PlacedWriter out(to);
+  wire::BufferWriter out(to);
   out.put(first_byte(PacketKind::kChunk));
   out.put(uint8_t{0});
   out.put(chunk.unit);
@@ -53,7 +53,6 @@ std::optional<ParsedPayload> parse_payload(std::span<const uint8_t> payload) {
 
 namespace {
 
-// The pieces of an answer, raw fragments cut if `tiles`.
 std::vector<Piece> cut(const wire::AnswerView& answer, size_t max_payload, bool tiles) {
   std::vector<Piece> pieces;
   for (size_t i = 0; i < answer.fragments.size(); i++) {
@@ -92,7 +91,7 @@ std::optional<PartPlan> plan_parts(const wire::AnswerView& answer, size_t max_by
   if (plan.pieces.size() > wire::kMaxFragments) plan.pieces = cut(answer, room, false);
   plan.total = whole ? static_cast<uint32_t>(plan.pieces.size()) : answer.part.total;
 
-  bool even = true;  // where the next payload would begin
+  bool even = true;  // parity of the next payload's offset
   for (size_t i = 0; i < plan.pieces.size(); i++) {
     const Piece& piece = plan.pieces[i];
     const size_t bytes = piece.bytes + wire::kFragmentBytes;
@@ -141,7 +140,7 @@ void Packetizer::send(Bytes unit, size_t max_payload, bool last, const Emit& emi
     emit(units_payload({unit}, last));
     return;
   }
-  // Chunks as large as one another: no small one at the end.
+  // Equal chunk sizes avoid a small last chunk.
   const size_t most = max_payload - kChunkHeaderBytes;
   const size_t count = (unit.size() + most - 1) / most, size = (unit.size() + count - 1) / count;
   const uint16_t number = next_unit_++;
@@ -170,7 +169,7 @@ void Packetizer::send_request(Bytes unit, uint32_t view_id, size_t max_payload, 
     stats_.parts++;
     emit(units_payload(std::move(units), true));
   }
-  if (before.size() == kPredecessors) before.erase(before.begin());
+  if (before.size() == kRepeatedRequests) before.erase(before.begin());
   before.emplace_back(unit.begin(), unit.end());
 }
 

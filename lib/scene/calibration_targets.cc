@@ -18,13 +18,13 @@
 namespace lf {
 namespace {
 
-constexpr double kOptics = 0.8;   // pixels: what a lens makes of a point, one sigma
-constexpr double kReach = 5;      // sigmas of a light's image that are drawn
-constexpr double kLateral = 0.7;  // share of the field of view that the middle of the bar comes to
-constexpr double kWindow = 1.3;   // depth of the window, over the farthest place of the lights
+constexpr double kOptics = 0.8;   // pixels; sigma of the blur of a lens
+constexpr double kReach = 5;      // drawn radius of a light's image, in sigmas
+constexpr double kLateral = 0.7;  // part of the field of view that the middle of the bar reaches
+constexpr double kWindow = 1.3;   // depth of the window, relative to the farthest position of the lights
 constexpr size_t kNoises = 1 << 16;
 
-// Normal numbers in a table: drawn anew they would take longer than all the rest.
+// Tabulated, because drawing normal numbers would dominate the run time.
 const std::vector<float>& noises() {
   static const std::vector<float> table = [] {
     std::mt19937 random(7);
@@ -36,7 +36,7 @@ const std::vector<float>& noises() {
   return table;
 }
 
-// What `n` is known by, spread over all bits (splitmix64).
+// Hashes `n` (splitmix64).
 uint64_t scattered(uint64_t n) {
   n += 0x9e3779b97f4a7c15;
   n = (n ^ (n >> 30)) * 0xbf58476d1ce4e5b9;
@@ -49,7 +49,7 @@ Pose middle_of(const Rig& rig) {
   for (const Camera& camera : rig.cameras)
     position += camera.pose.position, forward += camera.pose.forward(), down += camera.pose.down();
   const auto n = static_cast<double>(rig.cameras.size());
-  // Cameras that look at each other see each other's lights amid them.
+  // Cameras that look at each other have no mean direction; camera 0 replaces it.
   if (glm::length(forward) < 0.3 * n) forward = rig.cameras[0].pose.forward();
   forward = glm::normalize(forward);
   down -= glm::dot(down, forward) * forward;
@@ -59,7 +59,7 @@ Pose middle_of(const Rig& rig) {
 
 }  // namespace
 
-LightsPath::LightsPath(const Rig& rig, const LightsOptions& options) : options_(options) {
+LightTrajectory::LightTrajectory(const Rig& rig, const MovingLightOptions& options) : options_(options) {
   const auto require = [](bool good, const char* what) {
     if (!good) throw Error(what);
   };
@@ -89,8 +89,8 @@ LightsPath::LightsPath(const Rig& rig, const LightsOptions& options) : options_(
   rate_ = options.speed / std::sqrt(sum / (2 * kSteps));
 }
 
-// Through the whole volume, never the same way twice.
-Vec3 LightsPath::middle(double phase) const {
+// Covers the whole volume without repeating a path.
+Vec3 LightTrajectory::middle(double phase) const {
   const double t = (1 + std::sin(0.618 * phase + 0.5)) / 2;
   const double z = 1 / (t / options_.near + (1 - t) / options_.far);
   const double reach_x = std::max(0.2 * half_width_ * z, kLateral * half_width_ * z - options_.bar / 4);
@@ -98,23 +98,23 @@ Vec3 LightsPath::middle(double phase) const {
   return {reach_x * std::sin(1.0 * phase), reach_y * std::sin(1.325 * phase + 1), z};
 }
 
-Vec3 LightsPath::direction(double phase) const {
+Vec3 LightTrajectory::direction(double phase) const {
   const double around = 0.43 * phase, away = 0.6 * std::sin(0.37 * phase + 2);
   return {std::cos(around) * std::cos(away), std::sin(around) * std::cos(away), std::sin(away)};
 }
 
-std::array<Vec3, 2> LightsPath::lights_at(double phase) const {
+std::array<Vec3, 2> LightTrajectory::lights_at(double phase) const {
   const Vec3 at = middle(phase), half = direction(phase) * (options_.bar / 2);
   return {array_.world_from_camera(at - half), array_.world_from_camera(at + half)};
 }
 
-std::array<Vec3, 2> LightsPath::lights(double time) const { return lights_at(rate_ * time); }
+std::array<Vec3, 2> LightTrajectory::lights(double time) const { return lights_at(rate_ * time); }
 
-// A light's image: the places of its middle in parts of the exposure, each a normal distribution of the same size.
-struct LightsCamera::Spot {
+// The image of a light: positions of its centre during the exposure, each with a normal distribution of the same size.
+struct MovingLightCamera::LightSpot {
   std::vector<Vec2> places;
   double sigma = 1;  // pixels
-  double light = 0;  // of a pixel amid it if it were at rest
+  double light = 0;  // light of a pixel in the centre, at rest
 
   std::optional<Vec2> mean() const {
     if (places.empty()) return std::nullopt;
@@ -124,7 +124,8 @@ struct LightsCamera::Spot {
   }
 };
 
-LightsCamera::LightsCamera(const LightsPath& path, const SceneCamera& camera) : path_(path), camera_(camera) {
+MovingLightCamera::MovingLightCamera(const LightTrajectory& path, const SceneCamera& camera)
+    : path_(path), camera_(camera) {
   const double ambient = path.options().ambient;
   room_.assign(static_cast<size_t>(camera.width) * camera.height, 0);
   if (!(ambient > 0)) return;
@@ -135,10 +136,10 @@ LightsCamera::LightsCamera(const LightsPath& path, const SceneCamera& camera) : 
   }
 }
 
-std::vector<LightsCamera::Spot> LightsCamera::spots(double time) const {
-  const LightsOptions& o = path_.options();
+std::vector<MovingLightCamera::LightSpot> MovingLightCamera::spots(double time) const {
+  const MovingLightOptions& o = path_.options();
   const auto project = [&](const Vec3& point) { return camera_.lens.project(camera_.pose.camera_from_world(point)); };
-  std::vector<Spot> spots;
+  std::vector<LightSpot> spots;
   for (const bool reflected : {false, true}) {
     if (reflected && !(o.reflection > 0)) continue;
     for (int light = 0; light < path_.num_lights(); light++) {
@@ -146,13 +147,13 @@ std::vector<LightsCamera::Spot> LightsCamera::spots(double time) const {
         const Vec3 point = path_.lights(t)[light];
         return reflected ? path_.mirrored(point) : point;
       };
-      Spot& spot = spots.emplace_back();
+      LightSpot& spot = spots.emplace_back();
       const double z = camera_.pose.camera_from_world(at(time)).z;
       const auto first = project(at(time - o.exposure / 2)), last = project(at(time + o.exposure / 2));
       if (!first || !last || !(z > 0.05)) continue;
-      const double disc = o.radius * camera_.lens.fx() / z / 2;  // one sigma of a disc's sides
+      const double disc = o.radius * camera_.lens.fx() / z / 2;  // sigma of a disc along each axis
       spot.sigma = std::sqrt(kOptics * kOptics + disc * disc);
-      // The same light over a larger image, or from farther away, is less in each pixel.
+      // The same light on a larger image, or from farther away, is weaker in each pixel.
       spot.light = o.power * (reflected ? o.reflection : 1) * (kOptics * kOptics + disc * disc * z * z) /
                    (spot.sigma * spot.sigma * z * z);
       const int parts =
@@ -165,9 +166,9 @@ std::vector<LightsCamera::Spot> LightsCamera::spots(double time) const {
   return spots;
 }
 
-std::vector<std::optional<Vec2>> LightsCamera::places(double time) const {
+std::vector<std::optional<Vec2>> MovingLightCamera::places(double time) const {
   std::vector<std::optional<Vec2>> list;
-  for (const Spot& spot : spots(time)) {
+  for (const LightSpot& spot : spots(time)) {
     auto& place = list.emplace_back(spot.mean());
     if (place &&
         (place->x < -0.5 || place->y < -0.5 || place->x > camera_.width - 0.5 || place->y > camera_.height - 0.5))
@@ -176,19 +177,19 @@ std::vector<std::optional<Vec2>> LightsCamera::places(double time) const {
   return list;
 }
 
-Image LightsCamera::picture(double time, uint64_t seed) const {
-  const LightsOptions& o = path_.options();
+Image MovingLightCamera::picture(double time, uint64_t seed) const {
+  const MovingLightOptions& o = path_.options();
   const int width = camera_.width, height = camera_.height;
   std::vector<float> light = room_;
   std::vector<double> across, down;
-  for (const Spot& spot : spots(time))
+  for (const LightSpot& spot : spots(time))
     for (const Vec2& place : spot.places) {
       const int left = std::max(0, static_cast<int>(place.x - kReach * spot.sigma));
       const int right = std::min(width - 1, static_cast<int>(place.x + kReach * spot.sigma) + 1);
       const int top = std::max(0, static_cast<int>(place.y - kReach * spot.sigma));
       const int bottom = std::min(height - 1, static_cast<int>(place.y + kReach * spot.sigma) + 1);
       if (left > right || top > bottom) continue;
-      // Over each pixel's square, as a sensor gathers it.
+      // Integrates over the area of each pixel, like a sensor.
       const auto shares = [&](int from, int to, double at, std::vector<double>& list) {
         const auto below = [&](double x) { return std::erf((x - at) / spot.sigma / std::numbers::sqrt2) / 2; };
         list.clear();
@@ -224,7 +225,6 @@ double srgb_light(int level) {
   return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-// A lamp from the upper left: brightest there.
 double lamp(const Vec3& place) {
   return 0.86 / (1 + 0.08 * glm::dot(place - Vec3(-0.6, -0.8, 0.6), place - Vec3(-0.6, -0.8, 0.6)));
 }
@@ -238,7 +238,7 @@ class Board {
     unit_ = chart.width / checker::kWidth;
   }
 
-  // Whether the ray meets the board, and what is seen there.
+  // Returns true if the ray hits the front of the board, and sets `out` to the light from there.
   bool see(const Vec3& origin, const Vec3& direction, Light& out) const {
     const Vec3 from = chart_from_world_ * (origin - chart_.world_from_chart.position),
                d = chart_from_world_ * direction;
@@ -269,21 +269,21 @@ class Board {
 
 }  // namespace
 
-std::vector<ChartPose> chart_poses(const Rig& rig, int count) {
+std::vector<ChartPose> colour_chart_poses(const Rig& rig, int count) {
   if (rig.cameras.empty()) throw Error("chart: the rig has no camera");
-  if (count < 1) throw Error("chart: must be at one place at least");
+  if (count < 1) throw Error("chart: count must be at least 1");
   Vec3 middle(0);
   for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
   const Camera& nearest = *std::ranges::min_element(
       rig.cameras, {}, [&](const Camera& camera) { return glm::length(camera.pose.position - middle); });
   double extent = 0;
   for (const Camera& camera : rig.cameras) extent = std::max(extent, glm::length(camera.pose.position - middle));
-  // So far away that all of an array has it in view.
+  // Far enough to be visible to all cameras.
   const double distance = std::max(0.8, 4 * extent);
   const Mat3 rotation = nearest.pose.rotation();
   std::vector<ChartPose> poses;
   for (int i = 0; i < count; i++) {
-    // Places that fill the image evenly, whatever their number (Roberts's sequence of the plastic number).
+    // Positions that cover the image evenly for any `count` (Roberts's sequence of the plastic number).
     const double u = std::fmod(0.5 + 0.7548776662466927 * i, 1.0), v = std::fmod(0.5 + 0.5698402909980532 * i, 1.0);
     const double width = nearest.width, height = nearest.height;
     const Vec2 pixel((0.5 + 0.62 * (u - 0.5)) * width, (0.5 + 0.62 * (v - 0.5)) * height);
@@ -301,10 +301,10 @@ std::vector<ChartPose> chart_poses(const Rig& rig, int count) {
 }
 
 Image render_chart(const SceneCamera& camera, const ChartPose& chart) {
-  constexpr int kSamples = 3;  // along a row and a column of a pixel
+  constexpr int kSamples = 3;  // samples per pixel along each axis
   const Board board(chart);
   const Mat3 rotation = camera.pose.rotation();
-  // The wall is behind all that the array can be shown.
+  // A grey wall 1 m behind the chart.
   const double wall = chart.world_from_chart.position.z + 1.0;
   Image out(PixelFamily::kRgb, camera.width, camera.height);
   for (int y = 0; y < camera.height; y++)
@@ -344,7 +344,7 @@ class Random {
   double between(double least, double most) {
     return least + (most - least) * static_cast<double>(bits() >> 11) / 9007199254740992.0;
   }
-  // Near enough to a normal distribution: the sum of four even ones.
+  // Approximates a normal distribution by the sum of four uniform distributions.
   double normal() {
     const uint64_t b = bits();
     double sum = 0;
@@ -382,7 +382,7 @@ std::vector<ColourFault> random_faults(size_t cameras, uint32_t seed, const Colo
   return faults;
 }
 
-Image with_fault(const Image& rgb, const ColourFault& fault, const Vec2& principal_point, uint64_t seed) {
+Image apply_fault(const Image& rgb, const ColourFault& fault, const Vec2& principal_point, uint64_t seed) {
   const VignettingField field(rgb.width(), rgb.height(), principal_point);
   const ColourModel lens{.vignetting = fault.vignetting};
   double light[256];
@@ -392,7 +392,7 @@ Image with_fault(const Image& rgb, const ColourFault& fault, const Vec2& princip
   for (int y = 0; y < rgb.height(); y++)
     for (int x = 0; x < rgb.width(); x++) {
       const uint8_t* const in = rgb.pixel(x, y);
-      const double share = light_share(lens, field.square(x, y));
+      const double share = vignetting_factor(lens, field.square(x, y));
       for (int c = 0; c < 3; c++) {
         const double* const row = &fault.crosstalk[static_cast<size_t>(3 * c)];
         const double seen = share * (row[0] * light[in[0]] + row[1] * light[in[1]] + row[2] * light[in[2]]);

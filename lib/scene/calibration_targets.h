@@ -14,113 +14,112 @@
 
 namespace lf {
 
-// A light, or two on a rigid bar, that somebody moves through a dark room in front of an array: what recordings for a
-// calibration show, with the truth beside. Everything is a pure function of its arguments.
+// Simulates the recordings of a calibration with ground truth: a light, or two lights on a rigid bar, moved through a
+// dark room in front of an array. All results are pure functions of the arguments.
 
-struct LightsOptions {
+struct MovingLightOptions {
   double bar = 0.3;             // metres between the two lights; 0: one light
-  double near = 0.8, far = 2;   // metres in front of the array: where the middle of the bar is moved
-  double speed = 0.5;           // metres a second of the lights, root of the mean square
+  double near = 0.8, far = 2;   // metres in front of the array, range of the bar's middle
+  double speed = 0.5;           // RMS speed of the lights, metres per second
   double radius = 0.006;        // metres
-  double power = 4;             // light of a pixel amid a light's image, 1 m away and at rest: 1 saturates
-  double ambient = 0.002;       // share of the built-in scene's own light that is left in the dark room
-  double reflection = 0;        // share of the lights that a window behind them reflects
-  double exposure = 1.0 / 120;  // seconds; the middle of it is when a picture was taken
+  double power = 4;             // light of a pixel in the centre of a light's image, 1 m away and at rest; 1 saturates
+  double ambient = 0.002;       // part of the built-in scene's light that remains in the dark room
+  double reflection = 0;        // part of the light that a window behind the lights reflects
+  double exposure = 1.0 / 120;  // seconds; a picture's time is the middle of its exposure
   double noise = 3;             // standard deviation of a sample, of 255
 };
 
-// The path of the lights for the cameras of one rig. A plain value.
-class LightsPath {
+class LightTrajectory {
  public:
-  // Throws Error where the options make no sense ("far: must be more than near").
-  LightsPath(const Rig& rig, const LightsOptions& options);
+  // Throws Error if an option is invalid ("far: must be more than near").
+  LightTrajectory(const Rig& rig, const MovingLightOptions& options);
 
   int num_lights() const { return options_.bar > 0 ? 2 : 1; }
-  const LightsOptions& options() const { return options_; }
-  // Where a light is in the world, metres. Light 1 is where light 0 is if there is one alone.
+  const MovingLightOptions& options() const { return options_; }
+  // Returns the positions of the lights, metres. A single light is returned twice.
   std::array<Vec3, 2> lights(double time) const;
-  // The mirror image of a point in the window.
   Vec3 mirrored(const Vec3& point) const { return point - 2 * window_.signed_distance(point) * window_.normal; }
 
  private:
-  LightsOptions options_;
-  Pose array_;                       // amid the cameras, along their mean axes
-  double half_width_, half_height_;  // what a typical camera sees a metre away
-  double rate_ = 1;                  // radians a second that lead to the speed
+  MovingLightOptions options_;
+  Pose array_;                       // mean position and mean axes of the cameras
+  double half_width_, half_height_;  // tangents of a typical camera's half field of view
+  double rate_ = 1;                  // radians per second of the path
   Plane window_;
   Vec3 middle(double phase) const;
   Vec3 direction(double phase) const;
   std::array<Vec3, 2> lights_at(double phase) const;
 };
 
-// One camera that films moving lights.
-class LightsCamera {
+class MovingLightCamera {
  public:
-  LightsCamera(const LightsPath& path, const SceneCamera& camera);
+  MovingLightCamera(const LightTrajectory& path, const SceneCamera& camera);
 
-  // The picture whose exposure is around `time`; grey, as RGB. `seed`: of its noise, any number, another one for each
-  // picture. Gamma 2, as the built-in scene.
+  // Returns the grey picture (as RGB) with the exposure around `time`, with gamma 2 like the built-in scene. `seed`: of
+  // the noise; use another seed for each picture.
   Image picture(double time, uint64_t seed) const;
-  // Where the middle of each light's image is, the mean over the exposure; then those of the reflections, where there
-  // is a window. Nothing where a light is not in the picture.
+  // Returns the mean position of the centre of each light during the exposure, then of the reflections if there is a
+  // window. No value for lights outside of the picture.
   std::vector<std::optional<Vec2>> places(double time) const;
 
  private:
-  struct Spot;
-  std::vector<Spot> spots(double time) const;
+  struct LightSpot;
+  std::vector<LightSpot> spots(double time) const;
 
-  LightsPath path_;
+  LightTrajectory path_;
   SceneCamera camera_;
-  std::vector<float> room_;  // light of the room, a value for each pixel
+  std::vector<float> room_;
 };
 
-// A chart of 24 colours (image/colour_correction.h) that is held before an array, in front of a grey wall, for cameras'
-// colours to be compared on it.
+// A chart of 24 colours (image/colour_correction.h) in front of an array and a grey wall, for comparing the colours of
+// the cameras.
 struct ChartPose {
-  Pose world_from_chart;  // the chart's middle; x to its right, y down, z away from who reads it
-  double width = 0.3;     // metres that the chart's black border is wide
+  Pose world_from_chart;  // centre of the chart; x right, y down, z away from the reader
+  double width = 0.3;     // outer width of the black border, metres
 };
 
-// `count` places to hold the chart at: over the image of the camera in the middle from place to place, so that all
-// cameras see the chart near their middle and at their edges, turned a little, and about half as wide as that image.
-std::vector<ChartPose> chart_poses(const Rig& rig, int count);
+// Returns `count` poses of the chart for colour calibration. The positions cover the image of the middle camera, so
+// that all cameras see the chart near their centre and at their edges. The chart is slightly rotated and about half as
+// wide as that image.
+std::vector<ChartPose> colour_chart_poses(const Rig& rig, int count);
 
-// What a camera without faults records: light averaged over each pixel, encoded as render_scene() does. Rays that the
-// lens does not see are black.
+// Renders the chart for a camera without faults: light averaged over each pixel, encoded as in render_scene(). Rays
+// outside of the lens are black.
 Image render_chart(const SceneCamera& camera, const ChartPose& chart);
 
-// What a camera makes of the picture that a camera without faults takes: light goes through its lens and its colour
-// filters, is exposed, encoded, and has noise.
+// Colour fault of a camera, applied to the picture of a camera without faults: lens, colour filters, exposure,
+// encoding, noise.
 struct ColourFault {
   double gain = 1;        // factor of levels: the light's to the power of 1 / `gamma`
-  Vec3 balance{1, 1, 1};  // gains of the channels, beside `gain`
+  Vec3 balance{1, 1, 1};  // gains of the channels, in addition to `gain`
   Vec3 black{0, 0, 0};    // levels without light
-  double gamma = 2;       // encodes light with 1 / gamma; the scene has 2
+  double gamma = 2;       // light is encoded with 1 / gamma; the scene has 2
   std::array<double, 9> crosstalk{1, 0, 0, 0, 1, 0, 0, 0, 1};  // matrix of light, row by row; rows sum to 1
-  std::array<double, 2> vignetting{0, 0};                      // share of the light: see ColourModel
+  std::array<double, 2> vignetting{0, 0};                      // light transmission, see ColourModel
   double noise = 0;                                            // standard deviation, levels
 };
 
-// How far faults of cameras go: uniform between plus and minus of each.
+// Ranges of random faults: uniform between plus and minus each value, unless noted.
 struct ColourFaultOptions {
-  double gain = 0.08, balance = 0.05;  // parts of levels
-  double black = 4;                    // levels; all cameras have as many more
-  double gamma = 0.03;                 // part of the exponent
-  double crosstalk = 0.03;             // part of light that goes from one channel into another: from 0 up
-  double vignetting = 0.3;             // part of light lost half a diagonal from the middle: from half of this up
-  double noise = 3;                    // levels
+  double gain = 0.08, balance = 0.05;  // relative to the level
+  double black = 4;                    // levels; added to an equal offset of all cameras
+  double gamma = 0.03;                 // relative to the exponent
+  double crosstalk = 0.03;             // part of the light that leaks from one channel into another: from 0 up
+  // part of the light lost half a diagonal from the centre: from half of this value up
+  double vignetting = 0.3;
+  double noise = 3;  // levels
 };
 
-// Faults for as many cameras: the same for the same seed on every machine.
+// Returns random faults for `cameras` cameras, the same for the same seed on every machine.
 std::vector<ColourFault> random_faults(size_t cameras, uint32_t seed, const ColourFaultOptions& options = {});
-// An exposure that is stuck: levels are so many times as high.
+// Factor of levels for a camera with a stuck exposure.
 inline constexpr double kStuckGain = 1.6;
 
-// An RGB image of the scene as the camera gives it. `seed`: of its noise.
-Image with_fault(const Image& rgb, const ColourFault& fault, const Vec2& principal_point, uint64_t seed);
+// Applies a fault to an RGB image of the scene. `seed`: of the noise.
+Image apply_fault(const Image& rgb, const ColourFault& fault, const Vec2& principal_point, uint64_t seed);
 
-// {"format": "lightfield-colour-faults", "version": 1, "cameras": [{"id", "gain", "balance", ...}]}: the truth about a
-// film.
+// Returns the ground truth of a recording: {"format": "lightfield-colour-faults", "version": 1, "cameras": [{"id",
+// "gain", "balance", ...}]}.
 std::string faults_to_json(const Rig& rig, const std::vector<ColourFault>& faults);
 
 }  // namespace lf

@@ -26,18 +26,18 @@ glm::mat3 turned_about_z(double angle) {
   return glm::mat3(c, s, 0, -s, c, 0, 0, 0, 1);
 }
 
-Block block(const V3& centre, const V3& half, double degrees, Paint paint) {
+Box block(const V3& centre, const V3& half, double degrees, Texture texture) {
   const double a = degrees * M_PI / 180;
-  return {centre, half, glm::length(half), static_cast<float>(std::cos(a)), static_cast<float>(std::sin(a)), paint};
+  return {centre, half, glm::length(half), static_cast<float>(std::cos(a)), static_cast<float>(std::sin(a)), texture};
 }
 
 void add_globe(double time, Objects& o) {
   const size_t spheres = o.spheres.size(), capsules = o.capsules.size();
   const V3 centre(-0.26f, 0.15f, kNear);
-  o.spheres.push_back({centre, 0.080f, Paint::kGlobe, turned_about_y(kTurn * time / kScenePeriod)});
-  o.capsules.push_back({centre + V3(0, 0.07f, 0), V3(0, 0.06f, 0), 0.014f, Paint::kEasel});
+  o.spheres.push_back({centre, 0.080f, Texture::kGlobe, turned_about_y(kTurn * time / kScenePeriod)});
+  o.capsules.push_back({centre + V3(0, 0.07f, 0), V3(0, 0.06f, 0), 0.014f, Texture::kEasel});
   o.add_group(spheres, capsules);
-  o.pillars.push_back({centre.x, centre.z, 0.078f, 0.265f, kFloor, Paint::kPlinth});
+  o.cylinders.push_back({centre.x, centre.z, 0.078f, 0.265f, kFloor, Texture::kPlinth});
 }
 
 // Hangs from the ceiling above (x, z) and swings twice per period.
@@ -45,15 +45,15 @@ void add_pendulum(double time, float x, float z, float length, double phase, Obj
   const size_t spheres = o.spheres.size(), capsules = o.capsules.size();
   const double a = 0.055 * std::sin(kTurn * (2 * time / kScenePeriod + phase));
   const V3 top(x, kRoomMin.y, z), down(std::sin(a), std::cos(a), 0.3 * std::sin(a));
-  o.spheres.push_back({top + length * down, 0.046f, Paint::kSwirl, turned_about_y(8 * a + phase)});
-  o.capsules.push_back({top, (length - 0.044f) * down, 0.003f, Paint::kString});
+  o.spheres.push_back({top + length * down, 0.046f, Texture::kSwirl, turned_about_y(8 * a + phase)});
+  o.capsules.push_back({top, (length - 0.044f) * down, 0.003f, Texture::kString});
   o.add_group(spheres, capsules);
 }
 
 void add_beach_ball(double time, Objects& o) {
   const size_t spheres = o.spheres.size(), capsules = o.capsules.size();
   const double x = 0.10 * std::sin(kTurn * time / kScenePeriod), radius = 0.125;
-  o.spheres.push_back({V3(-0.60 + x, kFloor - radius, kMiddle), static_cast<float>(radius), Paint::kBeachBall,
+  o.spheres.push_back({V3(-0.60 + x, kFloor - radius, kMiddle), static_cast<float>(radius), Texture::kBeachBall,
                        turned_about_z(-x / radius)});  // rolls without slipping
   o.add_group(spheres, capsules);
 }
@@ -67,31 +67,31 @@ void add_plant(double time, Objects& o) {
                                   {-0.13f, -0.42f, -0.03f, 0.10f}, {0.10f, -0.46f, 0, 0.11f},
                                   {0.01f, -0.58f, 0, 0.09f}};
   for (const auto& [x, y, z, r] : kLeaves)
-    o.spheres.push_back({pot + V3(x - nod * y * 4, y, z), r, Paint::kLeaves, turned_about_y(7 * x)});
+    o.spheres.push_back({pot + V3(x - nod * y * 4, y, z), r, Texture::kLeaves, turned_about_y(7 * x)});
   o.add_group(spheres, capsules);
-  o.pillars.push_back({pot.x, pot.z, 0.13f, pot.y, kFloor, Paint::kPot});
+  o.cylinders.push_back({pot.x, pot.z, 0.13f, pot.y, kFloor, Texture::kPot});
 }
 
 void add_easel(Objects& o) {
   const size_t spheres = o.spheres.size(), capsules = o.capsules.size();
   for (const float side : {-1.0f, 1.0f}) {
     const V3 foot(0.55f + side * 0.42f, kFloor, kFar + 0.05f), head(0.55f + side * 0.2f, -0.5f, kFar + 0.05f);
-    o.capsules.push_back({head, foot - head, 0.022f, Paint::kEasel});
+    o.capsules.push_back({head, foot - head, 0.022f, Texture::kEasel});
   }
   o.add_group(spheres, capsules);
-  o.blocks.push_back(block({0.55f, -0.08f, kFar}, {0.46f, 0.345f, 0.012f}, 0, Paint::kChart));
+  o.boxes.push_back(block({0.55f, -0.08f, kFar}, {0.46f, 0.345f, 0.012f}, 0, Texture::kChart));
 }
 
 void add_blocks(double time, Objects& o) {
-  o.pillars.push_back({0.27f, kNear + 0.02f, 0.13f, 0.27f, kFloor, Paint::kTable});
-  o.blocks.push_back(block({0.28f, 0.21f, kNear + 0.02f}, {0.06f, 0.06f, 0.06f}, 24, Paint::kChequers));
+  o.cylinders.push_back({0.27f, kNear + 0.02f, 0.13f, 0.27f, kFloor, Texture::kTable});
+  o.boxes.push_back(block({0.28f, 0.21f, kNear + 0.02f}, {0.06f, 0.06f, 0.06f}, 24, Texture::kChequers));
   const double turn = 360 * time / kScenePeriod;
-  o.blocks.push_back(block({0.28f, 0.105f, kNear + 0.02f}, {0.045f, 0.045f, 0.045f}, -15 + turn / 4, Paint::kRings));
-  o.blocks.push_back(block({0.64f, 0.43f, kMiddle + 0.08f}, {0.17f, 0.17f, 0.17f}, 28, Paint::kCrate));
+  o.boxes.push_back(block({0.28f, 0.105f, kNear + 0.02f}, {0.045f, 0.045f, 0.045f}, -15 + turn / 4, Texture::kRings));
+  o.boxes.push_back(block({0.64f, 0.43f, kMiddle + 0.08f}, {0.17f, 0.17f, 0.17f}, 28, Texture::kCrate));
 }
 
 void add_columns(Objects& o) {
-  for (const float x : {-1.30f, 1.42f}) o.pillars.push_back({x, kFar, 0.15f, kRoomMin.y, kFloor, Paint::kColumn});
+  for (const float x : {-1.30f, 1.42f}) o.cylinders.push_back({x, kFar, 0.15f, kRoomMin.y, kFloor, Texture::kColumn});
 }
 
 }  // namespace
@@ -132,21 +132,21 @@ Objects objects_at(double time) {
   return o;
 }
 
-// A wooden mannequin about 1 m tall that walks along an ellipse with a balloon in its left hand. The feet rest on the
-// floor while they carry; knees and elbows follow from hip and foot, shoulder and hand.
+// A wooden mannequin about 1 m tall that walks along an ellipse with a balloon in its left hand. Feet are fixed to the
+// floor while they carry weight. Knees and elbows follow from hip and foot, shoulder and hand.
 
 namespace {
 
 constexpr double kStepCycles = 3;  // pairs of steps per round
 constexpr float kThigh = 0.26f, kShin = 0.25f, kUpperArm = 0.16f, kForearm = 0.15f;
 
-// The figure's own axes on the floor: forward, to its right, height.
+// The figure's coordinate axes on the floor: forward, right, height.
 struct Frame {
   V3 origin, forward, right;
   V3 operator()(float f, float r, float height) const { return origin + f * forward + r * right - V3(0, height, 0); }
 };
 
-// Where the middle joint of a chain of two bones lies, bent towards `bend`.
+// Returns the middle joint of a chain of two bones, bent towards `bend`.
 V3 middle_joint(const V3& from, const V3& to, float first, float second, const V3& bend) {
   const V3 line = to - from;
   const float d = std::min(glm::length(line), first + second);
@@ -156,8 +156,8 @@ V3 middle_joint(const V3& from, const V3& to, float first, float second, const V
   return from + along * u + off * glm::normalize(bend - glm::dot(bend, u) * u);
 }
 
-// Foot relative to the hip: along the way and above the floor, for half a step length `reach`. It carries for half of
-// the cycle, moving back as fast as the body moves on, and swings forward in the other.
+// Computes the foot relative to the hip, along the way (`f`) and above the floor, for half a step length `reach`. The
+// foot carries for half of the cycle, moving back as fast as the body moves forward, then swings forward.
 void foot_path(double cycle, float reach, float& f, float& height) {
   const double p = cycle - std::floor(cycle);
   if (p < 0.5) {
@@ -171,11 +171,11 @@ void foot_path(double cycle, float reach, float& f, float& height) {
 }
 
 void limb(Objects& o, const V3& a, const V3& b, float radius) {
-  o.capsules.push_back({a, b - a, radius, Paint::kWood});
+  o.capsules.push_back({a, b - a, radius, Texture::kWood});
 }
 
-void ball(Objects& o, const V3& c, float radius, Paint paint = Paint::kJoint) {
-  o.spheres.push_back({c, radius, paint});
+void ball(Objects& o, const V3& c, float radius, Texture texture = Texture::kJoint) {
+  o.spheres.push_back({c, radius, texture});
 }
 
 void add_leg(Objects& o, const Frame& at, double cycle, float side, float hip_height, float reach) {
@@ -224,14 +224,14 @@ void add_figure(double time, Objects& o) {
 
   spheres = o.spheres.size(), capsules = o.capsules.size();
   const float lean = 0.012f * sway;
-  o.capsules.push_back({at(0, -0.04f, hip + 0.02f), 0.08f * at.right, 0.07f, Paint::kWood});
+  o.capsules.push_back({at(0, -0.04f, hip + 0.02f), 0.08f * at.right, 0.07f, Texture::kWood});
   ball(o, at(0, 0.5f * lean, hip + 0.105f), 0.058f);
-  o.capsules.push_back({at(0, lean - 0.045f, hip + 0.215f), 0.09f * at.right, 0.085f, Paint::kWood});
+  o.capsules.push_back({at(0, lean - 0.045f, hip + 0.215f), 0.09f * at.right, 0.085f, Texture::kWood});
   limb(o, at(0, lean, hip + 0.28f), at(0.01f, lean, hip + 0.36f), 0.030f);
   const V3 head = at(0.015f, lean, hip + 0.405f);
-  o.capsules.push_back({head - V3(0, 0.035f, 0), V3(0, 0.045f, 0), 0.062f, Paint::kWood});
+  o.capsules.push_back({head - V3(0, 0.035f, 0), V3(0, 0.045f, 0), 0.062f, Texture::kWood});
   for (const float side : {-1.0f, 1.0f})
-    ball(o, head + 0.056f * at.forward + side * 0.024f * at.right - V3(0, 0.03f, 0), 0.011f, Paint::kEye);
+    ball(o, head + 0.056f * at.forward + side * 0.024f * at.right - V3(0, 0.03f, 0), 0.011f, Texture::kEye);
   ball(o, head + 0.063f * at.forward, 0.013f);
   const V3 swinging = at(-0.10f * sway + 0.04f, 0.17f + lean, hip + 0.02f);
   add_arm(o, at(0, 0.13f + lean, hip + 0.265f), swinging, -at.forward);
@@ -242,21 +242,20 @@ void add_figure(double time, Objects& o) {
   spheres = o.spheres.size(), capsules = o.capsules.size();
   const double swing = 2 * angle;
   const V3 balloon = holding - V3(0, 0.25f, 0) + 0.03f * V3(std::sin(swing), 0, std::cos(swing)) - 0.03f * at.forward;
-  ball(o, balloon, 0.085f, Paint::kBalloon);
-  o.capsules.push_back({holding, balloon + V3(0, 0.085f, 0) - holding, 0.004f, Paint::kString});
+  ball(o, balloon, 0.085f, Texture::kBalloon);
+  o.capsules.push_back({holding, balloon + V3(0, 0.085f, 0) - holding, 0.004f, Texture::kString});
   o.add_group(spheres, capsules);
 }
 
 namespace {
 
-// Linear light from gamma-encoded 0..255, with the gamma of 2 that the camera has.
+// Converts gamma-encoded 0..255 to linear light, with the camera's gamma of 2.
 constexpr V3 linear(int r, int g, int b) {
   return {(r / 255.0f) * (r / 255.0f), (g / 255.0f) * (g / 255.0f), (b / 255.0f) * (b / 255.0f)};
 }
 
 V3 mix(const V3& a, const V3& b, float t) { return a + t * (b - a); }
 
-// Two texture coordinates and a pixel's width along them.
 struct Texel {
   float u, v, wu, wv;
   Texel scaled(float su, float sv) const { return {u * su, v * sv, wu * su, wv * sv}; }
@@ -270,9 +269,9 @@ Texel project(const Surface& s, const V3& u_axis, const V3& v_axis, const V3& or
 
 float footprint(const Surface& s) { return std::sqrt(std::max(glm::dot(s.dx, s.dx), glm::dot(s.dy, s.dy))); }
 
-float grain_of(const Texel& t) { return grain(t.u, t.wu, t.v, t.wv); }
+float grain_of(const Texel& t) { return noise_texture(t.u, t.wu, t.v, t.wv); }
 
-// 1 inside the interval low..high of the coordinate, averaged over the width.
+// Returns 1 inside of low..high, averaged over the width.
 float inside(float x, float w, float low, float high) {
   w = std::max(w, 1e-5f);
   return std::clamp((std::min(x + w / 2, high) - std::max(x - w / 2, low)) / w, 0.0f, 1.0f);
@@ -282,7 +281,7 @@ float inside(const Texel& t, float u0, float u1, float v0, float v1) {
   return inside(t.u, t.wu, u0, u1) * inside(t.v, t.wv, v0, v1);
 }
 
-Finish floor_paint(const Surface& s) {
+Material floor_paint(const Surface& s) {
   const Texel t = project(s, {1, 0, 0}, {0, 0, 1}, {0.11f, 0, 0});
   const Texel tile = t.scaled(1 / 0.3f, 1 / 0.3f);
   V3 c = mix(linear(196, 150, 108), linear(224, 192, 150), checker(tile.u, tile.wu, tile.v, tile.wv));
@@ -296,7 +295,7 @@ V3 bricks(const Texel& t) {
   const float u = b.u + 0.5f * (row - 2 * floor_of(row / 2));
   const float joint_u = stripes(u + 0.02f, b.wu, 0.04f), joint_v = stripes(b.v + 0.06f, b.wv, 0.12f);
   const float joint = joint_u + joint_v - joint_u * joint_v;
-  const float tint = scatter(static_cast<int>(floor_of(u)), static_cast<int>(row)) - 0.5f;
+  const float tint = hash_unit(static_cast<int>(floor_of(u)), static_cast<int>(row)) - 0.5f;
   const float sharp = 1 - ramp(0.3f, 1.0f, std::max(b.wu, b.wv));
   V3 c = linear(122, 150, 156) * (1 + 0.22f * tint * sharp) * (1 + 0.08f * grain_of(t.scaled(7, 9)));
   return mix(c, linear(148, 168, 170), joint);
@@ -314,7 +313,7 @@ V3 picture(const Texel& t) {
   return mix(c, meadow, inside(t.v, w, near_hill, 2));
 }
 
-Finish wall_paint(const Surface& s) {
+Material wall_paint(const Surface& s) {
   const Texel t = project(s, {1, 0, 0}, {0, 1, 0}, {0, 0, 0});
   V3 c = bricks(t);
   // A panelled skirting along the floor.
@@ -322,7 +321,6 @@ Finish wall_paint(const Surface& s) {
   const V3 skirting = mix(linear(206, 198, 182), linear(168, 160, 146), panel);
   c = mix(c, skirting, inside(t.v, t.wv, 0.28f, 2));
   c = mix(c, linear(230, 224, 210), inside(t.v, t.wv, 0.25f, 0.29f));
-  // The framed picture.
   const Texel f{t.u + 1.02f, t.v + 1.05f, t.wu, t.wv};
   c = mix(c, linear(132, 100, 66), inside(f, -0.05f, 0.99f, -0.05f, 0.75f));
   c = mix(c, linear(196, 190, 172), inside(f, 0, 0.94f, 0, 0.70f));
@@ -332,14 +330,14 @@ Finish wall_paint(const Surface& s) {
   return {c, 0};
 }
 
-Finish plaster(const Surface& s, uint32_t face) {
+Material plaster(const Surface& s, uint32_t face) {
   const bool sideways = face < 2;
   const Texel t = project(s, sideways ? V3(0, 0, 1) : V3(1, 0, 0), face == 2 ? V3(0, 0, 1) : V3(0, 1, 0), {0, 0, 0});
   const V3 c = face == 2 ? linear(226, 222, 212) : linear(198, 186, 164);
   return {c * (1 + 0.10f * grain_of(t.scaled(3, 3))), 0};
 }
 
-// n^power by repeated squaring of x + iy on the unit circle: cosine and sine of 2^doublings times the angle.
+// Computes cosine and sine of 2^doublings times the angle, by repeated squaring of x + iy on the unit circle.
 void multiply_angle(float& x, float& y, int doublings) {
   for (int i = 0; i < doublings; i++) {
     const float c = x * x - y * y;
@@ -348,8 +346,8 @@ void multiply_angle(float& x, float& y, int doublings) {
   }
 }
 
-// A test chart to focus by: chequers, a star, bars of three widths, rings.
-Finish chart_paint(const Texel& t) {
+// A test chart for focusing: chequers, a star, bars of three widths, rings.
+Material chart_paint(const Texel& t) {
   const V3 paper = linear(208, 204, 190), ink = linear(92, 96, 104), red = linear(190, 88, 76),
            blue = linear(82, 116, 168);
   V3 c = paper;
@@ -376,7 +374,7 @@ Finish chart_paint(const Texel& t) {
   return {mix(c, linear(96, 70, 48), margin), 0.02f};
 }
 
-Finish crate_paint(const Texel& t, float half) {
+Material crate_paint(const Texel& t, float half) {
   const Texel plank = t.scaled(1 / 0.068f, 1 / 0.068f);
   V3 c = linear(186, 140, 88) * (1 + 0.22f * grain_of(t.scaled(6, 60)));
   c = mix(c, linear(92, 62, 38), stripes(plank.u + 0.05f, plank.wu, 0.1f));
@@ -384,14 +382,14 @@ Finish crate_paint(const Texel& t, float half) {
   return {mix(c, linear(150, 104, 60) * (1 + 0.15f * grain_of(t.scaled(40, 40))), frame), 0.03f};
 }
 
-Finish block_paint(const Block& b, const Surface& s) {
+Material block_paint(const Box& b, const Surface& s) {
   const V3 x_axis(b.cosine, 0, b.sine), z_axis(-b.sine, 0, b.cosine);
   const float nx = std::abs(glm::dot(s.normal, x_axis)), ny = std::abs(s.normal.y);
   const Texel t = project(s, nx > 0.5f ? z_axis : x_axis, ny > 0.5f ? z_axis : V3(0, 1, 0), b.centre);
-  switch (b.paint) {
-    case Paint::kChart: return ny > 0.5f || nx > 0.5f ? Finish{linear(96, 70, 48)} : chart_paint(t);
-    case Paint::kCrate: return crate_paint(t, b.half.x);
-    case Paint::kRings: {
+  switch (b.texture) {
+    case Texture::kChart: return ny > 0.5f || nx > 0.5f ? Material{linear(96, 70, 48)} : chart_paint(t);
+    case Texture::kCrate: return crate_paint(t, b.half.x);
+    case Texture::kRings: {
       const float r = std::sqrt(t.u * t.u + t.v * t.v), w = std::max(t.wu, t.wv);
       return {mix(linear(206, 176, 98), linear(92, 138, 124), stripes(r / 0.022f, w / 0.022f, 0.5f)), 0.10f};
     }
@@ -416,19 +414,19 @@ V3 globe_colour(const V3& n, float w) {
   float x = n.x / std::max(r, 1e-6f), z = n.z / std::max(r, 1e-6f);
   multiply_angle(x, z, 3);
   const float lines = std::max(stripes(n.y / 0.25f + 0.05f, w / 0.25f, 0.1f),
-                               ramp(0.9f, 0.98f, x) * ramp(0.3f, 0.5f, r) * kept_amplitude(std::min(1.0f, 4 * w)));
+                               ramp(0.9f, 0.98f, x) * ramp(0.3f, 0.5f, r) * filtered_amplitude(std::min(1.0f, 4 * w)));
   return mix(c, linear(226, 226, 214), 0.30f * lines);
 }
 
-Finish sphere_paint(const Sphere& ball, const Surface& s) {
+Material sphere_paint(const Sphere& ball, const Surface& s) {
   const V3 n = ball.local_from_world * s.normal;
   const float w = footprint(s) / ball.radius;
-  switch (ball.paint) {
-    case Paint::kJoint: return {linear(150, 58, 44), 0.15f};
-    case Paint::kEye: return {linear(24, 22, 24), 0.6f};
-    case Paint::kBalloon: return {linear(206, 70, 70), 0.5f};
-    case Paint::kGlobe: return {globe_colour(n, w), 0.25f};
-    case Paint::kBeachBall: {
+  switch (ball.texture) {
+    case Texture::kJoint: return {linear(150, 58, 44), 0.15f};
+    case Texture::kEye: return {linear(24, 22, 24), 0.6f};
+    case Texture::kBalloon: return {linear(206, 70, 70), 0.5f};
+    case Texture::kGlobe: return {globe_colour(n, w), 0.25f};
+    case Texture::kBeachBall: {
       // Six gores around z: the sign of sin 3a is that of y (3 x^2 - y^2).
       const float wedge = n.y * (3 * n.x * n.x - n.y * n.y) / std::max(std::pow(n.x * n.x + n.y * n.y, 1.5f), 1e-6f);
       const float soft = 3 * w / std::max(std::sqrt(n.x * n.x + n.y * n.y), 0.05f) + 1e-4f;
@@ -436,11 +434,11 @@ Finish sphere_paint(const Sphere& ball, const Surface& s) {
       c = mix(c, linear(240, 190, 60), inside(std::abs(n.z), w, 0.90f, 2));
       return {c, 0.30f};
     }
-    case Paint::kSwirl: {
+    case Texture::kSwirl: {
       const float band = stripes(2.4f * n.y + 0.5f * n.x, 2.5f * w, 0.5f);
       return {mix(linear(136, 100, 160), linear(214, 184, 126), band), 0.45f};
     }
-    case Paint::kLeaves: {
+    case Texture::kLeaves: {
       const float leaf = wave(2.3f * n.x + 1.1f * n.y, 2.6f * w) * wave(1.2f * n.z - 2.6f * n.y, 2.9f * w) +
                          0.6f * wave(4.1f * n.y + 2.3f * n.x, 4.7f * w) * wave(3.9f * n.x - 2 * n.z, 4.4f * w);
       return {mix(linear(78, 112, 64), linear(118, 150, 82), 0.5f + 0.45f * leaf), 0.04f};
@@ -454,35 +452,35 @@ V3 wood(float along, float w) {
   return mix(linear(216, 172, 116), linear(192, 144, 92), 0.5f + 0.5f * wave(along / 0.035f, w / 0.035f));
 }
 
-Finish capsule_paint(const Capsule& c, const Surface& s) {
+Material capsule_paint(const Capsule& c, const Surface& s) {
   const float along = glm::dot(s.point - c.base, c.axis) / glm::length(c.axis);
-  switch (c.paint) {
-    case Paint::kWood: return {wood(along, footprint(s)), 0.12f};
-    case Paint::kString: return {linear(70, 62, 58), 0};
+  switch (c.texture) {
+    case Texture::kWood: return {wood(along, footprint(s)), 0.12f};
+    case Texture::kString: return {linear(70, 62, 58), 0};
     default: return {linear(122, 84, 52), 0.05f};
   }
 }
 
-Finish pillar_paint(const Pillar& p, const Surface& s) {
+Material pillar_paint(const Cylinder& p, const Surface& s) {
   const float w = footprint(s);
   float x = (s.point.x - p.x) / p.radius, z = (s.point.z - p.z) / p.radius;
   const Texel top = project(s, {1, 0, 0}, {0, 0, 1}, {p.x, 0, p.z});
   const bool on_top = s.normal.y < -0.5f;
-  switch (p.paint) {
-    case Paint::kColumn: {
+  switch (p.texture) {
+    case Texture::kColumn: {
       multiply_angle(x, z, 4);  // 16 flutes
-      const float flute = x * kept_amplitude(std::min(1.0f, 16 * w / (6.28f * p.radius)));
+      const float flute = x * filtered_amplitude(std::min(1.0f, 16 * w / (6.28f * p.radius)));
       return {
           linear(216, 208, 190) * (0.86f + 0.16f * flute) * (1 + 0.06f * grain_of({3 * z, 2 * s.point.y, w, 2 * w})),
           0.04f};
     }
-    case Paint::kPot: return {linear(190, 104, 72) * (0.9f + 0.1f * wave(s.point.y / 0.07f, w / 0.07f)), 0.06f};
-    case Paint::kTable:
+    case Texture::kPot: return {linear(190, 104, 72) * (0.9f + 0.1f * wave(s.point.y / 0.07f, w / 0.07f)), 0.06f};
+    case Texture::kTable:
       if (on_top) return {linear(206, 160, 104) * (1 + 0.15f * grain_of(top.scaled(12, 70))), 0.10f};
       return {mix(linear(206, 160, 104), linear(130, 90, 56), inside(s.point.y, w, p.top + 0.03f, 2)), 0.08f};
     default: {
       if (on_top) return {linear(204, 198, 188), 0.05f};
-      const float veins = grain(9 * x + 4 * s.point.y, 9 * w / p.radius, 14 * s.point.y + 3 * z, 14 * w);
+      const float veins = noise_texture(9 * x + 4 * s.point.y, 9 * w / p.radius, 14 * s.point.y + 3 * z, 14 * w);
       return {mix(linear(212, 206, 196), linear(172, 170, 168), ramp(0.1f, 0.6f, veins)), 0.08f};
     }
   }
@@ -490,15 +488,15 @@ Finish pillar_paint(const Pillar& p, const Surface& s) {
 
 }  // namespace
 
-Finish paint(const Objects& objects, Kind kind, uint32_t index, const Surface& surface) {
+Material texture(const Objects& objects, Kind kind, uint32_t index, const Surface& surface) {
   switch (kind) {
     case Kind::kRoom:
       if (index == 3) return floor_paint(surface);
       return index == 5 ? wall_paint(surface) : plaster(surface, index);
     case Kind::kSphere: return sphere_paint(objects.spheres[index], surface);
     case Kind::kCapsule: return capsule_paint(objects.capsules[index], surface);
-    case Kind::kPillar: return pillar_paint(objects.pillars[index], surface);
-    case Kind::kBlock: return block_paint(objects.blocks[index], surface);
+    case Kind::kCylinder: return pillar_paint(objects.cylinders[index], surface);
+    case Kind::kBox: return block_paint(objects.boxes[index], surface);
     case Kind::kNothing: break;
   }
   return {};

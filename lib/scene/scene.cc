@@ -19,17 +19,16 @@ namespace {
 
 using scene::V3;
 
-// Gamma 2: exact, fast and near enough to what cameras do.
+// Gamma 2 is exact, fast and close to real cameras.
 V3 encode(const V3& light) { return 255.0f * glm::sqrt(glm::clamp(light, 0.0f, 1.0f)); }
 
-// Rays of one camera.
 class CameraRays {
  public:
   explicit CameraRays(const SceneCamera& camera) : camera_(camera), rotation_(camera.pose.rotation()) {}
 
-  // Traces the ray through a pixel position. `spacing`: pixels between samples. Black where the lens sees nothing.
-  scene::Seen trace(const scene::Objects& objects, double x, double y, double spacing,
-                    scene::PixelShadows& shadows) const {
+  // Traces the ray through a pixel position. `spacing`: pixels between samples. Black outside of the lens.
+  scene::TraceResult trace(const scene::Objects& objects, double x, double y, double spacing,
+                           scene::ShadowCache& shadows) const {
     const std::optional<Vec2> u = camera_.lens.unproject({x, y});
     if (!u) return {V3(0), UINT32_MAX, {}};
     const Vec3 sight = rotation_ * Vec3(u->x, u->y, 1);
@@ -44,15 +43,15 @@ class CameraRays {
                         shadows);
   }
 
-  // The mean light of samples x samples rays through a pixel. Calls met(k, sight) for each.
+  // Returns the mean light of samples x samples rays through a pixel. Calls met(k, sight) for each ray.
   template <typename Met>
   V3 mean(const scene::Objects& objects, int x, int y, int samples, const Met& met) const {
     V3 sum(0);
-    scene::PixelShadows shadows;
+    scene::ShadowCache shadows;
     const double spacing = 1.0 / samples;
     for (int j = 0, k = 0; j < samples; j++)
       for (int i = 0; i < samples; i++, k++) {
-        const scene::Seen seen =
+        const scene::TraceResult seen =
             trace(objects, x - 0.5 + (i + 0.5) * spacing, y - 0.5 + (j + 0.5) * spacing, spacing, shadows);
         sum += seen.light;
         met(k, seen.sight);
@@ -66,7 +65,7 @@ class CameraRays {
 };
 
 // One ray through the middle of each pixel.
-struct Draft {
+struct FirstPass {
   int width, height;
   std::vector<V3> colour;  // encoded
   std::vector<uint32_t> object;
@@ -78,8 +77,7 @@ struct Draft {
   }
 };
 
-// Pixels that differ from one of their four neighbours.
-std::vector<uint8_t> pixels_to_refine(const Draft& draft) {
+std::vector<uint8_t> pixels_to_refine(const FirstPass& draft) {
   const size_t w = draft.width;
   std::vector<uint8_t> refine(draft.colour.size());
   const auto compare = [&](size_t a, size_t b) {
@@ -97,13 +95,13 @@ std::vector<uint8_t> pixels_to_refine(const Draft& draft) {
 }  // namespace
 
 Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time) {
-  scene::PixelShadows shadows;
+  scene::ShadowCache shadows;
   const V3 c = encode(trace(scene::objects_at(time), {V3(origin), V3(glm::normalize(direction))}, shadows).light);
   return {c.x, c.y, c.z};
 }
 
-// The previous picture, whose unchanged pixels are reused.
-struct SceneFilm::State {
+// Keeps the previous picture to reuse unchanged pixels.
+struct SceneRenderer::State {
   State(const SceneCamera& of, int samples_a_side) : camera(of), samples(samples_a_side), rays(camera) {
     if (samples < 1) throw Error("samples: must be at least 1");
     const size_t pixels = static_cast<size_t>(camera.width) * camera.height;
@@ -111,15 +109,14 @@ struct SceneFilm::State {
   }
 
   Image at(double time, bool everywhere);
-  void make_draft(const scene::Objects& objects, const scene::Movement* movement, int x, int y, size_t i);
-  V3 mean(const scene::Objects& objects, const scene::Movement* movement, int x, int y, size_t i);
-  bool is_unchanged(const scene::Movement& movement, const scene::Sight& sight) const {
+  void make_draft(const scene::Objects& objects, const scene::SceneChange* movement, int x, int y, size_t i);
+  V3 mean(const scene::Objects& objects, const scene::SceneChange* movement, int x, int y, size_t i);
+  bool is_unchanged(const scene::SceneChange& movement, const scene::HitPoint& sight) const {
     return scene::is_unchanged(movement, V3(camera.pose.position), sight);
   }
 
-  // A pixel's mean of several rays.
   struct Mean {
-    V3 colour;        // encoded
+    V3 colour;        // number of the latest picture with this mean; 0: none
     int picture = 0;  // number of the latest picture with this mean; 0: none
   };
 
@@ -128,24 +125,25 @@ struct SceneFilm::State {
   const CameraRays rays;
   int picture = 0;  // number of the latest; 0: none
   scene::Objects objects;
-  Draft draft;
+  FirstPass draft;
   // Hit points of the draft's rays and of the means' rays. Empty if there is only one picture.
-  std::vector<scene::Sight> draft_sights, mean_sights;
+  std::vector<scene::HitPoint> draft_sights, mean_sights;
   std::vector<Mean> means;
 };
 
-void SceneFilm::State::make_draft(const scene::Objects& now, const scene::Movement* movement, int x, int y, size_t i) {
+void SceneRenderer::State::make_draft(const scene::Objects& now, const scene::SceneChange* movement, int x, int y,
+                                      size_t i) {
   if (movement && is_unchanged(*movement, draft_sights[i])) return;
-  scene::PixelShadows shadows;
-  const scene::Seen seen = rays.trace(now, x, y, 1, shadows);
+  scene::ShadowCache shadows;
+  const scene::TraceResult seen = rays.trace(now, x, y, 1, shadows);
   draft.colour[i] = encode(seen.light);
   draft.object[i] = seen.object;
   if (!draft_sights.empty()) draft_sights[i] = seen.sight;
 }
 
-V3 SceneFilm::State::mean(const scene::Objects& now, const scene::Movement* movement, int x, int y, size_t i) {
+V3 SceneRenderer::State::mean(const scene::Objects& now, const scene::SceneChange* movement, int x, int y, size_t i) {
   const auto count = static_cast<size_t>(samples) * samples;
-  if (means.empty()) return encode(rays.mean(now, x, y, samples, [](int, const scene::Sight&) {}));
+  if (means.empty()) return encode(rays.mean(now, x, y, samples, [](int, const scene::HitPoint&) {}));
   const std::span sights(&mean_sights[i * count], count);
   const bool is_kept = movement && means[i].picture == picture - 1 &&
                        std::ranges::all_of(sights, [&](const auto& s) { return is_unchanged(*movement, s); });
@@ -154,11 +152,11 @@ V3 SceneFilm::State::mean(const scene::Objects& now, const scene::Movement* move
   return means[i].colour;
 }
 
-Image SceneFilm::State::at(double time, bool everywhere) {
+Image SceneRenderer::State::at(double time, bool everywhere) {
   scene::Objects now = scene::objects_at(time);
-  std::optional<scene::Movement> moved;
-  if (picture > 0) moved = scene::movement_between(objects, now);
-  const scene::Movement* const movement = moved ? &*moved : nullptr;
+  std::optional<scene::SceneChange> moved;
+  if (picture > 0) moved = scene::scene_change(objects, now);
+  const scene::SceneChange* const movement = moved ? &*moved : nullptr;
   picture++;
   const auto each_pixel = [&](auto&& visit) {
     for (int y = 0, i = 0; y < camera.height; y++)
@@ -181,7 +179,8 @@ Image SceneFilm::State::at(double time, bool everywhere) {
   return image;
 }
 
-SceneFilm::SceneFilm(const SceneCamera& camera, int samples) : state_(std::make_unique<State>(camera, samples)) {
+SceneRenderer::SceneRenderer(const SceneCamera& camera, int samples)
+    : state_(std::make_unique<State>(camera, samples)) {
   constexpr int kMostSamples = 4;  // a side; with more samples the hit points would take too much memory
   const size_t pixels = state_->draft.colour.size();
   state_->draft_sights.resize(pixels);
@@ -189,11 +188,11 @@ SceneFilm::SceneFilm(const SceneCamera& camera, int samples) : state_(std::make_
   state_->means.resize(pixels);
   state_->mean_sights.resize(pixels * static_cast<size_t>(samples * samples));
 }
-SceneFilm::~SceneFilm() = default;
-Image SceneFilm::at(double time) { return state_->at(time, false); }
+SceneRenderer::~SceneRenderer() = default;
+Image SceneRenderer::at(double time) { return state_->at(time, false); }
 
 Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere) {
-  return SceneFilm::State(camera, samples).at(time, everywhere);
+  return SceneRenderer::State(camera, samples).at(time, everywhere);
 }
 
 Rig scene_rig(int rows, int columns, int width, int height) {

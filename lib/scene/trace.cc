@@ -15,25 +15,25 @@ bool same(const Sphere& a, const Sphere& b) {
   return a.centre == b.centre && a.radius == b.radius && a.local_from_world == b.local_from_world;
 }
 bool same(const Capsule& a, const Capsule& b) { return a.base == b.base && a.axis == b.axis && a.radius == b.radius; }
-bool same(const Pillar& a, const Pillar& b) {
+bool same(const Cylinder& a, const Cylinder& b) {
   return a.x == b.x && a.z == b.z && a.radius == b.radius && a.top == b.top && a.bottom == b.bottom;
 }
-bool same(const Block& a, const Block& b) {
+bool same(const Box& a, const Box& b) {
   return a.centre == b.centre && a.half == b.half && a.cosine == b.cosine && a.sine == b.sine;
 }
 
-Sphere ball_of(const Pillar& p) {
+Sphere ball_of(const Cylinder& p) {
   const float half = 0.5f * (p.bottom - p.top);
-  return {{p.x, p.top + half, p.z}, std::hypot(p.radius, half), p.paint};
+  return {{p.x, p.top + half, p.z}, std::hypot(p.radius, half), p.texture};
 }
-Sphere ball_of(const Block& b) { return {b.centre, b.radius, b.paint}; }
+Sphere ball_of(const Box& b) { return {b.centre, b.radius, b.texture}; }
 Sphere ball_of(const Group& g) { return {g.centre, g.radius, {}}; }
 
-// Bounds of both.
 Sphere hold(const Sphere& a, const Sphere& b) {
   return {0.5f * (a.centre + b.centre), 0.5f * glm::length(a.centre - b.centre) + std::max(a.radius, b.radius), {}};
 }
-// No point of a segment is farther from the like point of another than one of its ends is.
+// The distance of two moving points, each on its own segment, is largest at an end, so this capsule contains `a`
+// and `b`.
 Capsule hold(const Capsule& a, const Capsule& b) {
   const float base = glm::length(a.base - b.base), end = glm::length(a.base + a.axis - b.base - b.axis);
   return {0.5f * (a.base + b.base),
@@ -55,7 +55,7 @@ void visit_changes(const std::vector<Object>& before, const std::vector<Object>&
 
 template <typename Object>
 void add_singles(const std::vector<Object>& before, const std::vector<Object>& after, std::vector<bool>& changes,
-                 std::vector<Movement::Part>& parts) {
+                 std::vector<SceneChange::Part>& parts) {
   visit_changes(before, after, 0, before.size(), changes, [&](size_t i) {
     const Sphere ball = hold(ball_of(before[i]), ball_of(after[i]));
     parts.push_back({ball, {ball}, {}});
@@ -64,19 +64,19 @@ void add_singles(const std::vector<Object>& before, const std::vector<Object>& a
 
 }  // namespace
 
-Movement movement_between(const Objects& before, const Objects& after) {
-  Movement movement;
+SceneChange scene_change(const Objects& before, const Objects& after) {
+  SceneChange movement;
   for (size_t g = 0; g < before.groups.size(); g++) {
     const Group& group = before.groups[g];
-    Movement::Part part{hold(ball_of(group), ball_of(after.groups[g])), {}, {}};
+    SceneChange::Part part{hold(ball_of(group), ball_of(after.groups[g])), {}, {}};
     visit_changes(before.spheres, after.spheres, group.first_sphere, group.last_sphere, movement.spheres,
                   [&](size_t i) { part.balls.push_back(hold(before.spheres[i], after.spheres[i])); });
     visit_changes(before.capsules, after.capsules, group.first_capsule, group.last_capsule, movement.capsules,
                   [&](size_t i) { part.rods.push_back(hold(before.capsules[i], after.capsules[i])); });
     if (!part.balls.empty() || !part.rods.empty()) movement.parts.push_back(part);
   }
-  add_singles(before.pillars, after.pillars, movement.pillars, movement.parts);
-  add_singles(before.blocks, after.blocks, movement.blocks, movement.parts);
+  add_singles(before.cylinders, after.cylinders, movement.cylinders, movement.parts);
+  add_singles(before.boxes, after.boxes, movement.boxes, movement.parts);
   return movement;
 }
 
@@ -91,7 +91,7 @@ constexpr V3 kLight{-1.3f, -1.5f, 0.4f};
 constexpr float kLightRadius = 0.22f;
 constexpr float kPenumbra = 0.004f;  // half the width of a shadow's edge at its object, metres
 
-// From the nearest approach rather than the textbook discriminant, whose cancellation is as large as a thin string.
+// Uses the nearest approach, because cancellation in the textbook discriminant is as large as a thin string.
 float enter_sphere(const V3& from_centre, const V3& d, float radius) {
   const float b = dot(from_centre, d);
   const V3 nearest = from_centre - b * d;
@@ -113,7 +113,7 @@ float enter_capsule(const Capsule& c, const V3& origin, const V3& d) {
   return enter_sphere(along <= 0 ? oa : oa - c.axis, d, c.radius);
 }
 
-float enter_pillar(const Pillar& p, const V3& origin, const V3& d, bool& on_top) {
+float enter_pillar(const Cylinder& p, const V3& origin, const V3& d, bool& on_top) {
   const float ox = origin.x - p.x, oz = origin.z - p.z;
   const float a = d.x * d.x + d.z * d.z, b = ox * d.x + oz * d.z, c = ox * ox + oz * oz - p.radius * p.radius;
   const float h = b * b - a * c;
@@ -128,25 +128,23 @@ float enter_pillar(const Pillar& p, const V3& origin, const V3& d, bool& on_top)
   return top;
 }
 
-V3 to_block(const Block& b, const V3& v) { return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x}; }
-V3 from_block(const Block& b, const V3& v) {
-  return {b.cosine * v.x - b.sine * v.z, v.y, b.sine * v.x + b.cosine * v.z};
-}
+V3 to_block(const Box& b, const V3& v) { return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x}; }
+V3 from_block(const Box& b, const V3& v) { return {b.cosine * v.x - b.sine * v.z, v.y, b.sine * v.x + b.cosine * v.z}; }
 
-// Where a line enters the three slabs |x| < half, and where it leaves the first of them.
+// Where a line enters the three slabs |x| < half, and where it leaves the first slab.
 struct Slabs {
   V3 enter, leave;
   float near, far;
 };
 Slabs cross_slabs(const V3& origin, const V3& d, const V3& half) {
-  // Never 0 / 0 or infinity - infinity for directions within the slabs.
+  // Avoids 0 / 0 and infinity - infinity for directions parallel to the slabs.
   const auto inverse = [](float v) { return 1 / (std::abs(v) < 1e-9f ? 1e-9f : v); };
   const V3 m(inverse(d.x), inverse(d.y), inverse(d.z)), n = m * origin, k = glm::abs(m) * half, enter = -n - k,
                                                         leave = k - n;
   return {enter, leave, std::max({enter.x, enter.y, enter.z}), std::min({leave.x, leave.y, leave.z})};
 }
 
-float enter_block(const Block& b, const V3& origin, const V3& d, V3& normal) {
+float enter_block(const Box& b, const V3& origin, const V3& d, V3& normal) {
   const V3 from_centre = origin - b.centre;
   const float along = dot(from_centre, d);
   if (dot(from_centre, from_centre) - along * along > b.radius * b.radius) return kMiss;
@@ -192,14 +190,15 @@ void hit_groups(const Objects& o, const Ray& ray, Hit& hit) {
   }
 }
 
-// How much of the light passes an object whose surface is `gap` from the line of sight (negative: inside), `along` it.
+// Returns the fraction of light that passes an object at distance `along`; `gap` is the distance from the object's
+// surface to the line of sight (negative: inside).
 float pass(float gap, float along, float spread) {
   const float width = along * spread + kPenumbra;
   return gap >= width ? 1 : gap <= -width ? 0 : ramp(-1, 1, gap / width);
 }
 
-// Where a line of sight from a point along `d`, as long as `distance`, is nearest to an object: how far from its
-// surface, and how far along the line.
+// The nearest approach of a line of sight, from a point along `d` for `distance`, to an object: the gap to its surface,
+// and the position along the line.
 struct Approach {
   float gap, along;
 };
@@ -226,7 +225,7 @@ float pass_round(const Object& object, const V3& point, const V3& d, float dista
   return pass(nearest.gap, nearest.along, spread);
 }
 
-float pass_block(const Block& b, const V3& point, const V3& d, float distance, float spread) {
+float pass_block(const Box& b, const V3& point, const V3& d, float distance, float spread) {
   const V3 origin = to_block(b, point - b.centre), local = to_block(b, d);
   const Slabs slabs = cross_slabs(origin, local, b.half);
   const float s = std::clamp(0.5f * (slabs.near + slabs.far), 0.0f, distance);
@@ -235,7 +234,6 @@ float pass_block(const Block& b, const V3& point, const V3& d, float distance, f
   return pass(gap, s, spread);
 }
 
-// Whether a sphere may shade the point.
 bool may_shade(const V3& centre, float radius, const V3& point, const V3& d, float distance, float spread) {
   const V3 r = centre - point;
   const float s = dot(r, d);
@@ -244,8 +242,8 @@ bool may_shade(const V3& centre, float radius, const V3& point, const V3& d, flo
   return dot(r, r) - s * s < reach * reach;
 }
 
-// The same for a pillar, seen from above.
-bool may_shade(const Pillar& p, const V3& point, const V3& d, float distance, float spread) {
+// True if a cylinder may shade the point, tested in the horizontal plane.
+bool may_shade(const Cylinder& p, const V3& point, const V3& d, float distance, float spread) {
   const float x = p.x - point.x, z = p.z - point.z, level = d.x * d.x + d.z * d.z, along = x * d.x + z * d.z;
   const float reach = p.radius + distance * spread + kPenumbra, squared = x * x + z * z;
   if (along < 0 && squared > reach * reach) return false;
@@ -255,24 +253,24 @@ bool may_shade(const Pillar& p, const V3& point, const V3& d, float distance, fl
 
 }  // namespace
 
-Hit first_hit(const Objects& o, const Ray& ray) {
+Hit intersect_scene(const Objects& o, const Ray& ray) {
   Hit hit;
   leave_room(ray.origin, ray.direction, hit);
   if (hit.kind == Kind::kNothing) return hit;
   bool on_top = false;
   V3 block_normal(0);
-  for (uint32_t i = 0; i < o.pillars.size(); i++) {
+  for (uint32_t i = 0; i < o.cylinders.size(); i++) {
     bool top = false;
-    const float t = enter_pillar(o.pillars[i], ray.origin, ray.direction, top);
+    const float t = enter_pillar(o.cylinders[i], ray.origin, ray.direction, top);
     if (!in_front(t, hit.t)) continue;
-    hit = {t, Kind::kPillar, i, {}};
+    hit = {t, Kind::kCylinder, i, {}};
     on_top = top;
   }
-  for (uint32_t i = 0; i < o.blocks.size(); i++) {
+  for (uint32_t i = 0; i < o.boxes.size(); i++) {
     V3 normal(0);
-    const float t = enter_block(o.blocks[i], ray.origin, ray.direction, normal);
+    const float t = enter_block(o.boxes[i], ray.origin, ray.direction, normal);
     if (!in_front(t, hit.t)) continue;
-    hit = {t, Kind::kBlock, i, {}};
+    hit = {t, Kind::kBox, i, {}};
     block_normal = normal;
   }
   hit_groups(o, ray, hit);
@@ -286,20 +284,20 @@ Hit first_hit(const Objects& o, const Ray& ray) {
       hit.normal = glm::normalize(p - c.base - u * c.axis);
       break;
     }
-    case Kind::kPillar: {
-      const Pillar& c = o.pillars[hit.index];
+    case Kind::kCylinder: {
+      const Cylinder& c = o.cylinders[hit.index];
       hit.normal = on_top ? V3(0, -1, 0) : glm::normalize(V3(p.x - c.x, 0, p.z - c.z));
       break;
     }
-    case Kind::kBlock: hit.normal = block_normal; break;
+    case Kind::kBox: hit.normal = block_normal; break;
     case Kind::kRoom:
     case Kind::kNothing: break;
   }
   return hit;
 }
 
-float light_seen(const Objects& o, const V3& point, const V3& d, float distance, float spread, Kind kind,
-                 uint32_t index) {
+float light_visibility(const Objects& o, const V3& point, const V3& d, float distance, float spread, Kind kind,
+                       uint32_t index) {
   float seen = 1;
   for (const Group& g : o.groups) {
     if (!may_shade(g.centre, g.radius, point, d, distance, spread)) continue;
@@ -308,18 +306,18 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
     for (uint32_t i = g.first_capsule; i < g.last_capsule; i++)
       if (kind != Kind::kCapsule || index != i) seen *= pass_round(o.capsules[i], point, d, distance, spread);
   }
-  for (uint32_t i = 0; i < o.pillars.size(); i++) {
-    if (kind == Kind::kPillar && index == i) continue;
-    const Pillar& p = o.pillars[i];
+  for (uint32_t i = 0; i < o.cylinders.size(); i++) {
+    if (kind == Kind::kCylinder && index == i) continue;
+    const Cylinder& p = o.cylinders[i];
     if (!may_shade(p, point, d, distance, spread)) continue;
-    // The capsule inside it: the penumbras are too soft to show the difference.
+    // Uses the capsule inside the cylinder: penumbras are too soft to show the difference.
     const float top = p.top + 0.5f * p.radius;
-    const Capsule inside{{p.x, top, p.z}, {0, p.bottom - top, 0}, 0.97f * p.radius, p.paint};
+    const Capsule inside{{p.x, top, p.z}, {0, p.bottom - top, 0}, 0.97f * p.radius, p.texture};
     seen *= pass_round(inside, point, d, distance, spread);
   }
-  for (uint32_t i = 0; i < o.blocks.size(); i++) {
-    const Block& b = o.blocks[i];
-    if (kind == Kind::kBlock && index == i) continue;
+  for (uint32_t i = 0; i < o.boxes.size(); i++) {
+    const Box& b = o.boxes[i];
+    if (kind == Kind::kBox && index == i) continue;
     if (may_shade(b.centre, b.radius, point, d, distance, spread)) seen *= pass_block(b, point, d, distance, spread);
   }
   return seen;
@@ -327,53 +325,53 @@ float light_seen(const Objects& o, const V3& point, const V3& d, float distance,
 
 namespace {
 
-// A line from a point to a light. The light's radius grows by `spread` per metre of distance.
-struct LightPath {
+// A line from a point to a light. `spread`: radius of the light per metre of distance.
+struct ShadowRay {
   V3 direction;
   float distance, spread;
 };
 
-LightPath key_light_from(const V3& point) {
+ShadowRay key_light_from(const V3& point) {
   const V3 to_light = kLight - point;
   const float distance = glm::length(to_light);
   return {to_light / distance, distance, kLightRadius / distance};
 }
 
 // The room's own light on the floor comes from above.
-constexpr LightPath kCeiling{{0, -1, 0}, 1.2f, 0.55f};
+constexpr ShadowRay kCeiling{{0, -1, 0}, 1.2f, 0.55f};
 constexpr uint32_t kFloorFace = 3;
 
-bool has_changed(const Movement& m, const Sight& sight) {
+bool has_changed(const SceneChange& m, const HitPoint& sight) {
   switch (sight.kind) {
     case Kind::kSphere: return m.spheres[sight.index];
     case Kind::kCapsule: return m.capsules[sight.index];
-    case Kind::kPillar: return m.pillars[sight.index];
-    case Kind::kBlock: return m.blocks[sight.index];
+    case Kind::kCylinder: return m.cylinders[sight.index];
+    case Kind::kBox: return m.boxes[sight.index];
     case Kind::kRoom:
     case Kind::kNothing: break;
   }
   return false;
 }
 
-// Returns true if a moved object may shade the line, by the penumbras of light_seen().
-bool is_in_way(const Movement& m, const V3& point, const LightPath& light) {
+// True if a moved object may shade the line, including the penumbras of light_visibility().
+bool is_in_way(const SceneChange& m, const V3& point, const ShadowRay& light) {
   const auto ball_is = [&](const Sphere& b) {
     return may_shade(b.centre, b.radius, point, light.direction, light.distance, light.spread);
   };
   const auto rod_is = [&](const Capsule& c) {
-    // The object inside the rod may be nearest to the line farther along.
+    // The object inside the rod may have its nearest approach farther along the line.
     const Approach nearest = approach(c, point, light.direction, light.distance);
     const float along = std::min(light.distance, nearest.along + glm::length(c.axis) + 2 * c.radius);
     return nearest.gap < along * light.spread + kPenumbra;
   };
-  return std::ranges::any_of(m.parts, [&](const Movement::Part& part) {
+  return std::ranges::any_of(m.parts, [&](const SceneChange::Part& part) {
     return ball_is(part.around) && (std::ranges::any_of(part.balls, ball_is) || std::ranges::any_of(part.rods, rod_is));
   });
 }
 
 }  // namespace
 
-bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight) {
+bool is_unchanged(const SceneChange& movement, const V3& origin, const HitPoint& sight) {
   if (sight.kind == Kind::kNothing) return true;
   const V3 way = sight.point - origin;
   const float distance = glm::length(way);
@@ -382,32 +380,32 @@ bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight
   return !(sight.kind == Kind::kRoom && sight.index == kFloorFace && is_in_way(movement, sight.point, kCeiling));
 }
 
-Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
-  const Hit hit = first_hit(o, ray);
+TraceResult trace(const Objects& o, const Ray& ray, ShadowCache& shadows) {
+  const Hit hit = intersect_scene(o, ray);
   if (hit.kind == Kind::kNothing) return {V3(0), 0, {}};
   const uint32_t object = (static_cast<uint32_t>(hit.kind) << 16) | hit.index;
-  const auto seen = [&](int number, const LightPath& light) {
+  const auto seen = [&](int number, const ShadowRay& light) {
     return shadows.seen(number, object, [&] {
-      return light_seen(o, ray.origin + hit.t * ray.direction, light.direction, light.distance, light.spread, hit.kind,
-                        hit.index);
+      return light_visibility(o, ray.origin + hit.t * ray.direction, light.direction, light.distance, light.spread,
+                              hit.kind, hit.index);
     });
   };
   Surface s;
   s.point = ray.origin + hit.t * ray.direction;
   s.normal = hit.normal;
-  // The footprint: neighbouring rays meet the tangent plane, at most 20 times as far apart as facing it.
+  // The footprint: neighbouring rays meet the tangent plane. It is limited to 20 times the footprint of a facing plane.
   const float facing = std::min(dot(hit.normal, ray.direction), -0.05f);
   s.dx = hit.t * (ray.dx - ray.direction * (dot(hit.normal, ray.dx) / facing));
   s.dy = hit.t * (ray.dy - ray.direction * (dot(hit.normal, ray.dy) / facing));
-  const Finish finish = paint(o, hit.kind, hit.index, s);
+  const Material finish = texture(o, hit.kind, hit.index, s);
 
-  const LightPath key_light = key_light_from(s.point);
+  const ShadowRay key_light = key_light_from(s.point);
   const float distance = key_light.distance;
   const V3 l = key_light.direction;
   const float cosine = dot(hit.normal, l);
   float key = 0;
   if (cosine > 0) key = cosine * seen(0, key_light) * (3.3f / (1.9f + distance * distance * 0.16f));
-  // The room's own light: from above and from the cameras' side, less where walls and floor meet.
+  // The room's ambient light: from above and from the side of the cameras, weaker where walls and floor meet.
   float ambient = 0.30f - 0.10f * hit.normal.y - 0.07f * hit.normal.z;
   const V3 to_wall = glm::min(s.point - kRoomMin, kRoomMax - s.point);
   const float second = to_wall.x + to_wall.y + to_wall.z - std::min({to_wall.x, to_wall.y, to_wall.z}) -

@@ -7,12 +7,11 @@
 
 namespace lf::scene {
 
-// The objects that differ between two instants of the scene.
-struct Movement {
-  // True at the index of each object that differs.
-  std::vector<bool> spheres, capsules, pillars, blocks;
+struct SceneChange {
+  std::vector<bool> spheres, capsules, cylinders, boxes;
 
-  // Bounds of such objects at both instants: each object is inside one ball or rod, and all are inside `around`.
+  // Bounds of the changed objects at both instants: each object is inside of one ball or rod, and everything is inside
+  // `around`.
   struct Part {
     Sphere around;
     std::vector<Sphere> balls;
@@ -21,7 +20,7 @@ struct Movement {
   std::vector<Part> parts;
 };
 
-Movement movement_between(const Objects& before, const Objects& after);
+SceneChange scene_change(const Objects& before, const Objects& after);
 
 struct Ray {
   V3 origin, direction;         // unit length
@@ -35,34 +34,33 @@ struct Hit {
   V3 normal{0, 0, 0};  // towards the ray's side, unit length
 };
 
-// The nearest surface in front of the ray's origin; kNothing only for rays from outside that miss the room.
-Hit first_hit(const Objects& objects, const Ray& ray);
+// Returns the nearest surface in front of the ray's origin; kNothing only for rays from outside that miss the room.
+Hit intersect_scene(const Objects& objects, const Ray& ray);
 
-// Fraction of a round light that `point` sees: it lies along the unit vector `direction`, as far as `distance`, and its
-// radius grows by `spread` per metre of distance. The object (kind, index) itself casts no shadow: 0..1. Approximate:
-// penumbras are those of the nearest approach to each object.
-float light_seen(const Objects& objects, const V3& point, const V3& direction, float distance, float spread, Kind kind,
-                 uint32_t index);
+// Returns the fraction 0..1 of a round light that `point` sees. The light is along the unit vector `direction` at
+// `distance`; its radius is `spread` per metre of distance. The object (kind, index) casts no shadow on itself.
+// Approximate: penumbras are computed at the nearest approach to each object.
+float light_visibility(const Objects& objects, const V3& point, const V3& direction, float distance, float spread,
+                       Kind kind, uint32_t index);
 
-// A ray's hit point.
-struct Sight {
+struct HitPoint {
   V3 point;
   Kind kind = Kind::kNothing;
-  bool is_lit = false;  // the surface faces the light, which may be in shadow
+  bool is_lit = false;  // the surface faces the light but may be in shadow
   uint32_t index = 0;
 };
 
-struct Seen {
+struct TraceResult {
   V3 light;         // linear, 0..1 and above
-  uint32_t object;  // differs from object to object and from face to face of the room
-  Sight sight;
+  uint32_t object;  // differs between objects and between faces of the room
+  HitPoint sight;
 };
 
-// Shadows of the objects met so far within one pixel. They are soft, so all samples of the pixel on one object share
-// what the first of them found: shadows are most of the work.
-class PixelShadows {
+// Shadows of the objects met so far within one pixel. Shadows are most of the work and soft, so all samples of a pixel
+// on one object share the result of the first sample.
+class ShadowCache {
  public:
-  // The fraction of `light` (0 or 1: its number) that `object` sees in this pixel, from `find` the first time.
+  // Returns the fraction of `light` (number 0 or 1) that `object` sees in this pixel. Calls `find` on first use.
   template <typename Find>
   float seen(int light, uint32_t object, Find&& find) {
     for (int i = 0; i < count_; i++)
@@ -83,10 +81,10 @@ class PixelShadows {
 };
 
 // `shadows`: of this ray's pixel.
-Seen trace(const Objects& objects, const Ray& ray, PixelShadows& shadows);
+TraceResult trace(const Objects& objects, const Ray& ray, ShadowCache& shadows);
 
-// Returns true if the ray from `origin` that hit `sight` before the movement sees the same light after the movement.
+// True if the ray from `origin` that hit `sight` before the movement sees the same light after the movement.
 // Conservative: may return false for an unchanged ray.
-bool is_unchanged(const Movement& movement, const V3& origin, const Sight& sight);
+bool is_unchanged(const SceneChange& movement, const V3& origin, const HitPoint& sight);
 
 }  // namespace lf::scene

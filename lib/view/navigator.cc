@@ -8,12 +8,12 @@
 namespace lf {
 namespace {
 
-constexpr double kFocusStep = 0.1;      // of the focus distance, per notch of a wheel
-constexpr double kFlyStep = 0.01;       // of the focus distance, per key press
-constexpr double kKeyOrbit = 1.0 / 20;  // of the height
+constexpr double kFocusStep = 0.1;      // relative to the focus distance, per wheel notch
+constexpr double kFlyStep = 0.01;       // relative to the focus distance, per key press
+constexpr double kKeyOrbit = 1.0 / 20;  // view heights per key press
 constexpr double kZoomStep = 1.05;
-constexpr double kLevel = 0.01;  // sine of the angle to the vertical from which on there is a horizon
-constexpr int kHalvings = 6;     // on the way to where a movement must end
+constexpr double kLevel = 0.01;  // sine of the smallest angle to the vertical with a horizon
+constexpr int kHalvings = 6;     // bisection steps of a limited movement
 
 Vec3 centre_of(const Rig& rig) {
   Vec3 sum(0);
@@ -21,8 +21,8 @@ Vec3 centre_of(const Rig& rig) {
   return sum / static_cast<double>(rig.cameras.size());
 }
 
-// Of the axes rather than of quaternions: these have no sign to agree on. A ring of cameras that look everywhere has no
-// mean; its middle camera speaks for it.
+// Averages axes instead of quaternions, which have an ambiguous sign. A ring of cameras in all directions has no mean:
+// uses its middle camera.
 Quat mean_orientation(const Rig& rig) {
   Vec3 forward(0), down(0);
   for (const Camera& camera : rig.cameras) {
@@ -35,7 +35,7 @@ Quat mean_orientation(const Rig& rig) {
   return look_at(Vec3(0), forward, down).orientation;
 }
 
-// The largest share, 0..1, with which `fits(share)`; 0 if there is none.
+// Returns the largest share in 0..1 with fits(share); 0 if there is none.
 template <typename Fits>
 double largest_share(Fits fits) {
   if (fits(1)) return 1;
@@ -70,7 +70,7 @@ View make_view(const Viewpoint& v, int width, int height) {
           Lens::from_fov_y(v.fov_y_deg, width, height),
           v.pose,
           {focal_plane_at(v.pose, v.focus_distance)},
-          blending_of(v.aperture, 0)};
+          make_blending(v.aperture, 0)};
 }
 
 CameraIndex middle_camera(const Rig& rig) {
@@ -98,7 +98,7 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
 }
 
 Viewpoint viewpoint_behind(const Rig& rig, double aspect, double focus_distance) {
-  constexpr double kBorder = 0.8;  // of half the view's width and height that cameras are inside of
+  constexpr double kBorder = 0.8;  // part of half the view's width and height that contains all cameras
   Viewpoint v = default_viewpoint(rig, focus_distance);
   const double half_y = kBorder * std::tan(v.fov_y_deg * (M_PI / 360)), half_x = half_y * aspect;
   double back = 0;
@@ -112,7 +112,7 @@ Viewpoint viewpoint_behind(const Rig& rig, double aspect, double focus_distance)
   return clamped(v);
 }
 
-// The orientation turned so that it looks along `forward`; the horizon stays as it was. As it is where there is none.
+// Returns the orientation turned to look along `forward`, with the same horizon. Unchanged if there is no horizon.
 Quat Navigator::turned_to(const Quat& orientation, const Vec3& forward) const {
   const Vec3 before = glm::mat3_cast(orientation)[2], down = home_.pose.down();
   if (glm::length(glm::cross(before, down)) < kLevel || glm::length(glm::cross(forward, down)) < kLevel)
@@ -121,17 +121,17 @@ Quat Navigator::turned_to(const Quat& orientation, const Vec3& forward) const {
   return glm::normalize(level(forward) * glm::conjugate(level(before)) * orientation);
 }
 
-// Turned, where it stands, by a share of what would make it look as home does.
-Viewpoint Navigator::turned_home(const Viewpoint& viewpoint, double share) const {
+Viewpoint Navigator::turned_towards_home(const Viewpoint& viewpoint, double share) const {
   Viewpoint v = viewpoint;
   v.pose.orientation = glm::normalize(glm::slerp(v.pose.orientation, home_.pose.orientation, share));
   return v;
 }
 
-// Rotated about its pivot by a share of what would take its optical axis through home's position. The horizon stays.
-Viewpoint Navigator::drawn_home(const Viewpoint& viewpoint, double share) const {
+// Rotates the view about its pivot by `share` of the rotation that takes its optical axis through home's position.
+// Keeps the horizon.
+Viewpoint Navigator::moved_towards_home(const Viewpoint& viewpoint, double share) const {
   Viewpoint v = viewpoint;
-  const Vec3 centre = pivot_of(v), forward = v.pose.forward();
+  const Vec3 centre = pivot_point(v), forward = v.pose.forward();
   Vec3 axis = centre - home_.pose.position;
   if (glm::dot(axis, forward) < 0) axis = -axis;
   if (glm::length(axis) < kMinFocus) return v;
@@ -140,32 +140,32 @@ Viewpoint Navigator::drawn_home(const Viewpoint& viewpoint, double share) const 
   return v;
 }
 
-// `move` makes the viewpoint after a share of the movement.
+// `move(share)` returns the viewpoint after a share of the movement.
 template <typename Move>
 void Navigator::go(Move move) {
   const Viewpoint target = clamped(move(1));
   if (!visible_) return set(target);
-  if (!enough_) enough_ = kEnough * visible_(home_);
+  if (!min_visible_) min_visible_ = kMinVisible * visible_(home_);
   const double seen = visible_(target);
-  if (seen >= *enough_) return set(target);
-  const double least = std::min(*enough_, visible_(now_));
+  if (seen >= *min_visible_) return set(target);
+  const double least = std::min(*min_visible_, visible_(now_));
   if (seen >= least) return set(target);
   const auto shows = [&](const Viewpoint& v) { return visible_(clamped(v)) >= least; };
-  if (shows(turned_home(target, 1)))
-    return set(
-        turned_home(target, 1 - largest_share([&](double kept) { return shows(turned_home(target, 1 - kept)); })));
-  const double far = largest_share([&](double share) { return shows(drawn_home(move(share), 1)); });
+  if (shows(turned_towards_home(target, 1)))
+    return set(turned_towards_home(
+        target, 1 - largest_share([&](double kept) { return shows(turned_towards_home(target, 1 - kept)); })));
+  const double far = largest_share([&](double share) { return shows(moved_towards_home(move(share), 1)); });
   const Viewpoint there = move(far);
-  const double kept = largest_share([&](double share) { return shows(drawn_home(there, 1 - share)); });
-  if (far > 0) set(drawn_home(there, 1 - kept));
+  const double kept = largest_share([&](double share) { return shows(moved_towards_home(there, 1 - share)); });
+  if (far > 0) set(moved_towards_home(there, 1 - kept));
 }
 
 void Navigator::orbit(double dx, double dy) {
   const Vec3 centre = pivot();
   go([&](double share) {
     Viewpoint v = now_;
-    // The camera goes against the mouse: the eye moves left (about "down", forward turns right) when the mouse goes
-    // right.
+    // The camera moves against the mouse: when the mouse goes right, the eye goes left (about "down", forward turns
+    // right).
     const Quat about_vertical = glm::angleAxis(share * dx * kOrbitPerHeight, home_.pose.down());
     const Quat about_right = glm::angleAxis(-share * dy * kOrbitPerHeight, now_.pose.right());
     v.pose.orientation = glm::normalize(about_vertical * about_right * now_.pose.orientation);
@@ -175,7 +175,7 @@ void Navigator::orbit(double dx, double dy) {
 }
 
 void Navigator::pan(double dx, double dy) {
-  // Metres at the pivot per height of the view.
+  // Metres at the pivot per view height.
   const double scale = 2 * now_.focus_distance * std::tan(now_.fov_y_deg * (M_PI / 180) / 2);
   go([&](double share) {
     Viewpoint v = now_;

@@ -28,7 +28,7 @@ void validate(const View& view) {
   validate(view.blending);
 }
 
-View seen_beside(const View& view, double metres) {
+View offset_view(const View& view, double metres) {
   View beside = view;
   beside.pose.position += metres * view.pose.right();
   return beside;
@@ -39,7 +39,7 @@ Plane focal_plane_at(const Pose& view_pose, double distance) {
   return plane_through(view_pose.position + distance * axis, -axis);
 }
 
-Blending blending_of(double aperture, int nearest) {
+Blending make_blending(double aperture, int nearest) {
   if (aperture != 0) return {Blending::Kind::kAperture, aperture, 0};
   if (nearest != 0) return {Blending::Kind::kAngle, 0, nearest};
   return {};
@@ -49,32 +49,32 @@ void validate(const Blending& blending) {
   const bool wide = blending.kind == Blending::Kind::kAperture, by_angle = blending.kind == Blending::Kind::kAngle;
   if (wide ? !(blending.aperture > 0 && blending.aperture <= Blending::kMaxAperture) : blending.aperture != 0)
     throw Error(wide ? "blending: the aperture must be above 0, at most 1000000 m"
-                     : "blending: has an aperture that its kind does not know");
+                     : "blending: this kind has no aperture");
   if (by_angle ? !(blending.nearest >= 1 && blending.nearest <= Blending::kMaxNearest) : blending.nearest != 0)
-    throw Error(by_angle ? "blending: must be of the nearest 1 to " + std::to_string(Blending::kMaxNearest) + " cameras"
-                         : "blending: has a number of cameras that its kind does not know");
+    throw Error(by_angle ? "blending: must use the nearest 1 to " + std::to_string(Blending::kMaxNearest) + " cameras"
+                         : "blending: this kind has no number of cameras");
 }
 
 // --- Sets of views ---------------------------------------------------------------------------------------------------
 
 namespace {
 
-// Of the focal plane, along the view's axis, metres; 0 where it is not in front.
+// Returns the distance of the focal plane along the view's axis, in metres; 0 if the plane is not in front.
 double focus_distance(const View& view) {
   const double distance =
       -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
   return distance > 0 && std::isfinite(distance) ? distance : 0;
 }
 
-bool has_shape(const PlaceInSet& place) {
+bool has_shape(const ViewSetPosition& place) {
   const int c = place.columns, r = place.rows;
   switch (place.layout) {
-    case SetLayout::kMono: return c == 1 && r == 1;
-    case SetLayout::kStereo:
-    case SetLayout::kCrossEyed: return c == 2 && r == 1;
-    case SetLayout::kTopBottom: return c == 1 && r == 2;
-    case SetLayout::kRow: return c >= 1 && r == 1;
-    case SetLayout::kQuilt: return c >= 1 && r >= 1;
+    case ViewSetLayout::kMono: return c == 1 && r == 1;
+    case ViewSetLayout::kStereo:
+    case ViewSetLayout::kCrossEyed: return c == 2 && r == 1;
+    case ViewSetLayout::kTopBottom: return c == 1 && r == 2;
+    case ViewSetLayout::kRow: return c >= 1 && r == 1;
+    case ViewSetLayout::kQuilt: return c >= 1 && r >= 1;
   }
   return false;
 }
@@ -83,23 +83,26 @@ std::string by(int a, int b) { return std::to_string(a) + "x" + std::to_string(b
 
 }  // namespace
 
-int PlaceInSet::column() const {
-  return layout == SetLayout::kCrossEyed ? columns - 1 - index : layout == SetLayout::kTopBottom ? 0 : index % columns;
+int ViewSetPosition::column() const {
+  return layout == ViewSetLayout::kCrossEyed   ? columns - 1 - index
+         : layout == ViewSetLayout::kTopBottom ? 0
+                                               : index % columns;
 }
 
-int PlaceInSet::row() const {
-  return layout == SetLayout::kQuilt ? rows - 1 - index / columns : layout == SetLayout::kTopBottom ? index : 0;
+int ViewSetPosition::row() const {
+  return layout == ViewSetLayout::kQuilt ? rows - 1 - index / columns : layout == ViewSetLayout::kTopBottom ? index : 0;
 }
 
-void validate(const PlaceInSet& place, int width, int height) {
+void validate(const ViewSetPosition& place, int width, int height) {
   if (!has_shape(place))
     throw Error("set: layout " + std::to_string(static_cast<int>(place.layout)) + " has no " +
                 by(place.columns, place.rows) + " views");
-  if (int64_t{place.columns} * place.rows > PlaceInSet::kMostViews)
+  if (int64_t{place.columns} * place.rows > ViewSetPosition::kMaxViews)
     throw Error("set: " + by(place.columns, place.rows) + " views are more than " +
-                std::to_string(PlaceInSet::kMostViews));
+                std::to_string(ViewSetPosition::kMaxViews));
   if (place.index < 0 || place.index >= place.count())
-    throw Error("set: view " + std::to_string(place.index) + " is none of its " + std::to_string(place.count()));
+    throw Error("set: view " + std::to_string(place.index) + " is out of range: number of views is " +
+                std::to_string(place.count()));
   if (place.count() == 1) return;
   if (width % 2 != 0 || height % 2 != 0)
     throw Error("set: views must have an even width and height, not " + by(width, height));
@@ -108,43 +111,43 @@ void validate(const PlaceInSet& place, int width, int height) {
                 " pixels are more than the " + std::to_string(kMaxImageSize) + " a side that a picture may have");
 }
 
-PlaceInSet ViewSet::place(int index) const {
+ViewSetPosition ViewSet::place(int index) const {
   switch (layout) {
-    case SetLayout::kStereo:
-    case SetLayout::kCrossEyed: return {layout, 2, 1, index};
-    case SetLayout::kTopBottom: return {layout, 1, 2, index};
-    case SetLayout::kRow: return {layout, columns, 1, index};
-    case SetLayout::kQuilt: return {layout, columns, rows, index};
-    case SetLayout::kMono: break;
+    case ViewSetLayout::kStereo:
+    case ViewSetLayout::kCrossEyed: return {layout, 2, 1, index};
+    case ViewSetLayout::kTopBottom: return {layout, 1, 2, index};
+    case ViewSetLayout::kRow: return {layout, columns, 1, index};
+    case ViewSetLayout::kQuilt: return {layout, columns, rows, index};
+    case ViewSetLayout::kMono: break;
   }
   return {layout, 1, 1, index};
 }
 
-std::optional<PlaceInSet> ViewSet::place_at(const Vec2& at) const {
-  const PlaceInSet first = place(0);
+std::optional<ViewSetPosition> ViewSet::place_at(const Vec2& at) const {
+  const ViewSetPosition first = place(0);
   if (!(at.x >= 0 && at.x <= first.columns && at.y >= 0 && at.y <= first.rows)) return std::nullopt;
   const int column = std::min(static_cast<int>(at.x), first.columns - 1);
   const int row = std::min(static_cast<int>(at.y), first.rows - 1);
   for (int i = 0; i < first.count(); i++)
-    if (const PlaceInSet p = place(i); p.column() == column && p.row() == row) return p;
+    if (const ViewSetPosition p = place(i); p.column() == column && p.row() == row) return p;
   return std::nullopt;
 }
 
-std::vector<PlaceInSet> ViewSet::places() const {
-  const PlaceInSet first = place(0);
-  std::vector<PlaceInSet> places = {place(first.leader())};
+std::vector<ViewSetPosition> ViewSet::places() const {
+  const ViewSetPosition first = place(0);
+  std::vector<ViewSetPosition> places = {place(first.reference_index())};
   for (int i = 0; i < first.count(); i++)
-    if (i != first.leader()) places.push_back(place(i));
+    if (i != first.reference_index()) places.push_back(place(i));
   return places;
 }
 
-View ViewSet::view(const View& middle, const PlaceInSet& place) const {
+View ViewSet::view(const View& middle, const ViewSetPosition& place) const {
   const int count = place.count();
   const double from_middle = place.index - (count - 1) / 2.0, distance = focus_distance(middle);
   if (from_middle == 0) return middle;
   const double apart =
       cone > 0 && distance > 0 ? 2 * distance * std::tan(cone * (std::numbers::pi / 360)) / (count - 1) : eye_distance;
-  View view = seen_beside(middle, from_middle * apart);
+  View view = offset_view(middle, from_middle * apart);
   if (converged && distance > 0) view.lens = view.lens.shifted({view.lens.fx() * from_middle * apart / distance, 0});
   return view;
 }
@@ -153,17 +156,17 @@ View ViewSet::view(const View& middle, const PlaceInSet& place) const {
 
 namespace {
 
-constexpr int kBand = 16;  // rows of a task
+constexpr int kBand = 16;
 
-double tangent(const LensDisplay& display) { return std::tan(display.slant * std::numbers::pi / 180); }
+double tangent(const LenticularDisplay& display) { return std::tan(display.slant * std::numbers::pi / 180); }
 
-// Which of a view's samples lie beside a place along one side of the display, and the part of the second, 256ths.
-struct Between {
+// The two samples of a view around a position along one side of the display, and the weight of the second in 1/256.
+struct Interpolation {
   int first, second;
   int part;
 };
-std::vector<Between> stretch(int samples, int pixels) {
-  std::vector<Between> out;
+std::vector<Interpolation> stretch(int samples, int pixels) {
+  std::vector<Interpolation> out;
   out.reserve(static_cast<size_t>(pixels));
   for (int i = 0; i < pixels; i++) {
     const double at = std::clamp((i + 0.5) * samples / pixels - 0.5, 0., samples - 1.);
@@ -173,33 +176,32 @@ std::vector<Between> stretch(int samples, int pixels) {
   return out;
 }
 
-// Places in lenses are fractions of 2^32, so that they wrap as lenses follow each other.
+// Positions in lenses are in 1/2^32, so that overflow wraps from one lens to the next.
 uint64_t in_lenses(double lenses) { return static_cast<uint64_t>(std::llround(std::ldexp(lenses, 32))); }
 
 }  // namespace
 
-double LensDisplay::place(double x, double y) const {
-  const double lenses = (x + y * tangent(*this)) / lens_width - centre + 0.5;
+double LenticularDisplay::place(double x, double y) const {
+  const double lenses = (x + y * tangent(*this)) / lens_pitch - centre + 0.5;
   return lenses - std::floor(lenses);
 }
 
-void validate(const LensDisplay& display) {
-  if (!(display.lens_width > 0) || !std::isfinite(display.lens_width))
-    throw Error("lenses: their width must be positive");
-  if (!(std::abs(display.slant) < 90)) throw Error("lenses: their slant must be less than 90 degrees");
-  if (!std::isfinite(display.centre)) throw Error("lenses: their centre is not finite");
+void validate(const LenticularDisplay& display) {
+  if (!(display.lens_pitch > 0) || !std::isfinite(display.lens_pitch)) throw Error("lenses: width must be positive");
+  if (!(std::abs(display.slant) < 90)) throw Error("lenses: slant must be between -90 and 90 degrees");
+  if (!std::isfinite(display.centre)) throw Error("lenses: centre must be finite");
 }
 
-void interleave(const LensDisplay& display, const Quilt& quilt, int width, int height, ptrdiff_t stride, uint8_t* out,
-                const ParallelFor& parallel) {
+void interleave_views(const LenticularDisplay& display, const Quilt& quilt, int width, int height, ptrdiff_t stride,
+                      uint8_t* out, const ParallelFor& parallel) {
   validate(display);
   const ImageView& picture = quilt.picture;
   const int view_width = picture.width / quilt.columns, view_height = picture.height / quilt.rows;
-  const std::vector<Between> across = stretch(view_width, width), down = stretch(view_height, height);
+  const std::vector<Interpolation> across = stretch(view_width, width), down = stretch(view_height, height);
   const RgbLayout& layout = picture.layout;
   const int channels[3] = {layout.r, layout.g, layout.b};
   const auto views = static_cast<uint64_t>(quilt.count());
-  // The top left sample of each view, in the order that they are seen in from lens to lens.
+  // The top left sample of each view, in their order across a lens.
   std::vector<const uint8_t*> corners;
   for (int k = 0; k < quilt.count(); k++) {
     const int view = display.reversed ? k : quilt.count() - 1 - k;
@@ -207,7 +209,7 @@ void interleave(const LensDisplay& display, const Quilt& quilt, int width, int h
     corners.push_back(picture.plane[0] + ptrdiff_t{row} * view_height * picture.stride[0] +
                       ptrdiff_t{column} * view_width * layout.pixel_stride);
   }
-  const uint64_t step = in_lenses(1 / (3 * display.lens_width));
+  const uint64_t step = in_lenses(1 / (3 * display.lens_pitch));
   const auto row = [&](int y) {
     const double from_middle = y - (height - 1) / 2.0;
     uint64_t place = in_lenses(display.place(-(width - 1) / 2.0 - 1. / 3, from_middle));

@@ -13,141 +13,136 @@
 
 namespace lf {
 
-// How many cameras make a pixel, and with which weights; see render/camera_weights.h.
+// Selection and weights of the cameras of a pixel; see render/camera_weights.h.
 struct Blending {
   enum class Kind {
-    kMesh = 0,      // the corners of the triangle of cameras that the line of sight passes, as in the paper
+    kMesh = 0,      // corners of the camera triangle that the line of sight crosses, as in the paper
     kAperture = 1,  // all cameras within a synthetic aperture around the line of sight
-    kAngle = 2,     // the cameras that see what is in focus most nearly as the view does, as sharply, and at all
+    kAngle = 2,     // cameras that see the point in focus from the most similar direction and as sharply
   };
   static constexpr double kMaxAperture = 1e6;  // metres
   static constexpr int kMaxNearest = 32;
 
   Kind kind = Kind::kMesh;
   double aperture = 0;  // kAperture: diameter, metres
-  int nearest = 0;      // kAngle: how many cameras, 1..kMaxNearest
+  int nearest = 0;      // kAngle: number of cameras, 1..kMaxNearest
 
   bool is_mesh() const { return kind == Kind::kMesh; }
   bool operator==(const Blending&) const = default;
 };
 
-// One virtual camera: what to render.
 struct View {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize
   Lens lens;
-  Pose pose;  // world_from_view; position = the eye E
+  Pose pose;  // world_from_view; position: the eye
   FocalSurface focus;
   Blending blending;
   bool operator==(const View&) const = default;
 };
 
-// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...", "focal_map: ...", "blending: ...") if a
-// number is not finite, a size out of range, a quaternion or a plane normal not of unit length (kUnitTolerance).
+// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...", "focal_map: ...", "blending: ...") if a number is
+// not finite or out of range, or a quaternion or plane normal is not of unit length (kUnitTolerance).
 void validate(const View& view);
-// Throws Error ("NAME: ...") for pixels a side that no view has.
+// Throws Error ("NAME: ...") unless 1 <= pixels <= kMaxImageSize.
 void validate_size(const char* name, int pixels);
 
-// The view of an eye that stands `metres` to the right of the given view's (less than 0: to the left), as one of two
-// eyes does: axes are parallel, the lens is the same, and the focal surface stays where it is in the world.
-View seen_beside(const View& view, double metres);
+// Returns the view moved by `metres` to the right (negative: left), as for one of two eyes. Axes are parallel, the lens
+// is the same, and the focal surface stays in the world.
+View offset_view(const View& view, double metres);
 
-// The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);
 
-// The blending that a person chooses: by an aperture if there is one, else by angle if there is a number of cameras,
-// else by the mesh.
-Blending blending_of(double aperture, int nearest);
+// Returns the blending for user settings: by aperture if set, else by angle if a number of cameras is set, else by the
+// mesh.
+Blending make_blending(double aperture, int nearest);
 
-// Throws Error ("blending: ...") for an aperture that is not positive or a number out of range, and for either beside a
-// kind that does not have it.
+// Throws Error ("blending: ...") if a value is out of range, or does not belong to the kind.
 void validate(const Blending& blending);
 
-// How the pictures of a set of views, which are of one moment from eyes in a row, make one picture.
-enum class SetLayout : uint8_t {
+// Arrangement of a set of views in one picture. The views have the same time and their eyes are in a row.
+enum class ViewSetLayout : uint8_t {
   kMono = 0,       // one view
-  kStereo = 1,     // two views, the left one on the left
-  kCrossEyed = 2,  // two views, the left one on the right
-  kTopBottom = 3,  // two views, the left one on top
-  kRow = 4,        // from left to right
-  kQuilt = 5,      // in rows from left to right, the left-most view at the bottom left, as displays with lenses take it
+  kStereo = 1,     // two views, left view on the left
+  kCrossEyed = 2,  // two views, left view on the right
+  kTopBottom = 3,  // two views, left view on top
+  kRow = 4,        // views from left to right
+  kQuilt = 5,      // rows from left to right, left-most view at the bottom left, as lenticular displays expect
 };
 
-// Which view of a set one view is, and where its picture goes.
-struct PlaceInSet {
-  static constexpr int kMostViews = 128;
+struct ViewSetPosition {
+  static constexpr int kMaxViews = 128;
 
-  SetLayout layout = SetLayout::kMono;
-  int columns = 1, rows = 1;  // of pictures
-  int index = 0;              // of the view; 0 has the left-most eye
-  bool operator==(const PlaceInSet&) const = default;
+  ViewSetLayout layout = ViewSetLayout::kMono;
+  int columns = 1, rows = 1;  // size of the combined picture, in pictures
+  int index = 0;              // index of the view; 0: left-most eye
+  bool operator==(const ViewSetPosition&) const = default;
 
   int count() const { return columns * rows; }
-  // The view that is asked for first, one next to the middle: the set's focal surface is found from it.
-  bool leads() const { return index == leader(); }
-  int leader() const { return (count() - 1) / 2; }
-  // How many of the set are asked for before it.
-  int turn() const { return leads() ? 0 : index < leader() ? index + 1 : index; }
-  // Where the picture goes, counted from the top left.
+  // True for the view that is requested first, next to the middle. It determines the focal surface of the set.
+  bool leads() const { return index == reference_index(); }
+  int reference_index() const { return (count() - 1) / 2; }
+  int turn() const { return leads() ? 0 : index < reference_index() ? index + 1 : index; }
+  // Position of the picture, counted from the top left.
   int column() const;
   int row() const;
 };
 
-// Throws Error ("set: ...") for a layout that there is not or that does not have so many columns and rows, more than
-// kMostViews, an index that is none of them; and, of more than one view, for pictures of odd width or height, which
-// could not be put beside each other with their chroma, or that are together larger than a picture may be.
-void validate(const PlaceInSet& place, int width, int height);
+// Throws Error ("set: ...") if the layout is unknown or has another shape, if there are more than kMaxViews, or if the
+// index is out of range. For several views, also if the width or height is odd (chroma could not be combined), or if
+// the combined picture is too large.
+void validate(const ViewSetPosition& place, int width, int height);
 
-// A set of views around one. All eyes look the same way.
+// A set of views around a middle view, all in the same direction.
 struct ViewSet {
-  SetLayout layout = SetLayout::kMono;
-  int columns = 8, rows = 6;    // of a quilt; a row has one row
-  double eye_distance = 0.063;  // metres from eye to eye
-  // In place of eye_distance: the angle, in degrees, between the outermost eyes as seen from the middle of the focal
-  // plane; 0: none. Where that plane is not in front of the view, eye_distance counts.
+  ViewSetLayout layout = ViewSetLayout::kMono;
+  int columns = 8, rows = 6;    // size of a quilt; kRow only uses columns
+  double eye_distance = 0.063;  // metres between neighbouring eyes
+  // Angle in degrees between the outermost eyes, seen from the middle of the focal plane. Replaces eye_distance unless
+  // it is 0 or the plane is not in front of the view.
   double cone = 0;
-  // Pictures are shifted so that what is in the middle of the focal plane is in the same place of all of them (exactly
-  // all that is in the plane, where it faces the view and the lens does not distort); else lines of sight are parallel.
+  // True: pictures are shifted so that the middle of the focal plane is at the same place in all pictures. This holds
+  // for the whole plane if it faces the view and the lens has no distortion. False: lines of sight are parallel.
   bool converged = true;
 
-  PlaceInSet place(int index) const;
-  // The view whose picture shows a place that is given from the top left of all, in widths and heights of one picture.
-  std::optional<PlaceInSet> place_at(const Vec2& at) const;
-  // The places in the order in which they are asked for: the one that leads, then all others from the left.
-  std::vector<PlaceInSet> places() const;
-  // The view of one place: exactly `middle` for the only one.
-  View view(const View& middle, const PlaceInSet& place) const;
+  ViewSetPosition place(int index) const;
+  // Returns the view at a position of the combined picture, which is given from the top left, in widths and heights of
+  // one picture.
+  std::optional<ViewSetPosition> place_at(const Vec2& at) const;
+  // Returns all positions in the order of requests: the reference view, then the rest from the left.
+  std::vector<ViewSetPosition> places() const;
+  // Returns the view at a position; `middle` itself if there is only one view.
+  View view(const View& middle, const ViewSetPosition& place) const;
 };
 
-// A display behind a sheet of upright or slanted cylinder lenses (or slits), which show another stripe of what is
-// behind them to each side: stripes of many views, one beside the other behind each lens, are a light field without
-// glasses. Each pixel has a red, a green and a blue stripe, from left to right, each a third of its width.
-// (C. van Berkel, Image preparation for 3D-LCD, 1999: the view of a subpixel from its place under a slanted lens.)
-struct LensDisplay {
-  double lens_width = 0;  // pixels along a row of the display; more than 0
-  double slant = 0;       // degrees that lenses lean to the right from upright, less than 90 either way
-  double centre = 0;      // lens widths that the middle of a lens is to the right of the display's middle
-  bool reversed = false;  // the lenses show stripes the other way round, as where what is shown is turned about
+// A display behind a sheet of upright or slanted cylindrical lenses (or slits). Each direction sees a different stripe
+// behind each lens: stripes of many views side by side behind each lens show a light field without glasses. Each pixel
+// has a red, a green and a blue stripe, from left to right, each a third of its width. (C. van Berkel, Image
+// preparation for 3D-LCD, 1999: the view of a subpixel from its place under a slanted lens.)
+struct LenticularDisplay {
+  double lens_pitch = 0;  // pixels along a row of the display; more than 0
+  double slant = 0;       // degrees to the right from upright, between -90 and 90
+  double centre = 0;      // offset of a lens centre from the centre of the display to the right, in lens widths
+  bool reversed = false;  // lenses show stripes in reverse order, as when the display is turned around
 
-  // The place in its lens of what is `x`, `y` (pixels, to the right and down) from the display's middle: from 0, at the
-  // left border, to 1.
+  // Returns the position within its lens of a point `x`, `y` (pixels right and down from the centre of the display): 0
+  // at the left border to 1.
   double place(double x, double y) const;
 };
-// Throws Error ("lenses: ...") for a width that is not positive and finite, or a slant or centre out of range.
-void validate(const LensDisplay& display);
+// Throws Error ("lenses: ...") if the width is not positive and finite, or the slant or centre is out of range.
+void validate(const LenticularDisplay& display);
 
-// Views side by side in one picture, as many in a row and as many rows as given: from left to right, the rows from
-// below, as in SetLayout::kQuilt (a row of views is one of one row).
+// Views side by side in one picture: from left to right, rows from the bottom up, as in ViewSetLayout::kQuilt.
 struct Quilt {
-  ImageView picture;  // of PixelFamily::kRgb, `columns` x `rows` pictures of one size
+  ImageView picture;  // PixelFamily::kRgb, `columns` x `rows` pictures of one size
   int columns = 1, rows = 1;
   int count() const { return columns * rows; }
 };
 
-// Fills `width` x `height` pixels of RGB, 3 bytes each, rows `stride` bytes apart: each view is spread over the whole
-// display (bilinear in 8 bits, within 2 of 255), and each subpixel is of the view that is seen there. What leaves a
-// lens from its left part goes to the right, so that view 0, of the left-most eye, is seen at the right border of a
-// lens. Rows are shared out by `parallel`.
-void interleave(const LensDisplay& display, const Quilt& quilt, int width, int height, ptrdiff_t stride, uint8_t* out,
-                const ParallelFor& parallel = serial_for);
+// Writes `width` x `height` RGB pixels of 3 bytes, rows `stride` bytes apart. Each view is scaled to the whole display
+// (bilinear in 8 bits, within 2 of 255), and each subpixel shows the view that is visible there. The left part of a
+// lens emits light to the right, so view 0, of the left-most eye, is at the right border of a lens. `parallel`
+// distributes the rows.
+void interleave_views(const LenticularDisplay& display, const Quilt& quilt, int width, int height, ptrdiff_t stride,
+                      uint8_t* out, const ParallelFor& parallel = serial_for);
 
 }  // namespace lf

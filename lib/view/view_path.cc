@@ -26,7 +26,7 @@ using nlohmann::ordered_json;
 
 constexpr char kViewsFormat[] = "lightfield-views";
 constexpr int kViewsVersion = 1;
-constexpr double kMaxTime = 1e9;  // seconds; in nanoseconds it fits 64 bits with room to add
+constexpr double kMaxTime = 1e9;  // seconds; sums in nanoseconds fit 64 bits
 
 std::string default_name(size_t index) {
   std::string number = std::to_string(index);
@@ -69,7 +69,6 @@ NamedView parse_view(const JsonValue& value, size_t index) {
   view.name = default_name(index);
   if (const auto name = value.find("name")) {
     view.name = name->name();
-    // Pictures are written under this name.
     if (view.name.empty() || view.name.find('/') != std::string::npos) name->fail("must be usable as a file name");
   }
   if (const auto time = value.find("time")) {
@@ -98,9 +97,9 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
   for (const JsonValue& value : file.at("views").elements()) {
     NamedView view = parse_view(value, views.size());
     if (!views.empty() && view.time < views.back().time)
-      value.fail_inside("time: is before that of the view in front of it");
+      value.fail_inside("time: must not be before the previous view");
     const auto [same, is_new] = index_of_name.emplace(view.name, views.size());
-    if (!is_new) value.fail("name \"" + view.name + "\" is also that of views[" + std::to_string(same->second) + "]");
+    if (!is_new) value.fail("name \"" + view.name + "\" is also in views[" + std::to_string(same->second) + "]");
     views.push_back(std::move(view));
   }
   if (views.empty()) file.at("views").fail("no views");
@@ -198,8 +197,8 @@ std::optional<RequestSlot> RequestSchedule::next_live(uint64_t now, uint64_t bas
     slot->target_time = schedule_.instant(schedule_.index_at(base_time + slot->pts));
     return slot;
   }
-  // The newest instant that is old enough, but none twice and none before the stream begins. A stamp that is still to
-  // come is of another base time.
+  // The newest instant that is old enough, but none twice and none before the stream begins. A timestamp in the future
+  // belongs to another base time.
   const uint64_t farthest = now - std::min(now, base_time) + schedule_.instant(2);
   const uint64_t earliest = base_time + (last_pts_ && *last_pts_ <= farthest ? *last_pts_ + 1 : 0);
   const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
@@ -209,7 +208,7 @@ std::optional<RequestSlot> RequestSchedule::next_live(uint64_t now, uint64_t bas
   return slot;
 }
 
-RequestSlot RequestSchedule::ahead_of_turn(const RequestSlot& slot, uint64_t now, uint64_t base_time,
+RequestSlot RequestSchedule::early_request(const RequestSlot& slot, uint64_t now, uint64_t base_time,
                                            uint64_t capture_delay) const {
   const uint64_t old_enough = now - std::min(now, capture_delay);
   RequestSlot early = slot;
@@ -239,13 +238,12 @@ namespace {
 
 using Vec4 = glm::dvec4;
 
-// The Hermite segment between keys i and i + 1 and how far along it we are.
+// The Hermite segment between keys i and i + 1, and the position in the segment.
 struct Segment {
   const std::vector<NamedView>& keys;
   size_t i;
   double s, length;  // 0..1, seconds
 
-  // value(k) of key k, interpolated.
   template <typename Value>
   auto mix(Value value) const {
     using T = decltype(value(i));
@@ -263,7 +261,7 @@ struct Segment {
 Vec4 as_vec(const Quat& q) { return {q.w, q.x, q.y, q.z}; }
 Vec4 as_vec(const Plane& p) { return {p.normal, p.d}; }
 
-// The plane's distance along the optical axis if it faces the view, else 0.
+// Returns the distance of the focal plane along the optical axis if it faces the view, else 0.
 double facing_distance(const View& view) {
   const Vec3 axis = view.pose.forward();
   const double distance =
@@ -293,11 +291,11 @@ ViewPath::ViewPath(std::vector<NamedView> keys) : keys_(std::move(keys)) {
     if (i == 0) continue;
     View& before = keys_[i - 1].view;
     const std::string place = "views[" + std::to_string(i) + "].";
-    if (!(keys_[i].time > keys_[i - 1].time)) throw Error(place + "time: must be later than that of the view before");
+    if (!(keys_[i].time > keys_[i - 1].time)) throw Error(place + "time: must be later than the previous view");
     if (view.width != before.width || view.height != before.height)
-      throw Error(place + "width, height: must be those of the first view");
-    if (view.lens.model() != before.lens.model()) throw Error(place + "model: must be that of the first view");
-    // q and -q are one orientation, a plane and its negative one plane: take the nearer.
+      throw Error(place + "width, height: must match the first view");
+    if (view.lens.model() != before.lens.model()) throw Error(place + "model: must match the first view");
+    // q and -q are the same orientation, and a plane and its negative the same plane: take the nearer sign.
     if (glm::dot(view.pose.orientation, before.pose.orientation) < 0) view.pose.orientation = -view.pose.orientation;
   }
   for (size_t i = 1; i < keys_.size() && !planes_face_; i++) {
@@ -362,18 +360,19 @@ std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& rang
 
 namespace {
 
-// Of a camera's field of view: what is left shows no border when the eye is between cameras.
+// Part of a camera's field of view. The rest keeps image borders invisible if the eye is between cameras.
 constexpr double kFieldOfView = 0.85;
 
-// A key of the tour. x, y: in halves of the array's extent; z: in distances at which the view, from the middle, just
-// spans the array; focus: from near (0) to far (1), in the logarithm. |x| + |z| <= 1 keeps all lines of sight inside.
+// A key of the tour. x, y: in halves of the array's extent. z: in units of the distance where the view, from the
+// middle, just spans the array. focus: from near (0) to far (1), logarithmic. |x| + |z| <= 1 keeps all lines of sight
+// inside the array.
 struct Key {
   double x, y, z, focus;
 };
 constexpr Key kKeys[] = {{0, 0, 0, 0},         {-0.6, -0.4, 0, 0}, {-0.35, 0.35, 0.35, 0.4}, {0.35, 0.35, 0.5, 1},
                          {0.55, -0.3, 0.2, 1}, {0, 0, -0.5, 1},    {-0.3, -0.2, -0.3, 0.4},  {0, 0, 0, 0}};
 constexpr int kNumKeys = std::size(kKeys);
-constexpr double kFarthest = 0.85;  // of |x| + |z|
+constexpr double kFarthest = 0.85;  // largest |x| + |z|
 
 }  // namespace
 
@@ -386,7 +385,7 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
   const Camera& middle = rig.cameras[middle_camera(rig)];
   const int width = options.width > 0 ? options.width : middle.width;
   const int height = options.height > 0 ? options.height : middle.height;
-  // The tangent of half the angle decides what is seen: no wider than the camera in either direction.
+  // The view is no wider than the camera in either direction, in tangents of half the angle.
   const double half_y = kFieldOfView * std::min(middle.height / 2.0 / middle.lens.fy(),
                                                 middle.width / 2.0 / middle.lens.fx() * height / width);
   const double half_x = half_y * width / height;
@@ -397,7 +396,7 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
     extent_x = std::max(extent_x, std::abs(glm::dot(from_middle, home.pose.right())));
     extent_y = std::max(extent_y, std::abs(glm::dot(from_middle, home.pose.down())));
   }
-  // Cameras on a line cover all of the other direction.
+  // Cameras on a line cover all of the perpendicular direction.
   const double tiny = 1e-3 * std::max(extent_x, extent_y);
   double reach = std::numeric_limits<double>::infinity();
   if (extent_x > tiny) reach = std::min(reach, extent_x / half_x);
@@ -406,14 +405,14 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
 
   if (!(options.room >= 0)) throw Error("room: must not be negative");
   const double aside = extent_x > tiny ? std::min(options.room / 2 / extent_x, 1.0) : 0;
-  const double part = std::max(1 - aside / kFarthest, 0.0);  // of the way
+  const double part = std::max(1 - aside / kFarthest, 0.0);
 
   const double seconds = (options.frames - 1) / options.rate_hz;
   std::vector<NamedView> keys;
   for (int i = 0; i < (options.frames > 1 ? kNumKeys : 1); i++) {
     const Key& key = kKeys[i];
     Viewpoint v = home;
-    // Never more than half-way to what is in focus, however large the array.
+    // At most half-way to the focal plane, however large the array is.
     const double forward = std::min(part * key.z * reach, focus.near / 2);
     v.pose.position += part * key.x * extent_x * home.pose.right() + part * key.y * extent_y * home.pose.down() +
                        forward * home.pose.forward();

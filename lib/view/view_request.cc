@@ -9,16 +9,16 @@
 
 namespace lf {
 
-void OutOfService::announce(uint32_t view_id, CameraSet cameras) {
+void OutOfServiceRegistry::announce(uint32_t view_id, CameraSet cameras) {
   std::lock_guard lock(mutex_);
   if (cameras.empty())
     views_.erase(view_id);
   else
     views_[view_id] = std::move(cameras);
-  if (views_.size() > kMostViews) views_.erase(views_.begin());
+  if (views_.size() > kMaxViews) views_.erase(views_.begin());
 }
 
-CameraSet OutOfService::with_announced(uint32_t view_id, const CameraSet& cameras) const {
+CameraSet OutOfServiceRegistry::with_announced(uint32_t view_id, const CameraSet& cameras) const {
   std::lock_guard lock(mutex_);
   const auto view = views_.find(view_id);
   if (view == views_.end()) return cameras;
@@ -27,7 +27,7 @@ CameraSet OutOfService::with_announced(uint32_t view_id, const CameraSet& camera
   return all;
 }
 
-void OutOfService::clear() {
+void OutOfServiceRegistry::clear() {
   std::lock_guard lock(mutex_);
   views_.clear();
 }
@@ -37,7 +37,7 @@ void ExtraRequests::ask(std::vector<ViewRequest> requests) {
   requests_ = std::move(requests);
 }
 
-std::vector<ViewRequest> ExtraRequests::take_beside(const ViewRequest& request, uint32_t& next_number) {
+std::vector<ViewRequest> ExtraRequests::take_for(const ViewRequest& request, uint32_t& next_number) {
   std::unique_lock lock(mutex_);
   std::vector<ViewRequest> extra = std::exchange(requests_, {});
   lock.unlock();
@@ -60,33 +60,34 @@ std::vector<ViewRequest> ExtraRequests::take_beside(const ViewRequest& request, 
 
 namespace {
 
-RequestGate::Refusal check_cost(const RequestCost& cost, const RequestLimits& limits, double extent) {
+RequestLimiter::Refusal check_cost(const RequestCost& cost, const RequestLimits& limits, double extent) {
   const uint64_t pixels = static_cast<uint64_t>(cost.width) * static_cast<uint64_t>(cost.height);
   const uint64_t views = static_cast<uint64_t>(cost.columns) * static_cast<uint64_t>(cost.rows);
-  if (pixels > limits.pixels || (views > 1 && pixels * views / RequestLimits::kOfSet > limits.pixels))
-    return RequestGate::kPixels;
+  if (pixels > limits.pixels || (views > 1 && pixels * views / RequestLimits::kSetFactor > limits.pixels))
+    return RequestLimiter::kPixels;
   const double widest = limits.aperture > 0 ? limits.aperture : extent;
-  if (widest > 0 && cost.aperture > widest) return RequestGate::kAperture;
-  if (static_cast<double>(pixels) * cost.lens_steps > static_cast<double>(limits.pixels) * RequestLimits::kLensSteps)
-    return RequestGate::kLens;
-  return cost.trials > limits.trials ? RequestGate::kTrials : RequestGate::kNone;
+  if (widest > 0 && cost.aperture > widest) return RequestLimiter::kAperture;
+  if (static_cast<double>(pixels) * cost.lens_steps >
+      static_cast<double>(limits.pixels) * RequestLimits::kMaxLensIterations)
+    return RequestLimiter::kLens;
+  return cost.trials > limits.trials ? RequestLimiter::kHypotheses : RequestLimiter::kNone;
 }
 
 std::string metres(double value) { return format_text("%.4g m", value); }
 
 }  // namespace
 
-double planned_work(const RequestCost& cost, size_t cameras) {
-  // By an aperture many cameras make a pixel; a trial is looked at for every 4 x 4 or more of them.
-  constexpr double kByAperture = 16, kTrial = 1.0 / 16;
-  // A step of the lens takes about as long as two pixels, and finding the face of a pixel of a distorted view as two
-  // more. Where views are not blended by the mesh, each of the points of a grid of 16 x 16 pixels looks at all cameras.
+double estimated_work(const RequestCost& cost, size_t cameras) {
+  // Aperture blending uses many cameras per pixel. A depth hypothesis is evaluated once per 4 x 4 or more pixels.
+  constexpr double kByAperture = 16, kHypothesis = 1.0 / 16;
+  // A lens iteration costs about as much as two pixels; finding the face of a pixel in a distorted view costs two more.
+  // Without mesh blending, each point of a grid of 16 x 16 pixels visits all cameras.
   constexpr double kLensStep = 2, kCameraOfPoint = 4.0 / (16 * 16);
-  // Each request passes once over the array's cameras and faces.
+  // Each request visits the cameras and faces of the array once.
   constexpr double kCamera = 16;
   const double pixels = static_cast<double>(cost.width) * cost.height, all = static_cast<double>(cameras);
   const bool blended = cost.aperture > 0 || cost.by_angle;
-  double per_pixel = (blended ? kByAperture : 1) + kTrial * cost.trials;
+  double per_pixel = (blended ? kByAperture : 1) + kHypothesis * cost.trials;
   if (cost.lens_steps > 0) per_pixel += kLensStep * (cost.lens_steps + 1);
   if (blended) per_pixel += kCameraOfPoint * all;
   return pixels * per_pixel + kCamera * all;
@@ -98,11 +99,11 @@ double array_extent(const Rig& rig) {
   return glm::length(most - least);
 }
 
-RequestGate::Refusal RequestGate::check(uint64_t view, const RequestCost& cost, const RequestLimits& limits,
-                                        double extent, uint64_t now) {
+RequestLimiter::Refusal RequestLimiter::check(uint64_t view, const RequestCost& cost, const RequestLimits& limits,
+                                              double extent, uint64_t now) {
   const auto known = views_.find(view);
   if (known == views_.end() && views_.size() >= limits.views) {
-    std::erase_if(views_, [now](const auto& entry) { return now > entry.second.last + kViewQuiet; });
+    std::erase_if(views_, [now](const auto& entry) { return now > entry.second.last + kViewTimeout; });
     if (views_.size() >= limits.views) return kViews;
   }
   View& state = known != views_.end() ? known->second : views_.emplace(view, View{now}).first->second;
@@ -116,33 +117,32 @@ RequestGate::Refusal RequestGate::check(uint64_t view, const RequestCost& cost, 
   return check_cost(cost, limits, extent);
 }
 
-std::string refusal_text(RequestGate::Refusal refusal, const RequestCost& cost, const RequestLimits& limits,
+std::string refusal_text(RequestLimiter::Refusal refusal, const RequestCost& cost, const RequestLimits& limits,
                          double extent) {
   switch (refusal) {
-    case RequestGate::kPixels:
+    case RequestLimiter::kPixels:
       return "asks for " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels" +
              (cost.columns * cost.rows > 1 ? " " + std::to_string(cost.columns * cost.rows) + " times" : "") +
              ", more than the " + std::to_string(limits.pixels) + " of max-pixels" +
-             (cost.columns * cost.rows > 1 ? " (of a set " + std::to_string(RequestLimits::kOfSet) + " times that)"
+             (cost.columns * cost.rows > 1 ? " (of a set " + std::to_string(RequestLimits::kSetFactor) + " times that)"
                                            : "");
-    case RequestGate::kAperture:
+    case RequestLimiter::kAperture:
       return "asks for an aperture of " + metres(cost.aperture) +
              (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"
                                   : ", wider than the array, which has " + metres(extent) + " (max-aperture)");
-    case RequestGate::kTrials:
+    case RequestLimiter::kHypotheses:
       return "asks for " + std::to_string(cost.trials) + " trials, more than the " + std::to_string(limits.trials) +
              " of max-trials";
-    case RequestGate::kRate:
-      return "asks more often than the " + std::to_string(limits.requests_per_second) +
-             " times a second of max-requests-per-second";
-    case RequestGate::kViews:
-      return "is one more than the " + std::to_string(limits.views) + " views at a time of max-views";
-    case RequestGate::kLens:
-      return "has a lens whose distortion takes " + format_text("%.0f", cost.lens_steps) +
+    case RequestLimiter::kRate:
+      return "exceeds " + std::to_string(limits.requests_per_second) + " times a second (max-requests-per-second)";
+    case RequestLimiter::kViews:
+      return "exceeds " + std::to_string(limits.views) + " views at the same time (max-views)";
+    case RequestLimiter::kLens:
+      return "has a lens with a distortion that takes " + format_text("%.0f", cost.lens_steps) +
              " steps a pixel to undo, at " + size_text(cost.width, cost.height) +
              " pixels more than max-pixels allows: ask for a smaller view or a lens with less distortion";
-    case RequestGate::kNumRefusals:
-    case RequestGate::kNone: break;
+    case RequestLimiter::kNumRefusals:
+    case RequestLimiter::kNone: break;
   }
   return "";
 }

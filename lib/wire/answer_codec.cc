@@ -10,8 +10,8 @@
 
 namespace lf::wire {
 
-std::optional<Scans> split_scans(std::span<const uint8_t> payload, bool has_lost) {
-  if (!has_lost) return Scans{payload, {}};
+std::optional<Scans> split_scans(std::span<const uint8_t> payload, bool has_missing) {
+  if (!has_missing) return Scans{payload, {}};
   Reader in(payload);
   const uint32_t length = in.get<uint32_t>();
   if (!in.ok() || length > in.left()) return std::nullopt;
@@ -37,7 +37,7 @@ void check_header(const AnswerHeader& answer, size_t fragments) {
   };
   ranges("cameras", answer.cameras);
   ranges("blind", answer.blind);
-  if (!answer.cameras.contains(answer.blind)) throw Error("blind: cameras that are not the answer's");
+  if (!answer.cameras.contains(answer.blind)) throw Error("blind: cameras outside of the answer's");
 }
 
 void check_part(const AnswerPart& part) {
@@ -59,7 +59,7 @@ void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) 
   const int bottom = fragment.camera ? kMaxImageSize : answer.view_height;
   if (rect.x0 < 0 || rect.y0 < 0 || rect.x1 > right || rect.y1 > bottom)
     throw Error(std::string("rectangle: is not inside ") + (fragment.camera ? "any image" : "the view"));
-  if (fragment.camera && fragment.has_lost) throw Error("flags: pixels of a camera have no lost weight");
+  if (fragment.camera && fragment.has_missing) throw Error("flags: pixels of a camera have no missing weight");
   if (fragment.camera && fragment.codec == Codec::kRaw16)
     throw Error("codec: 16 bits are for sums, not for pixels of a camera");
   if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
@@ -143,7 +143,7 @@ ParsedHeader read_head(std::span<const uint8_t> bytes) {
   return head;
 }
 
-// One entry of the table; its payload is taken from the front of `payloads`, which begins at `offset` in the unit.
+// Reads a table entry; takes its payload from the front of `payloads`, which starts at `offset` in the unit.
 FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& payloads, size_t offset) {
   FragmentView fragment;
   const uint16_t camera = table.get<uint16_t>();
@@ -158,10 +158,10 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   if (camera != kSumOnWire) fragment.camera = camera;
   fragment.family = answer.family;
   fragment.rect = {x, y, x + w, y + h};
-  fragment.has_lost = flags & kLostPlane;
+  fragment.has_missing = flags & kMissingPlane;
   check_fragment(answer, fragment);
   if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
-  if (flags & ~(kWeighted | kLostPlane)) throw Error("flags: unknown bits");
+  if (flags & ~(kWeighted | kMissingPlane)) throw Error("flags: unknown bits");
   if (fragment.camera.has_value() == static_cast<bool>(flags & kWeighted))
     throw Error("flags: a sum is weighted, and pixels of a camera are not");
   if (fragment.codec != Codec::kJpeg && length != raw_size(fragment))
@@ -175,16 +175,16 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
 }
 
 void check_scans(const FragmentView& fragment) {
-  const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_lost);
+  const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_missing);
   if (!scans) throw Error("length: of the first scan is beyond the payload");
   const auto long_enough = [](size_t least, std::span<const uint8_t> scan) {
     if (scan.size() < least)
       throw Error("length: a scan of this size has at least " + std::to_string(least) + " bytes, not " +
                   std::to_string(scan.size()));
   };
-  long_enough(jpeg::least_pixel_scan(jpeg::coded_size(fragment.rect, jpeg::kPixelUnit)), scans->pixels);
-  if (fragment.has_lost)
-    long_enough(jpeg::least_lost_scan(jpeg::coded_size(fragment.rect, jpeg::kLostUnit)), scans->lost);
+  long_enough(jpeg::min_pixel_scan(jpeg::coded_size(fragment.rect, jpeg::kPixelUnit)), scans->pixels);
+  if (fragment.has_missing)
+    long_enough(jpeg::min_missing_scan(jpeg::coded_size(fragment.rect, jpeg::kMissingUnit)), scans->lost);
 }
 
 AnswerView read_answer(std::span<const uint8_t> bytes) {
@@ -195,7 +195,7 @@ AnswerView read_answer(std::span<const uint8_t> bytes) {
   const size_t table_begin = table_offset(answer), begin = table_begin + answer.part.count * kFragmentBytes;
   Reader table(bytes.first(begin).subspan(table_begin));
   Reader payloads(bytes.subspan(begin));
-  answer.fragments.reserve(answer.part.count);  // their entries are there
+  answer.fragments.reserve(answer.part.count);  // the table entries are in `bytes`, so this allocation is bounded
   for (uint32_t i = 0; i < answer.part.count; i++)
     answer.fragments.push_back(
         in_fragment(i, [&] { return read_fragment(answer, table, payloads, bytes.size() - payloads.left()); }));
@@ -209,11 +209,11 @@ AnswerView read_answer(std::span<const uint8_t> bytes) {
 }  // namespace
 
 std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_answer(bytes); });
+  return catch_reason(reason, [&] { return read_answer(bytes); });
 }
 
 std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_head(bytes).answer; });
+  return catch_reason(reason, [&] { return read_head(bytes).answer; });
 }
 
 std::optional<std::pair<int, int>> peek_answer_size(std::span<const uint8_t> bytes) {
@@ -267,13 +267,13 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
   added_.emplace_back(fragment, begin);
 }
 
-void AnswerWriter::drop_lost(const std::function<bool(size_t)>& is_nothing) {
+void AnswerWriter::drop_missing(const std::function<bool(size_t)>& is_nothing) {
   size_t end = added_.empty() ? bytes_.size() : added_[0].second;
   fragments_ = 0;
   for (size_t i = 0; i < added_.size(); i++) {
     auto& [fragment, begin] = added_[i];
-    if (fragment.codec != Codec::kRaw16) throw Error("lost: is taken back of sums in 16 bits alone");
-    if (is_nothing(i)) fragment.has_lost = false;
+    if (fragment.codec != Codec::kRaw16) throw Error("missing weight: can only be dropped from 16-bit sums");
+    if (is_nothing(i)) fragment.has_missing = false;
     const size_t size = raw_size(fragment);
     if (begin != end) std::memmove(bytes_.data() + end, bytes_.data() + begin, size);
     begin = end;
@@ -299,7 +299,7 @@ SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
 }
 
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
-  PlacedWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
+  BufferWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
   out.put(static_cast<uint16_t>(fragment.camera.value_or(kSumOnWire)));
   out.put(uint16_t{0});  // plane
   out.put(static_cast<uint16_t>(fragment.rect.x0));
@@ -308,7 +308,7 @@ void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   out.put(static_cast<uint16_t>(fragment.rect.height()));
   out.put(static_cast<uint8_t>(fragment.codec));
   out.put(fragment.quality);
-  out.put(static_cast<uint16_t>((fragment.camera ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
+  out.put(static_cast<uint16_t>((fragment.camera ? 0 : kWeighted) | (fragment.has_missing ? kMissingPlane : 0)));
   out.put(static_cast<uint32_t>(length));
   fragments_++;
 }
@@ -326,7 +326,7 @@ ByteBuffer AnswerWriter::finish() {
     std::memmove(bytes_.data() + place, bytes_.data() + payloads, bytes_.size() - payloads);
     bytes_.resize(bytes_.size() - (payloads - place));
   }
-  PlacedWriter out(bytes_.data());
+  BufferWriter out(bytes_.data());
   put_unit_header(out, UnitKind::kAnswer, kFragmentsType, header_.last_of_node ? kLastOfNode : uint16_t{0},
                   bytes_.size());
   out.put(header_.view_id);

@@ -39,7 +39,7 @@ Rect get_rect(Reader& in) {
 void check(const WarpCommand& command) {
   check_request_head(command);
   validate(command.warp);
-  size_t rows = 0;  // what looking for the pixels' owners takes memory for
+  size_t rows = 0;  // drives the memory for finding pixel owners
   for (const FacePlan& face : command.warp.faces) rows += static_cast<size_t>(face.rect.height());
   if (rows > kMaxTriangleRows)
     throw Error("triangles: have " + std::to_string(rows) + " rows together, at most " +
@@ -83,10 +83,10 @@ WarpCommand read_warp_command(std::span<const uint8_t> bytes) {
   const uint8_t model_code = in.get<uint8_t>();
   check_reserved(in.get<uint16_t>());
   warp.in_front = get_vec(in);
-  need_more(in, "in_front");
+  check_remaining(in, "in_front");
   warp.lens = read_lens(in, model_code);
   const uint32_t triangles = in.get<uint32_t>(), cameras = in.get<uint32_t>();
-  need_more(in, "cameras");
+  check_remaining(in, "cameras");
   if (in.left() != triangles * uint64_t{kTriangleBytes} + cameras * uint64_t{kProjectionBytes})
     throw Error("cameras: " + std::to_string(triangles) + " triangles and " + std::to_string(cameras) +
                 " cameras do not fill the " + std::to_string(in.left()) + " bytes left");
@@ -107,7 +107,7 @@ PixelCommand read_pixel_command(std::span<const uint8_t> bytes) {
   Reader in = read_request_head(bytes, kPixelCommandType, command, command.view_width, command.view_height);
   check_reserved(in.get<uint8_t>());
   const uint16_t cameras = in.get<uint16_t>();
-  need_more(in, "cameras");
+  check_remaining(in, "cameras");
   if (in.left() != cameras * kRegionBytes)
     throw Error("cameras: " + std::to_string(cameras) + " do not fill the " + std::to_string(in.left()) +
                 " bytes left");
@@ -165,11 +165,11 @@ std::vector<uint8_t> encode_command(const PixelCommand& command) {
 }
 
 std::optional<WarpCommand> decode_warp_command(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_warp_command(bytes); });
+  return catch_reason(reason, [&] { return read_warp_command(bytes); });
 }
 
 std::optional<PixelCommand> decode_pixel_command(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_pixel_command(bytes); });
+  return catch_reason(reason, [&] { return read_pixel_command(bytes); });
 }
 
 std::optional<Access> access_of_type(uint8_t type) {

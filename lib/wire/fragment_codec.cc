@@ -28,7 +28,7 @@ FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile) {
 
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes) {
   if (fragment.codec == Codec::kJpeg) return std::nullopt;
-  const int unit = fragment.family == PixelFamily::kI420 ? 2 : 1;  // pixels a side that stay together
+  const int unit = fragment.family == PixelFamily::kI420 ? 2 : 1;  // pixels per side that share chroma samples
   const auto units_that_fit = [&](int width) {
     const size_t bytes = raw_size(tile_header(fragment, {0, 0, width, unit}));
     return static_cast<int>(std::min<size_t>(max_bytes / bytes, kMaxViewSize / unit));
@@ -44,7 +44,7 @@ std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes)
   };
   const int widest = units_that_fit(unit) * unit;
   if (widest == 0) return std::nullopt;
-  // Row pairs that leave half of a packet empty double the packets: narrower tiles fill them better.
+  // Full rows that leave half of each packet empty would double the packets. Narrower tiles fill packets better.
   const int least = units_that_fit(fragment.rect.width()) > 0 ? 1 : divided_up(fragment.rect.width(), widest);
   std::vector<Tiling> choices;
   for (int columns = least; columns <= 2 * least + 6; columns++) {
@@ -58,7 +58,7 @@ std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes)
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to) {
   const Rect& whole = fragment.rect;
   const uint8_t* from = fragment.payload.data();
-  // The next plane: bytes from sample to sample, and pixels a side that share a sample.
+  // Copies the next plane. `bytes`: sample size; `side`: pixels per side that share a sample.
   const auto plane = [&](int bytes, int side) {
     const ptrdiff_t stride = static_cast<ptrdiff_t>(divided_up(whole.width(), side)) * bytes;
     to = copy_rows(from + (tile.y0 - whole.y0) / side * stride + (tile.x0 - whole.x0) / side * bytes, stride,
@@ -73,7 +73,7 @@ void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to) {
     plane(sample, 1);
     for (int c = 1; c < 3; c++) plane(sample, rgb ? 1 : 2);
   }
-  if (fragment.has_lost) plane(sample, 1);
+  if (fragment.has_missing) plane(sample, 1);
 }
 
 namespace {
@@ -82,9 +82,9 @@ FragmentHeader header_of(const AnswerFragment& f, Codec codec, int quality) {
   return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr};
 }
 
-// Fragments as planes, once they are known to fill their rectangles.
+// Returns the planes of fragments after checking that they fill their rectangles.
 std::vector<AnswerFragment> checked_planes(const AnswerHeader& header, std::span<const Fragment> fragments) {
-  static_cast<void>(AnswerWriter(header, fragments.size()));  // its errors come first
+  static_cast<void>(AnswerWriter(header, fragments.size()));  // reports errors of the header first
   std::vector<AnswerFragment> all;
   for (size_t i = 0; i < fragments.size(); i++) {
     const Fragment& f = fragments[i];
@@ -99,7 +99,6 @@ std::vector<AnswerFragment> checked_planes(const AnswerHeader& header, std::span
   return all;
 }
 
-// Whatever they are coded as.
 void check_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments) {
   for (size_t i = 0; i < fragments.size(); i++)
     in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
@@ -126,7 +125,7 @@ void write_raw(AnswerWriter& writer, std::span<const AnswerFragment> fragments) 
       to = copy_rows(p.plane[0], p.stride[0], w, h, to);
       for (int c = 1; c < 3; c++) to = copy_rows(p.plane[c], p.stride[c], chroma_size(w), chroma_size(h), to);
     }
-    if (p.lost) copy_rows(p.lost, p.lost_stride, w, h, to);
+    if (p.lost) copy_rows(p.lost, p.missing_stride, w, h, to);
   }
 }
 
@@ -138,7 +137,7 @@ void FragmentEncoder::encode_payload(const FragmentPlanes& fragment, int quality
   jpeg_.encode_pixels(fragment, quality, out);
   if (!fragment.lost) return;
   store(&out[begin], static_cast<uint32_t>(out.size() - begin - sizeof(uint32_t)));
-  jpeg_.encode_lost(fragment, std::max(quality, kLeastLostQuality), out);
+  jpeg_.encode_missing(fragment, std::max(quality, kMinMissingQuality), out);
 }
 
 ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
@@ -183,9 +182,10 @@ std::optional<FragmentPlanes> FragmentDecoder::decode(const FragmentView& fragme
   if (fragment.codec == Codec::kRaw16) return std::nullopt;
   if (fragment.codec == Codec::kRaw) return raw_planes(fragment, fragment.payload.data());
   FragmentPlanes planes{.family = fragment.family, .rect = fragment.rect};
-  const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_lost);
+  const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_missing);
   if (!scans || !jpeg_.decode_pixels(scans->pixels, fragment.quality, planes)) return std::nullopt;
-  if (fragment.has_lost && !jpeg_.decode_lost(scans->lost, std::max<int>(fragment.quality, kLeastLostQuality), planes))
+  if (fragment.has_missing &&
+      !jpeg_.decode_missing(scans->lost, std::max<int>(fragment.quality, kMinMissingQuality), planes))
     return std::nullopt;
   return planes;
 }

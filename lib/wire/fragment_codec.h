@@ -16,53 +16,49 @@
 
 namespace lf::wire {
 
-// A sum that is to be encoded is cut into fragments of about so many pixels: coding and decoding them takes several
-// threads, and a lost packet loses a strip and not the view.
+// Encoded sums are cut into fragments of about this many pixels, so that several threads can encode and decode, and a
+// lost packet loses only a strip of the view.
 inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
-// Rows of strips of at most `pixels` pixels, but for kStripUnit rows being the least.
 inline int strip_rows(int width, int pixels = kStripPixels) {
   return std::max(pixels / width / kStripUnit, 1) * kStripUnit;
 }
 
-// Rectangles of all of `rect`'s width and at most `rows` rows.
 inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {
   std::vector<Rect> parts;
   for (int y = rect.y0; y < rect.y1; y += rows) parts.push_back({rect.x0, y, rect.x1, std::min(y + rows, rect.y1)});
   return parts;
 }
 
-// Raw fragments (kRaw, kRaw16) cut into smaller ones that together are the same: for links that lose packets, where a
-// fragment larger than a packet would be lost with any of its packets. Pure functions.
+// Cuts raw fragments (kRaw, kRaw16) into smaller fragments with the same content, for links that lose packets: a
+// fragment that spans several packets would be lost with any of its packets. Pure functions.
 
-// Tiles side by side and below one another, row by row; those at the right and at the bottom may be smaller. Chroma
-// samples are never cut.
+// Tiles in row-major order; the rightmost and bottom tiles may be smaller. Chroma samples are never cut.
 struct Tiling {
-  Rect whole;                 // the fragment's rectangle in the view
+  Rect whole;                 // in the view
   int width = 0, height = 0;  // pixels of a tile
-  int columns = 0, rows = 0;  // how many tiles there are
+  int columns = 0, rows = 0;
 
   size_t count() const { return static_cast<size_t>(columns) * rows; }
-  Rect tile(size_t i) const;  // the rectangle of tile i in the view
+  Rect tile(size_t i) const;
 };
 
-// Few tiles whose payloads have at most `max_bytes` each: as wide as possible, strips of rows at best, unless narrower
-// ones are fewer by a tenth. Nothing if not even the smallest one does, or for JPEG.
+// Returns a tiling with few tiles of at most `max_bytes` payload: strips of full rows if possible, unless narrower
+// tiles need at least a tenth fewer tiles. Returns nullopt for JPEG, or if even the smallest tile is too large.
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes);
 
-// The header of a fragment that is the tile of another one.
 FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile);
 
-// The payload of one tile, raw_size(tile_header(...)) bytes, to `to`.
+// Writes the payload of a tile, raw_size(tile_header(...)) bytes, to `to`.
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to);
 
-// FragmentEncoder makes payloads of fragments, FragmentDecoder fragments of payloads. Both keep memory and libjpeg's
-// state from call to call: one object for each thread.
+// FragmentEncoder and FragmentDecoder convert between fragments and payloads. Both reuse memory and libjpeg's state:
+// use one object per thread.
 
-// Lost weight divides the picture: it is coded finer than the pixels (at most as coarse as this).
-inline constexpr int kLeastLostQuality = 90;
+// Minimum JPEG quality of missing weight. Errors in the missing weight scale the view, so it needs a finer quality than
+// the pixels.
+inline constexpr int kMinMissingQuality = 90;
 
-// A fragment that an answer is to have, 8 bits a value.
 struct AnswerFragment {
   std::optional<CameraIndex> camera;  // see FragmentHeader
   FragmentPlanes planes;
@@ -70,32 +66,31 @@ struct AnswerFragment {
 
 class FragmentEncoder {
  public:
-  // A whole answer of 8-bit fragments. `quality` 0: raw; 1 to 100: JPEG. `memory`: see AnswerWriter. Throws Error as
-  // AnswerWriter does, and for planes that do not fill their rectangles.
+  // Encodes a whole answer of 8-bit fragments. `quality` 0: raw; 1 to 100: JPEG. `memory`: see AnswerWriter. Throws
+  // Error like AnswerWriter, and for planes that do not fill their rectangles.
   ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                     ByteBuffer memory = {});
   ByteBuffer encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                     ByteBuffer memory = {});
 
-  // Appends the JPEG payload of one fragment.
   void encode_payload(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
 
  private:
   jpeg::FragmentEncoder jpeg_;
 };
 
-// The bytes that FragmentEncoder::encode() gives, by several threads, each with an encoder of its own.
+// Encodes like FragmentEncoder::encode(), bit-identical, in several threads with an encoder each.
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {
  public:
-  // The planes of a fragment of 8 bits a value: raw ones where they lie, JPEG decoded into memory of this object, valid
-  // until the next call. Nothing if the JPEG is damaged, or for a fragment of 16 bits.
+  // Returns the planes of a fragment with 8 bits per value. Raw planes point into the payload; JPEG is decoded into
+  // memory of this object, valid until the next call. Returns nullopt for a damaged JPEG or a 16-bit fragment.
   std::optional<FragmentPlanes> decode(const FragmentView& fragment);
 
-  // The planes of a 16-bit fragment: where they lie, or copied into memory of this object (valid until the next call)
-  // if it lies at an odd address. `*copied` (may be null) says which.
+  // Returns the planes of a 16-bit fragment. The planes point into the payload, or at an odd address into a copy in
+  // this object (valid until the next call). `*copied` (may be null) is true for a copy.
   ConstSumPlanes sums(const FragmentView& fragment, bool* copied = nullptr);
 
  private:

@@ -17,8 +17,8 @@ void check_request_head(const RequestHeader& head) {
 
 void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size,
                       uint16_t more_flags) {
-  const int flags = (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) |
-                    (head.rehearsal ? kRehearsal : 0) | more_flags;
+  const int flags =
+      (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) | (head.warmup ? kWarmup : 0) | more_flags;
   put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
   out.put(head.view_id);
   out.put(head.sequence);
@@ -32,7 +32,7 @@ void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int 
 std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head) {
   head.absolute_time = flags & kAbsoluteTime;
   head.probe = flags & kProbe;
-  head.rehearsal = flags & kRehearsal;
+  head.warmup = flags & kWarmup;
   head.view_id = in.get<uint32_t>();
   head.sequence = in.get<uint32_t>();
   head.target_time = in.get<uint64_t>();
@@ -44,7 +44,7 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& 
 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height,
                          uint16_t* more_flags) {
-  constexpr uint16_t kOfAll = kAbsoluteTime | kProbe | kRehearsal;
+  constexpr uint16_t kOfAll = kAbsoluteTime | kProbe | kWarmup;
   const uint16_t known = static_cast<uint16_t>(kOfAll | (more_flags ? *more_flags : 0));
   std::string reason;
   const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, known, reason);
@@ -52,11 +52,11 @@ Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHe
   if (more_flags) *more_flags &= unit->flags;
   Reader in(bytes.subspan(kUnitHeaderBytes));
   std::tie(width, height) = get_request_head(in, unit->flags, head);
-  need_more(in, "view");
+  check_remaining(in, "view");
   return in;
 }
 
-void need_more(const Reader& in, const char* field) {
+void check_remaining(const Reader& in, const char* field) {
   if (!in.ok()) throw Error(std::string(field) + ": the request ends before it does");
 }
 
@@ -79,16 +79,16 @@ Lens read_lens(Reader& in, uint8_t model_code) {
   if (!model) throw Error("lens model: " + std::to_string(model_code) + " is unknown");
   std::array<double, Lens::kMaxParams> params{};
   for (int i = 0; i < lens_model_num_params(*model); i++) params[static_cast<size_t>(i)] = in.get<double>();
-  need_more(in, "lens params");
+  check_remaining(in, "lens params");
   return {*model, params};
 }
 
 namespace {
 
-constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
+constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
-constexpr uint8_t kLayers = 5;     // kind of trial, reserved
-constexpr int kBlendingShift = 4;  // of its kind, in the same byte
+constexpr uint8_t kLayers = 5;     // kind of depth hypothesis, reserved
+constexpr int kBlendingShift = 4;  // position of the blending kind in the same byte
 constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8, kInFrontBytes = 3 * 8;
 
 constexpr size_t kSetBytes = 4;
@@ -100,19 +100,19 @@ size_t mean_nodes(const FocalMap& map) {
 void check_gains(const ViewRequest& request) {
   const GainRequest& gains = request.gains;
   if (!gains.ask && gains.mean.empty()) return;
-  if (!request.view.focus.map) throw Error("gains: by a map that is not there");
+  if (!request.view.focus.map) throw Error("gains: require a focal map");
   if (!gains.mean.empty() && gains.mean.size() != mean_nodes(*request.view.focus.map))
-    throw Error("gains: a mean of " + std::to_string(gains.mean.size()) + " nodes is of another map");
+    throw Error("gains: a mean of " + std::to_string(gains.mean.size()) + " nodes does not fit the map");
 }
 
 void check(const ViewRequest& request) {
   check_request_head(request);
   validate(request.view);
   validate(request.place, request.view.width, request.view.height);
-  if (request.trials.size() > kMaxTrials)
-    throw Error("trials: at most " + std::to_string(kMaxTrials) + ", not " + std::to_string(request.trials.size()));
-  if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: of a map that is not there");
-  if (request.on_plane && !request.view.focus.map) throw Error("trials: on a plane, of a map that is not there");
+  if (request.trials.size() > kMaxHypotheses)
+    throw Error("trials: at most " + std::to_string(kMaxHypotheses) + ", not " + std::to_string(request.trials.size()));
+  if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: require a focal map");
+  if (request.on_plane && !request.view.focus.map) throw Error("trials: on a plane, require a focal map");
   check_gains(request);
   const CameraSet& out = request.out_of_service;
   for (size_t i = 0; i < out.size(); i++) {
@@ -135,7 +135,6 @@ Plane get_plane(Reader& in) {
   return plane;
 }
 
-// Bytes at the end of a request that is blended this way.
 size_t blending_bytes(Blending::Kind kind) {
   switch (kind) {
     case Blending::Kind::kAperture: return 8;
@@ -153,32 +152,33 @@ void put_blending(Writer& out, const Blending& blending) {
 void read_blending(Reader& in, Blending& blending) {
   if (blending.kind == Blending::Kind::kAperture) blending.aperture = in.get<double>();
   if (blending.kind == Blending::Kind::kAngle) blending.nearest = in.get<uint8_t>();
-  need_more(in, "blending");
+  check_remaining(in, "blending");
 }
 
-void put_place(Writer& out, const PlaceInSet& place) {
+void put_place(Writer& out, const ViewSetPosition& place) {
   out.put(static_cast<uint8_t>(place.layout));
   out.put(static_cast<uint8_t>(place.columns));
   out.put(static_cast<uint8_t>(place.rows));
   out.put(static_cast<uint8_t>(place.index));
 }
 
-void read_place(Reader& in, PlaceInSet& place) {
-  place.layout = static_cast<SetLayout>(in.get<uint8_t>());
+void read_place(Reader& in, ViewSetPosition& place) {
+  place.layout = static_cast<ViewSetLayout>(in.get<uint8_t>());
   place.columns = in.get<uint8_t>();
   place.rows = in.get<uint8_t>();
   place.index = in.get<uint8_t>();
-  need_more(in, "set");
-  if (place == PlaceInSet()) throw Error("set: of a view that is alone");
+  check_remaining(in, "set");
+  if (place == ViewSetPosition()) throw Error("set: has a single view");
 }
 
-void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated, std::span<const Trial> trials) {
+void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated,
+             std::span<const DepthHypothesis> trials) {
   put_plane(out, map.from);
   out.put(map.farthest);
   out.put(map.nearest);
   out.put(static_cast<uint8_t>(map.step));
   out.put(static_cast<uint8_t>(trials.size()));
-  for (const Trial& trial : trials) {
+  for (const DepthHypothesis& trial : trials) {
     out.put(static_cast<uint8_t>(trial.kind));
     out.put(static_cast<uint16_t>(trial.value));
   }
@@ -194,15 +194,15 @@ void read_map(Reader& in, ViewRequest& request) {
   map->nearest = in.get<double>();
   map->step = in.get<uint8_t>();
   request.trials.resize(in.get<uint8_t>());
-  for (Trial& trial : request.trials) {
+  for (DepthHypothesis& trial : request.trials) {
     const uint8_t kind = in.get<uint8_t>();
-    if (kind > static_cast<uint8_t>(Trial::Kind::kFocused) || kind == kLayers)
+    if (kind > static_cast<uint8_t>(DepthHypothesis::Kind::kFocused) || kind == kLayers)
       throw Error("trials: kind " + std::to_string(kind) + " is unknown");
-    trial.kind = static_cast<Trial::Kind>(kind);
+    trial.kind = static_cast<DepthHypothesis::Kind>(kind);
     trial.value = static_cast<int16_t>(in.get<uint16_t>());
   }
   const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
-  need_more(in, "focal_map");
+  check_remaining(in, "focal_map");
   if (map->step == 0) throw Error("focal_map: its step must not be 0");
   validate_size("width", view.width);
   validate_size("height", view.height);
@@ -223,16 +223,16 @@ void put_mean(Writer& out, const GainRequest& gains, const std::vector<uint8_t>&
 void read_mean(Reader& in, const FocalMap& map, GainRequest& gains) {
   gains.mean_of = in.get<uint32_t>();
   const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
-  need_more(in, "gains");
+  check_remaining(in, "gains");
   gains.mean = inflate_exactly(deflated, mean_nodes(map));
 }
 
 ViewRequest read_request(std::span<const uint8_t> bytes) {
   ViewRequest request;
   View& view = request.view;
-  uint16_t of_set = kOfSet;
+  uint16_t of_set = kInSet;
   Reader in = read_request_head(bytes, kViewRequestType, request, view.width, view.height, &of_set);
-  const auto need = [&](const char* field) { need_more(in, field); };
+  const auto need = [&](const char* field) { check_remaining(in, field); };
   const uint8_t model_code = in.get<uint8_t>();
   const uint8_t surface = in.get<uint8_t>();
   const uint8_t options = in.get<uint8_t>();
@@ -247,7 +247,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   view.lens = read_lens(in, model_code);
 
   if (surface > kFocalMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
-  if (gains > kUseGains && surface != kFocalMap) throw Error("gains: by a map that is not there");
+  if (gains > kUseGains && surface != kFocalMap) throw Error("gains: require a focal map");
   request.on_plane = gains & kOnPlane;
   request.gains.use = gains & kUseGains;
   request.gains.ask = gains & kAskMean;
@@ -296,11 +296,11 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
     deflated = packed(map->levels);
     size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
   }
-  const bool of_set = request.place != PlaceInSet();
+  const bool of_set = request.place != ViewSetPosition();
   size += blending_bytes(view.blending.kind) + (of_set ? kSetBytes : 0);
 
   Writer out(size);
-  put_request_head(out, kViewRequestType, request, view.width, view.height, size, of_set ? kOfSet : 0);
+  put_request_head(out, kViewRequestType, request, view.width, view.height, size, of_set ? kInSet : 0);
   out.put(static_cast<uint8_t>(view.lens.model()));
   out.put(map ? kFocalMap : kFocalPlane);
   out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
@@ -345,7 +345,7 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
   in.get_bytes(is_view ? kPoseBytes : kInFrontBytes);
   try {
     const Lens lens = read_lens(in, model);
-    if (cost.width > 0 && cost.height > 0) cost.lens_steps = lens.mean_steps(cost.width, cost.height);
+    if (cost.width > 0 && cost.height > 0) cost.lens_steps = lens.mean_iterations(cost.width, cost.height);
   } catch (const Error&) {
     return cost;
   }
@@ -357,7 +357,7 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
     in.get_bytes(kPlaneBytes + 8 + 8 + 1);
     cost.trials = in.get<uint8_t>();
   }
-  const bool of_set = unit->flags & kOfSet, wide = blending == static_cast<uint8_t>(Blending::Kind::kAperture);
+  const bool of_set = unit->flags & kInSet, wide = blending == static_cast<uint8_t>(Blending::Kind::kAperture);
   const size_t behind = (wide ? sizeof(double) : 0) + (of_set ? kSetBytes : 0);
   if (in.left() < behind) return cost;
   in.get_bytes(in.left() - behind);
@@ -371,7 +371,7 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
 }
 
 std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_request(bytes); });
+  return catch_reason(reason, [&] { return read_request(bytes); });
 }
 
 }  // namespace lf::wire

@@ -99,7 +99,7 @@ std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes) {
   return deflated;
 }
 
-// By hand, because zlib clears a quarter of a megabyte for each stream, compressed or not.
+// Written without zlib, which clears a quarter of a megabyte for each stream, even without compression.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes) {
   constexpr size_t kLargestBlock = 65535;
   const auto low = [](size_t value) { return static_cast<uint8_t>(value & 0xff); };
@@ -110,7 +110,7 @@ std::vector<uint8_t> store_all(std::span<const uint8_t> bytes) {
     const std::span<const uint8_t> block = bytes.first(std::min(bytes.size(), kLargestBlock));
     bytes = bytes.subspan(block.size());
     const size_t size = block.size(), inverse = ~size;
-    out.push_back(bytes.empty() ? 1 : 0);  // the last one
+    out.push_back(bytes.empty() ? 1 : 0);
     for (const size_t value : {size, inverse}) {
       out.push_back(low(value));
       out.push_back(low(value >> 8));
@@ -122,13 +122,13 @@ std::vector<uint8_t> store_all(std::span<const uint8_t> bytes) {
 }
 
 std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t size) {
-  if (size > kMaxInflation * deflated.size())
-    throw Error("deflated bytes: " + std::to_string(deflated.size()) + " can't be those of " + std::to_string(size));
+  if (size > kMaxDeflateRatio * deflated.size())
+    throw Error("deflated bytes: " + std::to_string(deflated.size()) + " cannot inflate to " + std::to_string(size));
   std::vector<uint8_t> bytes(size);
   uLongf written = static_cast<uLongf>(size);
   uLong read = static_cast<uLong>(deflated.size());
   if (uncompress2(bytes.data(), &written, deflated.data(), &read) != Z_OK || written != size || read != deflated.size())
-    throw Error("deflated bytes: are not those of " + std::to_string(size));
+    throw Error("deflated bytes: do not inflate to " + std::to_string(size));
   return bytes;
 }
 

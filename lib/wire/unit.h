@@ -17,7 +17,7 @@
 
 namespace lf::wire {
 
-// Big-endian numbers in byte strings.
+// Big-endian serialisation.
 
 template <typename T>
 using WireInt = std::conditional_t<
@@ -31,7 +31,6 @@ void store(uint8_t* to, T value) {
   for (size_t i = 0; i < sizeof(T); i++) to[i] = static_cast<uint8_t>(bits >> (8 * (sizeof(T) - 1 - i)));
 }
 
-// Appends numbers and bytes to a vector, whose memory is reserved for the size given.
 class Writer {
  public:
   explicit Writer(size_t size) { bytes_.reserve(size); }
@@ -52,10 +51,10 @@ class Writer {
   std::vector<uint8_t> bytes_;
 };
 
-// Writes as Writer does, into memory that is there and large enough.
-class PlacedWriter {
+// Like Writer, but writes into existing memory, which must be large enough.
+class BufferWriter {
  public:
-  explicit PlacedWriter(uint8_t* to) : to_(to) {}
+  explicit BufferWriter(uint8_t* to) : to_(to) {}
   template <typename T>
   void put(T value) {
     store(to_, value);
@@ -67,8 +66,8 @@ class PlacedWriter {
   uint8_t* to_;
 };
 
-// Reads numbers and bytes from the front. Whatever lies beyond the end reads as 0 and makes ok() false for good: check
-// it before using what was read.
+// Reads values and bytes from the front. Reading past the end returns 0 and makes ok() false permanently: check ok()
+// before using the values.
 class Reader {
  public:
   explicit Reader(std::span<const uint8_t> bytes) : bytes_(bytes) {}
@@ -80,7 +79,7 @@ class Reader {
     for (const uint8_t byte : get_bytes(sizeof(T))) bits = static_cast<WireInt<T>>((uint64_t{bits} << 8) | byte);
     return std::bit_cast<T>(bits);
   }
-  // Refers to the bytes read from; empty if there are not as many.
+  // Returns a view of the next `count` bytes; empty if there are fewer.
   std::span<const uint8_t> get_bytes(size_t count) {
     if (count > bytes_.size()) {
       ok_ = false;
@@ -100,47 +99,47 @@ class Reader {
   bool ok_ = true;
 };
 
-// The limits of the wire format, in one place. A unit beyond them is not decoded; see spec.md.
+// Limits of the wire format. Decoders reject larger units; see spec.md.
 inline constexpr uint8_t kVersion = 1;
 inline constexpr size_t kMaxRequestBytes = size_t{1} << 20;  // 1 MiB: warp commands for 3500 cameras in one view
 inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;   // 1 GiB: 8192 x 8192 RGB fragments of a whole array
-// What elements that keep answers until they are whole take by default: a sum of 4096 x 2304 pixels in 16 bits with its
-// lost weight, and its table.
-inline constexpr size_t kUsualAnswerBytes = size_t{80} << 20;
-inline constexpr size_t kMaxInflation = 1032;  // bytes that a byte of deflated ones can come to
-inline constexpr size_t kMaxSources = 4096;    // sets of cameras that the answers to one request speak for
-inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // rows of all rectangles in a warp command together
+// Default limit of elements that store whole answers: a 16-bit sum of 4096 x 2304 pixels with missing weight, and its
+// table.
+inline constexpr size_t kTypicalAnswerBytes = size_t{80} << 20;
+inline constexpr size_t kMaxDeflateRatio = 1032;  // maximum inflated bytes per deflated byte
+inline constexpr size_t kMaxSources = 4096;       // maximum number of camera sets in the answers to one request
+inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // maximum sum of the rectangle heights in a warp command
 inline constexpr uint32_t kMaxFragments = kMaxCameras + 1;
-inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels a side
+inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels per side
 
-// What both streams have in common: a unit begins with magic, version, type, flags and its whole length. This frame is
-// the same in every version of the format, so that units of a later one can be told apart and passed on.
+// All units start with magic, version, type, flags and total length. This header is the same in every version of the
+// format, so that readers can delimit and forward units of later versions.
 enum class UnitKind { kRequest, kAnswer };
 inline constexpr size_t kUnitHeaderBytes = 12;
 
-// The first three bytes of both kinds' magic, for those who search a stream for one; the fourth is 'Q' or 'A'.
+// Common first three bytes of both magic numbers, for stream synchronisation; the fourth is 'Q' or 'A'.
 inline constexpr uint8_t kMagicPrefix[3] = {0x8f, 'L', 'F'};
 inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
 
-// Types of units, see spec.md: in a request stream, and in an answer stream. Others are passed on by whoever only
-// frames.
+// Unit types of request streams and of answer streams, see spec.md. Readers that only delimit units forward unknown
+// types.
 inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;
-inline constexpr uint8_t kFragmentsType = 1, kMomentsType = 5;
+inline constexpr uint8_t kFragmentsType = 1, kConsistencyType = 5;
 
 struct UnitHeader {
   UnitKind kind;
-  size_t size;  // bytes of the whole unit, header included; within the limits above
+  size_t size;  // bytes of the whole unit, including the header; within the limits above
   uint8_t version = 0, type = 0;
   uint16_t flags = 0;
 };
-// The header of a unit, from its first kUnitHeaderBytes bytes; nothing if they are not the beginning of one.
+// Parses a unit header from the first kUnitHeaderBytes bytes. Returns nullopt if no unit starts there.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
-// How many bytes of a stream to pass over, at least 1, where no unit begins: up to where a magic begins, or may begin
-// if more bytes come. `bytes` is not empty.
+// Returns the number of bytes to skip, at least 1, up to the next magic number. A partial magic number at the end
+// counts if `more_to_come`. `bytes` must not be empty.
 size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come);
 
-// `out`: a Writer or PlacedWriter.
+// `out`: a Writer or BufferWriter.
 template <typename Out>
 void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {
   out.put_bytes(kMagicPrefix);
@@ -151,15 +150,15 @@ void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size
   out.put(static_cast<uint32_t>(size));
 }
 
-// The header of a unit of this kind, type and version without flags beyond `known_flags`, or nothing and the reason.
+// Returns the header of a unit with this kind and type, the current version and no flags beyond `known_flags`.
+// Otherwise returns nullopt and sets `reason`.
 std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
                                             uint16_t known_flags, std::string& reason);
-// Whether there are as many bytes as the header says.
 bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason);
 
-// What read() returns, or nothing and in *reason (may be null) the text of the Error that it throws.
+// Returns read(), or nullopt if it throws Error; *reason (may be null) then receives the text.
 template <typename F>
-auto or_reason(std::string* reason, F read) -> std::optional<decltype(read())> {
+auto catch_reason(std::string* reason, F read) -> std::optional<decltype(read())> {
   try {
     return read();
   } catch (const Error& error) {
@@ -168,12 +167,11 @@ auto or_reason(std::string* reason, F read) -> std::optional<decltype(read())> {
   }
 }
 
-// RFC 1950 (zlib), at the fastest setting: what is coded so is small and made for every picture.
+// Deflates as RFC 1950 (zlib) at the fastest setting, because the data is small and encoded for every frame.
 std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes);
-// The zlib format for those to whom bytes cost nothing: the bytes as they are, in blocks that are not compressed.
+// Returns zlib data in uncompressed blocks, for links where bytes are free.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes);
-// Throws Error if the bytes are not those of exactly `size` bytes. Reserves no more memory than so few
-// bytes can hold.
+// Throws Error unless the result has exactly `size` bytes. Reserves no more memory than the input can inflate to.
 std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t size);
 
 }  // namespace lf::wire

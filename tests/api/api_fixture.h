@@ -19,7 +19,6 @@
 
 namespace lightfield::test {
 
-// Between the values of tests/reference and those of the public API.
 inline Rig public_rig(const lf::Rig& rig) { return parse_rig(lf::rig_to_json(rig)); }
 
 inline Image public_image(lf::Image image) {
@@ -40,11 +39,10 @@ inline lf::View private_view(const View& view) {
   const auto& [p, q] = view.world_from_view;
   out.pose = {{p.x, p.y, p.z}, {q.w, q.x, q.y, q.z}};
   out.focus.plane = lf::focal_plane_at(out.pose, view.focus_distance);
-  out.blending = lf::blending_of(view.aperture, 0);
+  out.blending = lf::make_blending(view.aperture, 0);
   return out;
 }
 
-// 3 x 4 cameras, and a view from between them.
 struct Array {
   explicit Array(PixelFormat format = PixelFormat::kRgb, uint64_t seed = 1)
       : inside(lf::reference::planar_grid(3, 4, 0.1)), rig(public_rig(inside)) {
@@ -64,8 +62,8 @@ struct Array {
   View view;
 };
 
-// Two walls of different distances, one of whose cameras sees less light, and a view from between them that is focused
-// on neither.
+// Two walls at different distances, a camera with less light, and a view from between the cameras that is focused on
+// neither wall.
 struct Walls {
   explicit Walls(double gain = 1) : rig(public_rig(walls.rig)), images(public_images(walls.images)) {
     for (uint8_t& value : images[4].pixels) value = static_cast<uint8_t>(value * gain);
@@ -75,7 +73,7 @@ struct Walls {
     view.world_from_view.position = {0.013, -0.017, 0};
     view.focus_distance = 1.1;
   }
-  // Of 255, what is near the picture's border left away.
+  // Returns the mean error, 0 to 255, without the border of the image.
   double mean_error(const Image& picture) const {
     const lf::View inside = private_view(view);
     double sum = 0;
@@ -96,7 +94,6 @@ struct Walls {
   View view;
 };
 
-// The text of the public Error that an action throws.
 inline std::string error_of(const std::function<void()>& action) {
   try {
     action();

@@ -46,7 +46,6 @@ TEST(ApiCalibration, FindsAnArray) {
   EXPECT_FALSE(steps.empty());
   EXPECT_NE(found.rig.json().find("\"covariance\""), std::string::npos);
 
-  // What it writes is a prior of the next one.
   options.prior = found.rig;
   EXPECT_EQ(calibrate_rig(tracks, options).rig.size(), truth.cameras.size());
 }

@@ -19,7 +19,7 @@ namespace {
 
 using test::Array;
 
-// Three machines, whose cameras lie among each other's and are named in no order.
+// Three machines with interleaved cameras, in arbitrary order.
 struct Machines {
   explicit Machines(const Array& array) : Machines(array.rig, array.images) {}
   Machines(const Rig& rig, const std::vector<Image>& images) {
@@ -62,8 +62,8 @@ TEST(ApiNodeCompositor, PicturesAreTheRenderersToTheBit) {
         std::reverse(parts.begin(), parts.end());
         for (const Bytes& part : parts) {
           EXPECT_FALSE(compositor.is_complete());
-          const Compositor::Added added = compositor.add(part);
-          EXPECT_TRUE(added) << added.why_not;
+          const Compositor::AddResult added = compositor.add(part);
+          EXPECT_TRUE(added) << added.problem;
         }
         EXPECT_TRUE(compositor.is_complete());
         const Image picture = compositor.finish();
@@ -119,7 +119,6 @@ TEST(ApiNodeCompositor, WhatNeverCameIsMissing) {
   EXPECT_GT(compositor.missing(), 0u);
   EXPECT_LT(compositor.missing(), array.rig.size());
 
-  // Whoever knows which cameras are gone has the others close the gap.
   std::vector<uint32_t> gone = machines.nodes[1].cameras();
   const Bytes next = compositor.request(array.view, {.out_of_service = gone});
   for (const size_t i : {0, 2}) {
@@ -130,7 +129,6 @@ TEST(ApiNodeCompositor, WhatNeverCameIsMissing) {
   compositor.finish();
   EXPECT_EQ(compositor.missing(), 0u);
 
-  // Nothing at all is a picture, too.
   compositor.request(array.view, {.background = {1, 2, 3}});
   EXPECT_EQ(compositor.finish().pixels[1], 2);
 }
@@ -166,7 +164,7 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1), other(array.rig, 2);
-  EXPECT_EQ(compositor.add({1, 2, 3}).why_not, "no picture was begun");
+  EXPECT_EQ(compositor.add({1, 2, 3}).problem, "no picture was begun");
   EXPECT_API_ERROR(compositor.finish(), "no picture was begun");
   EXPECT_API_ERROR(compositor.request(array.view, {.quality = 101}), "quality: must be 0 to 100");
   EXPECT_API_ERROR(compositor.request(array.view, {.out_of_service = {12}}), "out_of_service: 12 is not one of");
@@ -177,16 +175,15 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   const Bytes request = compositor.request(array.view);
   const std::vector<Bytes> parts = machines.answer(request);
   EXPECT_TRUE(compositor.add(parts[0]));
-  EXPECT_NE(compositor.add(parts[0]).why_not.find("is there already"), std::string::npos);
-  EXPECT_NE(compositor.add({}).why_not.find("damaged"), std::string::npos);
-  EXPECT_NE(compositor.add(request).why_not.find("damaged"), std::string::npos);
+  EXPECT_NE(compositor.add(parts[0]).problem.find("duplicate"), std::string::npos);
+  EXPECT_NE(compositor.add({}).problem.find("damaged"), std::string::npos);
+  EXPECT_NE(compositor.add(request).problem.find("damaged"), std::string::npos);
   other.request(array.view);
-  EXPECT_EQ(other.add(parts[1]).why_not, "of another request");
+  EXPECT_EQ(other.add(parts[1]).problem, "of another request");
   compositor.finish();
   compositor.request(array.view);
-  EXPECT_EQ(compositor.add(parts[1]).why_not, "of another request") << "too late";
+  EXPECT_EQ(compositor.add(parts[1]).problem, "of another request") << "too late";
 
-  // The same array, seen through other lenses.
   std::vector<Camera> cameras;
   for (size_t i = 0; i < array.rig.size(); i++) cameras.push_back(array.rig.camera(i));
   cameras[5].lens.fx += 1;
@@ -199,13 +196,13 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
                 .add(Node(array.rig, {0})
                          .answer(Compositor(array.rig, 1).request(array.view), {ImageView(array.images[0])})
                          .at(0))
-                .why_not,
+                .problem,
             "of another rig");
 
   EXPECT_API_ERROR(read_request({}), "not a request");
   EXPECT_API_ERROR(machines.nodes[0].answer(parts[0], machines.frames[0]), "not a request");
   EXPECT_API_ERROR(machines.nodes[0].answer(request, {ImageView(array.images[0])}),
-                   "images: must be one for each of 4 cameras");
+                   "images: expected one for each of 4 cameras");
   EXPECT_API_ERROR(Node(array.rig, {}), "cameras: a node needs at least one");
   EXPECT_API_ERROR(Node(array.rig, {3, 4, 3}), "cameras: 3 is named twice");
   EXPECT_API_ERROR(Node(array.rig, {12}), "cameras: 12 is not one of the rig's 12 cameras");
@@ -218,7 +215,7 @@ TEST(ApiNodeCompositor, DamagedBytesDoNoHarm) {
   for (const int quality : {0, 80}) {
     Compositor compositor(array.rig, 1);
     Bytes request;
-    for (int i = 0; i < 3; i++) {  // until there are trials
+    for (int i = 0; i < 3; i++) {
       request = compositor.request(array.view, {.focus = Focus::kAuto, .quality = quality});
       if (i < 2)
         for (const Bytes& part : machines.answer(request)) compositor.add(part);
@@ -245,7 +242,7 @@ TEST(ApiNodeCompositor, DamagedBytesDoNoHarm) {
       try {
         const Bytes bytes = damaged(request);
         read_request(bytes);
-        // What is left of it may be sound and large.
+        // The remaining bytes may be valid and large.
         if (bytes.size() == request.size() && std::equal(bytes.begin() + 12, bytes.begin() + 48, request.begin() + 12))
           machines.nodes[0].answer(bytes, machines.frames[0]);
       } catch (const Error&) {
@@ -360,7 +357,7 @@ TEST(ApiRenderer, ACameraWithoutAnImageIsMadeUpForByItsNeighbours) {
   std::vector<ImageView> images(array.images.begin(), array.images.end());
   images[looked_at[0]] = {};
   const Image picture = renderer.render(array.view, images, {.background = {255, 0, 255}});
-  // Neither black nor the background: in the middle of the array nothing is missing.
+  // The middle of the array is fully covered: not black and not the background.
   const size_t middle = 3 * (static_cast<size_t>(36) * 96 + 48);
   const Image whole = renderer.render(array.view, array.images);
   for (size_t c = 0; c < 3; c++) EXPECT_NEAR(picture.pixels[middle + c], whole.pixels[middle + c], 80);
@@ -416,7 +413,7 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
   Renderer renderer(array.rig);
   std::vector<Image> images = array.images;
   images.pop_back();
-  EXPECT_API_ERROR(renderer.render(array.view, images), "images: must be one for each of 12 cameras, are 11");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "images: expected one for each of 12 cameras, got 11");
   images = array.images;
   images[3] = make_image(PixelFormat::kRgb, 64, 47);
   EXPECT_API_ERROR(renderer.render(array.view, images),
@@ -425,7 +422,7 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
   EXPECT_API_ERROR(renderer.render(array.view, images), "some are RGB and some are I420");
   images[3] = array.images[3];
   images[3].pixels.pop_back();
-  EXPECT_API_ERROR(renderer.render(array.view, images), "9215 bytes are not those of an image of 64x48 pixels");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "9215 bytes do not match an image of 64x48 pixels");
   std::vector<ImageView> views(array.images.begin(), array.images.end());
   views[2].stride[0] = 10;
   EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2 (id 2) has a stride of 10 bytes: its rows have 192");
@@ -447,7 +444,6 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
   EXPECT_EQ(with([](View& v) { v.lens = Lens{.fx = 0, .fy = 1}; }), "params[0]: the focal length must be positive");
   EXPECT_API_ERROR(renderer.render(array.view, array.images, {.nearest = 3, .farthest = 2}), "nearest, farthest");
   EXPECT_API_ERROR(renderer.render(array.view, array.images, {.resampling = static_cast<Resampling>(9)}), "resampling");
-  // As it was.
   EXPECT_EQ(renderer.render(array.view, array.images).pixels,
             Renderer(array.rig).render(array.view, array.images).pixels);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What adding fragments and resolving the picture cost. Items are pixels added, or of the picture.
+// Benchmarks adding fragments and resolving the picture. Items are added pixels, or pixels of the picture.
 #include <benchmark/benchmark.h>
 
 #include "composite/accumulator.h"
@@ -14,7 +14,7 @@ std::string size_name(int size) {
   return std::to_string(kSizes[size].width) + "x" + std::to_string(kSizes[size].height);
 }
 
-// The own_weights of an 8x8 array: rectangles of a quarter of the picture's sides, four deep.
+// The fragments of an 8x8 array: rectangles of a quarter of the picture's sides, four deep.
 std::vector<Fragment> tiles(PixelFamily family, int width, int height) {
   std::vector<Fragment> out;
   for (int y = -1; y < 8; y++)
@@ -68,9 +68,9 @@ void resolve_to(benchmark::State& state, PixelFamily family, RgbLayout layout, H
   const Sums sums(family, width, height);
   Accumulator sum;
   sum.reset(family, width, height);
-  how == How::kKept ? sum.add_kept(sums.planes) : sum.add(sums.planes);
+  how == How::kKept ? sum.add_borrowed(sums.planes) : sum.add(sums.planes);
   const Rect all{0, 0, width, height};
-  if (how == How::kLost) sum.add_lost_weights(all, std::vector<float>(static_cast<size_t>(width) * height, 0.1f));
+  if (how == How::kLost) sum.add_missing_weights(all, std::vector<float>(static_cast<size_t>(width) * height, 0.1f));
   std::vector<uint8_t> out(static_cast<size_t>(width) * height * 4);
   const size_t area = static_cast<size_t>(width) * height;
   uint8_t* const plane[3] = {out.data(), out.data() + area, out.data() + area * 2};

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What a recording takes when it is kept: JPEG as cameras give it, H.264 of each camera by itself, and H.264 of a row of
-# cameras as one film, whose frames are those of one instant after the other: dB against bytes, of the built-in scene.
+# Compares the size and quality of archived recordings of the built-in scene, dB against bytes: JPEG from the cameras,
+# H.264 per camera, and H.264 of a row of cameras in one stream, with the frames of an instant one after another.
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 build=${LF_BUILD:-$root/build}
@@ -29,7 +29,7 @@ read = lambda path: open(path, "rb").read()
 truth, jpeg = ([read(f"{kind}{i}.yuv") for i in range(cameras)] for kind in ("truth", "jpeg"))
 
 def psnr(films):
-    """Of luma, over all frames."""
+    """PSNR of luma over all frames."""
     squares = 0
     for film, true in zip(films, truth):
         for frame in range(frames):
@@ -38,7 +38,7 @@ def psnr(films):
     return 10 * math.log10(255 ** 2 * LUMA * cameras * frames / squares)
 
 def coded(film, quantizer, options):
-    """Bytes and what they show of a film of raw frames."""
+    """Encodes raw frames; returns the size in bytes and the decoded frames."""
     open("raw.yuv", "wb").write(film)
     form = "rawvideoparse format=i420 width=320 height=240 framerate=30/1 colorimetry=1:4:0:0"
     subprocess.run(f"gst-launch-1.0 -q filesrc location=raw.yuv ! {form} ! x264enc pass=qual quantizer={quantizer} {options} ! "

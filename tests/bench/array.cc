@@ -11,9 +11,10 @@
 namespace lf::bench {
 namespace {
 
-// Metres of the array's plane that the lines of sight of a view meet, across; its height follows from the view's shape.
+// Width, in metres, of the area in the array's plane that a view's lines of sight cover; the height follows from the
+// aspect ratio.
 constexpr double kExtent = 0.27;
-// The array reaches this far beyond, in units of its pitch: its outer cameras are off by up to 5 %.
+// Extent of the array beyond that area, in pitches: the outer cameras are off by up to 5 %.
 constexpr double kMargin = 0.15;
 constexpr double kCameraFov = 60, kViewFov = 55;  // degrees, vertical
 constexpr double kFocus = kSceneMiddle;           // metres in front of the array
@@ -25,7 +26,7 @@ int rows_of(int cameras) {
   return rows;
 }
 
-// Metres between cameras such that `n` of them reach a margin beyond `extent`.
+// Pitch in metres, such that `n` cameras exceed `extent` by the margin on each side.
 double pitch_of(double extent, int n) { return extent / std::max(n - 1 - 2 * kMargin, 0.5); }
 
 }  // namespace
@@ -55,7 +56,7 @@ View make_view(int width, int height, int n) {
   view.width = width;
   view.height = height;
   view.lens = Lens::from_fov_y(kViewFov, width, height);
-  // Lines of sight spread with the distance from the array: this one makes them meet all of it.
+  // The covered area grows with the distance from the array: from this distance the view covers the whole array.
   const double half_width = std::tan(kViewFov / 2 * M_PI / 180) * width / height;
   view.pose.position = {0, 0, kExtent / 2 / half_width * (1 - 0.06 * n)};
   const double depths[] = {kFocus, kSceneNear, kSceneFar};

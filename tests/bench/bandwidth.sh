@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What all cameras send against what the views of them need (Yang et al. 2002, Figure 1), and where they cross: bytes for
-# each instant, of the built-in scene in 320x240. tests/bench/bandwidth.sh [CAMERAS...]: squares, 4 16 64 256 by default.
+# Compares the bytes of all camera streams with the bytes of views (Yang et al. 2002, Figure 1), and finds the
+# break-even: bytes per instant, built-in scene in 320x240.
+#   tests/bench/bandwidth.sh [CAMERAS...]   square numbers, default 4 16 64 256
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 build=${LF_BUILD:-$root/build}
@@ -13,7 +14,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
 
-# answers NODES: bytes that nodes with these cameras ("0-3", one word a node) answer all views of the path with.
+# answers NODES: prints the bytes of the answers to all views of the path; each word lists a node's cameras ("0-3").
 answers() {
   local line="lfviewrequest location=views.json ! tee name=r funnel name=f ! filesink location=answers.bin" node=0 cameras
   for cameras in "$@"; do

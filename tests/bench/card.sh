@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What a graphics card gains, for docs/measurements.md: sums with images on their way there and sums, or pictures, on
-# their way back or staying there; trials; and whole pipelines of 64 Motion JPEG cameras of 320x240.
+# Measures the gain of a GPU for docs/performance.md: sums including the upload of images, with and without the
+# download of sums or frames; depth hypotheses; and whole pipelines of 64 Motion JPEG cameras of 320x240.
 # tests/bench/card.sh [PICTURES]
 #
-# Without hardware all of it runs by a driver that computes on the CPU, whose figures are of no use.
+# Without a GPU everything runs on a software renderer, and the figures are meaningless.
 set -euo pipefail
 export LC_ALL=C.UTF-8  # numbers with a decimal point
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -20,20 +20,20 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-"$build/tests/bench-sum-renderer" --benchmark_min_time=0.3 --benchmark_filter='DrawnS|Stayed' 2>"$work/log" ||
+"$build/tests/bench-sum-renderer" --benchmark_min_time=0.3 --benchmark_filter='UploadedS|Stayed' 2>"$work/log" ||
   cat "$work/log"
 "$build/tests/bench-focus" --benchmark_min_time=0.3 --benchmark_filter=Trials 2>"$work/log" || cat "$work/log"
 
 "$build/tools/lf-scene" --out "$work" --grid 8x8 --width 320 --height 240 --frames 30 --framerate 15 >/dev/null
 
-# Seconds that N pictures take, and those of processors.
+# Prints wall-clock seconds and CPU seconds for N pictures.
 seconds() { # N what sink
   local TIMEFORMAT='%R %U %S'
   # shellcheck disable=SC2086
   { time gst-launch-1.0 -q lfviewsrc "rig=$work/rig.json" is-live=false "num-buffers=$1" $2 ! $3 >/dev/null; } 2>&1 |
     awk 'END {print $1, $2 + $3}'
 }
-# Milliseconds a picture, without what starting and ending takes.
+# Prints milliseconds per picture, without startup and shutdown.
 row() { # N what sink
   local few=$((10 + $1 / 10))
   awk -v n="$1" -v a="$(seconds "$few" "$2" "$3")" -v b="$(seconds $((few + $1)) "$2" "$3")" \

@@ -12,12 +12,12 @@
 namespace lf::bench {
 namespace {
 
-// Told apart by people who see fewer colours, too (Okabe and Ito).
+// Distinguishable with colour blindness (Okabe and Ito).
 constexpr const char* kColours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
                                     "#E69F00", "#56B4E9", "#7F7F7F", "#000000"};
 constexpr int kMarks[] = {7, 5, 9, 11, 13};
 constexpr int kPanelWidth = 620, kPanelHeight = 440, kTitleHeight = 60, kLegendRow = 24;
-constexpr double kLabelRoom = 0.012;  // of a panel's width, a letter
+constexpr double kLabelRoom = 0.012;  // per letter, as a fraction of a panel's width
 
 std::vector<std::string> series_names(const Chart& chart) {
   std::vector<std::string> names;
@@ -27,7 +27,7 @@ std::vector<std::string> series_names(const Chart& chart) {
   return names;
 }
 
-// A string of gnuplot's, in which nothing has a meaning.
+// Quotes a gnuplot string literally.
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("''") : std::string(1, c);
@@ -120,7 +120,7 @@ class Script {
     return longest;
   }
 
-  // Some room around the points, so that marks and labels are inside.
+  // Adds a margin, so that marks and labels are inside.
   void ranges(const Panel& panel) {
     double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
     for (const Series& series : panel.series)
@@ -155,7 +155,7 @@ class Script {
     }
   }
 
-  // 1, 2 and 5 of each decade: gnuplot's own log tics name decades alone, of which there may be none.
+  // 1, 2 and 5 of each decade: gnuplot's log tics are at decades only, and the range may contain none.
   static std::vector<double> round_numbers(double low, double high) {
     std::vector<double> numbers;
     for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10)

@@ -6,7 +6,7 @@
 
 namespace lf::bench {
 
-// Line charts by gnuplot: panels side by side that share one legend.
+// Line charts with gnuplot: panels side by side with one legend.
 struct Point {
   double x, y;
   std::string label;
@@ -29,7 +29,7 @@ struct Chart {
   std::vector<Panel> panels;
 };
 
-// Writes FOLDER/NAME.gp and has gnuplot make FOLDER/NAME.png of it. Throws Error if that fails.
+// Writes FOLDER/NAME.gp and runs gnuplot to create FOLDER/NAME.png. Throws Error on failure.
 void draw(const Chart& chart, const std::string& folder, const std::string& name);
 
 }  // namespace lf::bench

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# What a focal surface costs in a whole pipeline: processor time of a picture, all elements together, from 64 Motion JPEG
-# cameras that film the built-in scene.
-#   tests/bench/focus.sh [ROUNDS]        beside that of one plane's, in turn; the eye moves, every request has trials
-#   tests/bench/focus.sh quilt [ROUNDS]  a quilt of 8 x 6 views of 420x560, beside as many views one after the other
+# Measures the cost of a focal surface in a whole pipeline: CPU time of all elements per picture, with 64 Motion JPEG
+# cameras that show the built-in scene.
+#   tests/bench/focus.sh [ROUNDS]        alternates with a plane; the view moves, every request has depth hypotheses
+#   tests/bench/focus.sh quilt [ROUNDS]  a quilt of 8 x 6 views of 420x560, compared with 48 single views
 set -euo pipefail
 export LC_ALL=C.UTF-8  # numbers with a decimal point
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -28,7 +28,7 @@ surface() {
     "$build/tools/lf-path" --rig "$rig" --out "$work/$n.json" --frames "$n" --framerate 15 --near 1.2 --far 4.5 >/dev/null
   done
 
-  # Seconds of processor time for N pictures.
+  # Prints CPU seconds for N pictures.
   seconds() { # N NODE COMPOSITOR
     local TIMEFORMAT='%U %S' node=($2) compositor=($3)
     { time gst-launch-1.0 -q lfviewrequest "location=$work/$1.json" "rig=$rig" framerate=15/1 is-live=false ! tee name=r \
@@ -37,7 +37,7 @@ surface() {
       r. ! queue ! c.request \
       lfcompositor name=c "rig=$rig" "${compositor[@]}" ! fakesink sync=false >/dev/null; } 2>&1 | awk '{print $1 + $2}'
   }
-  # Milliseconds a picture, without what starting and ending takes.
+  # Prints milliseconds per picture, without startup and shutdown.
   picture() { awk -v a="$(seconds $few "$@")" -v b="$(seconds $many "$@")" -v n=$((many - few)) 'BEGIN {print 1e3 * (b - a) / n}'; }
 
   printf '%-34s %10s %10s %8s\n' '' 'plane, ms' 'surface' 'ratio'
@@ -55,7 +55,7 @@ surface() {
 
 quilt() {
   local sets=12 n i quilts views ratios
-  # The eyes of a set have one time, and stand where those of a quilt do, within a centimetre.
+  # The views of a set have one time and the viewpoints of a quilt, within a centimetre.
   for n in 1 $((sets + 1)); do
     awk -v sets="$n" 'BEGIN {
       print "{\"format\": \"lightfield-views\", \"version\": 1, \"views\": ["
@@ -66,14 +66,14 @@ quilt() {
       print "]}" }' >"$work/$n.json"
   done
 
-  # Seconds of processor time for N sets.
+  # Prints CPU seconds for N sets.
   seconds() { # N quilt|views
     local TIMEFORMAT='%U %S' what=("location=$work/$1.json")
     [[ $2 == views ]] || what=("num-buffers=$1" views=quilt columns=8 rows=6 view-cone=7 width=420 height=560)
     { time gst-launch-1.0 -q lfviewsrc "rig=$rig" is-live=false "${what[@]}" ! fakesink >/dev/null; } 2>&1 |
       awk '{print $1 + $2}'
   }
-  # Milliseconds a set, without what starting and ending takes.
+  # Prints milliseconds per set, without startup and shutdown.
   set_of() { awk -v a="$(seconds 1 "$1")" -v b="$(seconds $((sets + 1)) "$1")" -v n=$sets 'BEGIN {print 1e3 * (b - a) / n}'; }
 
   quilts=() views=() ratios=()

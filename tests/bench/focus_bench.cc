@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What finding a focal surface costs beside drawing through a plane: ns per output pixel = 1e9 / items_per_second (of
-// views of 1, or 6, times the cameras' pixels a side).
-// 64 cameras, one thread.
+// Benchmarks the search for a focal surface against rendering through a plane: ns per output pixel = 1e9 /
+// items_per_second (for views with 1 or 6 times the cameras' pixels per side). 64 cameras, one thread.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
 #include <numeric>
 
 #include "bench/sum_picture.h"
-#include "focus/carry_over.h"
+#include "focus/depth_selection.h"
 #include "focus/focus_array.h"
-#include "focus/surface_choice.h"
-#include "focus/trial_renderer.h"
-#include "focus/trial_samples.h"
-#include "image/correction.h"
+#include "focus/hypothesis_renderer.h"
+#include "focus/hypothesis_samples.h"
+#include "focus/warp_depth_map.h"
+#include "image/image_filters.h"
 #include "reference/generators.h"
 #include "render/camera_projection.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
 #include "render/sum_renderer.h"
 #include "wire/request_codec.h"
 
@@ -26,7 +25,7 @@ namespace {
 constexpr int kWidth = 320, kHeight = 240, kSide = 8;
 
 struct Scene {
-  // `finer`: how many times as many pixels a side the view has as a camera.
+  // `finer`: pixels of the view per camera pixel, along each side.
   explicit Scene(PixelFamily family, int finer = 1) {
     reference::Random random(1);
     const double f = 1.25 * kWidth, pitch = 0.4 / (kSide - 1);
@@ -51,13 +50,13 @@ struct Scene {
     focused = view;
     FocalMap map = FocalMap::for_view(view.width, view.height);
     map.from = array_plane(rig);
-    map.nearest = 1 / 0.8;  // as FocusControl has them around this plane
+    map.nearest = 1 / 0.8;  // the range of DepthEstimator for this plane
     map.farthest = 1 / 8.;
     for (int j = 0; j < map.rows; j++)
-      for (int i = 0; i < map.columns; i++)  // a ground that rises, and things on it
+      for (int i = 0; i < map.columns; i++)  // a rising ground with objects
         map.levels.push_back(static_cast<uint8_t>(40 + j / finer + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
     focused.focus.map = std::make_shared<FocalMap>(map);
-    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(focused, trial));
+    for (const DepthHypothesis& trial : hypotheses_of_round(0)) trials.push_back(hypothesis_levels(focused, trial));
     sums.resize(trials.size());
   }
   std::vector<Source> sources(const std::vector<CameraIndex>& cameras) const {
@@ -65,9 +64,9 @@ struct Scene {
     for (const CameraIndex i : cameras) out.push_back({i, &rig.cameras[i], image.view()});
     return out;
   }
-  Drawing add_all(const RenderJob& job, const ParallelFor& parallel = serial_for, gl::SumDrawer* card = nullptr) {
-    for (Moments& sum : sums) sum.reset(focused.focus.map->columns, focused.focus.map->rows);
-    return add_moments(job, sources(job.cameras()), trials, sums, parallel, card);
+  GpuStatus add_all(const RenderJob& job, const ParallelFor& parallel = serial_for, gl::GlesRenderer* gpu = nullptr) {
+    for (PhotoConsistency& sum : sums) sum.reset(focused.focus.map->columns, focused.focus.map->rows);
+    return add_consistency(job, sources(job.cameras()), trials, sums, parallel, gpu);
   }
   Rig rig;
   Mesh mesh;
@@ -75,7 +74,7 @@ struct Scene {
   Image image;
   View view, focused;  // on a plane; through a surface
   std::vector<std::vector<uint8_t>> trials;
-  std::vector<Moments> sums;
+  std::vector<PhotoConsistency> sums;
 };
 
 void count(benchmark::State& state, int finer = 1) {
@@ -123,7 +122,7 @@ BENCHMARK_CAPTURE(Sharpen, i420, PixelFamily::kI420);
 void TrialPlan(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state) {
-    const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+    const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
     benchmark::DoNotOptimize(&job.owners());
   }
   count(state);
@@ -133,14 +132,15 @@ BENCHMARK(TrialPlan);
 void TrialLevels(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state)
-    for (const Trial& trial : trials_of_round(0)) benchmark::DoNotOptimize(trial_levels(scene.focused, trial));
+    for (const DepthHypothesis& trial : hypotheses_of_round(0))
+      benchmark::DoNotOptimize(hypothesis_levels(scene.focused, trial));
   count(state);
 }
 BENCHMARK(TrialLevels);
 
 void Box(benchmark::State& state, PixelFamily family) {
   const Scene scene(family);
-  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+  const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
   BoxedLuma luma;
   for (auto _ : state)
     for (const CameraIndex i : job.cameras())
@@ -152,28 +152,27 @@ BENCHMARK_CAPTURE(Box, i420, PixelFamily::kI420);
 
 void Trials(benchmark::State& state, PixelFamily family) {
   Scene scene(family, static_cast<int>(state.range(0)));
-  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+  const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
   for (auto _ : state) scene.add_all(job);
   count(state, static_cast<int>(state.range(0)));
 }
 BENCHMARK_CAPTURE(Trials, rgb, PixelFamily::kRgb)->Arg(1)->Arg(6);
 BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420)->Arg(1)->Arg(6);
 
-// By a card, or what computes in place of one: with luma on its way there and moments on their way back.
+// On a GPU or a software renderer, including the upload of luma and the download of the sums.
 void DrawnTrials(benchmark::State& state, PixelFamily family) {
   static std::string why;
-  static const auto card =
-      gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  if (!card) return state.SkipWithError(why.c_str());
+  static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) return state.SkipWithError(why.c_str());
   Scene scene(family, static_cast<int>(state.range(0)));
-  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
-  const ParallelFor parallel = bench::copying_for(card.get());
+  const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
+  const ParallelFor parallel = bench::copying_for(gpu.get());
   double drawn_ns = 0;
-  scene.add_all(job, parallel, card.get());  // compiles the programs
+  scene.add_all(job, parallel, gpu.get());  // compiles the programs
   for (auto _ : state) {
-    const Drawing drawing = scene.add_all(job, parallel, card.get());
+    const GpuStatus drawing = scene.add_all(job, parallel, gpu.get());
     if (!drawing.drawn) return state.SkipWithError(drawing.why_not.c_str());
-    drawn_ns += static_cast<double>(card->drawn_ns());
+    drawn_ns += static_cast<double>(gpu->drawn_ns());
   }
   state.counters["drawn_ms"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
   count(state, static_cast<int>(state.range(0)));
@@ -182,14 +181,15 @@ BENCHMARK_CAPTURE(DrawnTrials, i420, PixelFamily::kI420)->Arg(1)->Arg(6)->Measur
 
 void Choice(benchmark::State& state) {
   Scene scene(PixelFamily::kRgb);
-  scene.add_all(RenderJob(scene.rig, scene.mesh, trial_view(scene.focused), scene.own));
+  scene.add_all(RenderJob(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own));
   const FocalMap& map = *scene.focused.focus.map;
   const FocusArray array(scene.rig);
   const std::vector<float> evidence = array.evidence(scene.focused, {});
-  const ChoiceTerms terms{.evidence = evidence,
-                          .radius = 1,
-                          .levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest))};
-  for (auto _ : state) benchmark::DoNotOptimize(choose_surface(map, scene.trials, scene.sums, terms));
+  const DepthSelectionParams terms{
+      .evidence = evidence,
+      .radius = 1,
+      .levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest))};
+  for (auto _ : state) benchmark::DoNotOptimize(select_depths(map, scene.trials, scene.sums, terms));
   count(state);
 }
 BENCHMARK(Choice);
@@ -206,17 +206,17 @@ void CarryOver(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   View moved = scene.focused;
   moved.pose.position.x += 0.02;
-  for (auto _ : state) benchmark::DoNotOptimize(carry_over(scene.focused, moved));
+  for (auto _ : state) benchmark::DoNotOptimize(warp_depth_map(scene.focused, moved));
   count(state);
 }
 BENCHMARK(CarryOver);
 
-// To bytes and back.
+// Encodes and decodes.
 void RequestWire(benchmark::State& state, bool surface) {
   const Scene scene(PixelFamily::kRgb);
   ViewRequest request;
   request.view = surface ? scene.focused : scene.view;
-  if (surface) request.trials = trials_of_round(0);
+  if (surface) request.trials = hypotheses_of_round(0);
   size_t size = 0;
   for (auto _ : state) {
     const std::vector<uint8_t> bytes = wire::encode_request(request);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Searches random situations (arrays, eyes, sizes, scenes, faults) for one in which a focal surface shows a worse
-// picture than the viewer's plane: the law says that there is none, to kLaw. Prints the worst ones, and with --out
-// their pictures (truth, plane, surface). Exits 1 if the law is broken.
+// Searches random situations (arrays, viewpoints, sizes, scenes, faults) for one in which a focal surface shows a worse
+// picture than the viewer's plane by more than kLaw. Prints the worst situations, and with --out writes their pictures
+// (truth, plane, surface). Exits with 1 if it finds a violation.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,14 +19,14 @@
 #include "bench/sum_picture.h"
 #include "bench/surface/cases.h"
 #include "command_line.h"
-#include "focus/camera_gains.h"
-#include "focus/carry_over.h"
-#include "focus/focus_control.h"
-#include "focus/trial_renderer.h"
-#include "image/correction.h"
+#include "focus/depth_estimator.h"
+#include "focus/exposure_compensation.h"
+#include "focus/hypothesis_renderer.h"
+#include "focus/warp_depth_map.h"
 #include "image/image.h"
+#include "image/image_filters.h"
 #include "node/request_renderer.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "reference/generators.h"
 #include "render/camera_projection.h"
 #include "render/contribution_map.h"
@@ -39,18 +39,18 @@
 namespace lf::focus {
 namespace {
 
-// Somebody looks at a still scene through some array: all that may go wrong with a focal surface, drawn at random.
+// A random situation: an array that views a still scene, with random faults that may mislead the search.
 struct Situation {
-  std::string text;  // one line for people
+  std::string text;  // one line to print
   Rig rig;
-  std::vector<Image> images;              // of each camera
+  std::vector<Image> images;              // one per camera
   std::function<View(int picture)> view;  // on the viewer's plane
   std::function<Image(const View&)> truth;
   FocusMode mode = FocusMode::kAuto;
-  bool moves = false;  // the eye
+  bool moves = false;  // the viewpoint moves
 };
 
-// What a viewer sees, picture after picture, of the surface and of the plane that the view asks for.
+// Quality of a picture with the surface and with the view's plane.
 struct Seen {
   int picture = 0;
   double plane_db = 0, surface_db = 0;  // over the pixels that both cover
@@ -58,8 +58,8 @@ struct Seen {
 };
 struct Watched {
   std::vector<Seen> seen;
-  Image truth, plane, surface;  // where the surface is worst beside the plane
-  int worst = -1;               // of `seen`; -1: nothing is covered
+  Image truth, plane, surface;  // pictures at the surface's worst result relative to the plane
+  int worst = -1;               // index into `seen`; -1: nothing is covered
   double lead() const { return worst < 0 ? 0 : seen[worst].surface_db - seen[worst].plane_db; }
 };
 Watched watch(const Situation& situation, const std::vector<int>& pictures);
@@ -123,7 +123,7 @@ Situation random_situation(uint64_t seed) {
     s.images.push_back(film(world, camera.lens, camera.pose, camera.width, camera.height));
     const double gain = i % 4 == 0 ? 1 + (i % 8 == 0 ? 1 : -1) * gain_error : 1;
     for (uint8_t& v : s.images.back().data()) {
-      double spread = 0;  // of three uniform numbers: about normal
+      double spread = 0;  // sum of three uniform numbers: approximately normal
       for (int k = 0; k < 3; k++) spread += random.uniform(-1, 1);
       v = static_cast<uint8_t>(std::lround(std::clamp(gain * v + noise * spread, 0., 255.)));
     }
@@ -187,7 +187,7 @@ struct Picture {
   std::vector<float> coverage;
 };
 
-// Everything a node of all cameras and a compositor do for a view, in one thread.
+// Everything that a node with all cameras and a compositor do for a view, in one thread.
 class Array {
  public:
   explicit Array(const Situation& s) : s_(s), mesh_(build_mesh(s.rig)) {
@@ -196,7 +196,7 @@ class Array {
     sharp_.resize(own_.size());
   }
 
-  // `gains`: null: the cameras' brightness is left as it is.
+  // `gains`: null: no exposure gains.
   Picture picture(const View& view, const GainRequest* gains) {
     const RenderJob job(s_.rig, mesh_, view, own_);
     std::vector<Source> sources = sources_of(job.cameras());
@@ -209,20 +209,20 @@ class Array {
             view_coverage(s_.rig, job.plan(), job.owners())};
   }
 
-  std::vector<Moments> moments(const ViewRequest& request) {
+  std::vector<PhotoConsistency> moments(const ViewRequest& request) {
     if (request.trials.empty() || !request.view.focus.map) return {};
     const FocalMap& map = *request.view.focus.map;
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
-    std::vector<Moments> sums(levels.size());
-    for (Moments& sum : sums) sum.reset(map.columns, map.rows);
-    const RenderJob job(s_.rig, mesh_, trial_view(request.view), own_);
+    for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+    std::vector<PhotoConsistency> sums(levels.size());
+    for (PhotoConsistency& sum : sums) sum.reset(map.columns, map.rows);
+    const RenderJob job(s_.rig, mesh_, hypothesis_view(request.view), own_);
     const std::vector<Source> sources = sources_of(job.cameras());
-    add_moments(job, request.gains.use ? match(sources, request.gains) : sources, levels, sums);
+    add_consistency(job, request.gains.use ? match(sources, request.gains) : sources, levels, sums);
     return sums;
   }
 
-  // What the next request brings back of the cameras' brightness.
+  // Adds the brightness measurement to the next request.
   void ask_mean(const ViewRequest& request, GainRequest& gains) {
     if (!turns_.next(!request.trials.empty(), true)) return;
     const WideLuma wide(s_.rig, mesh_, mean_view(request.view), own_);
@@ -250,16 +250,16 @@ class Array {
   std::vector<ByteBuffer> sharp_;
   std::vector<ByteBuffer> divided_;
   GainMatcher matcher_;
-  MeanTurns turns_;
+  ExposureSchedule turns_;
 };
 
 Watched watch(const Situation& s, const std::vector<int>& pictures) {
   Array array(s);
   const FocusArray from(s.rig);
-  FocusControl control({.mode = s.mode});
+  DepthEstimator control({.mode = s.mode});
   Watched out;
   double worst = std::numeric_limits<double>::infinity();
-  FocusControl::Plan plan;
+  DepthEstimator::Plan plan;
   GainRequest gains;
   Picture plane;
   Image truth;
@@ -269,7 +269,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
     request.sequence = static_cast<uint32_t>(i);
     request.gains = gains;
     if (i > 0) {
-      if (plan.view.focus.map) request.view.focus.map = carry_over(plan.view, request.view);
+      if (plan.view.focus.map) request.view.focus.map = warp_depth_map(plan.view, request.view);
       request.trials = plan.trials;
       request.on_plane = plan.on_plane;
       if (plan.plane) request.view.focus.plane = *plan.plane;
@@ -279,7 +279,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
         truth = s.truth(request.view);
         plane = array.picture(s.view(i), nullptr);
       }
-      const Picture surface = array.picture(shown_view(request), &request.gains);
+      const Picture surface = array.picture(displayed_view(request), &request.gains);
       std::vector<float> coverage = plane.coverage;
       for (size_t k = 0; k < coverage.size(); k++) coverage[k] = std::min(coverage[k], surface.coverage[k]);
       const Quality of_plane = compare(plane.image, truth, coverage),
@@ -296,7 +296,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
         }
       }
     }
-    const std::vector<Moments> moments = array.moments(request);
+    const std::vector<PhotoConsistency> moments = array.moments(request);
     gains = {.use = control.state().mixed};
     if (gains.use && request.view.focus.map) array.ask_mean(request, gains);
     plan = control.next(request, moments, from);
@@ -343,7 +343,7 @@ int main(int argc, char** argv) {
                                40, 50, 60, 80, 100, 150, 200, 300, 400, 600, 1000, 1500, 2000};
     std::erase_if(looked_at, [&](int p) { return p > pictures; });
     std::vector<Found> worst;
-    if (!out.empty()) std::filesystem::create_directories(out);  // a search is long, and should not end without it
+    if (!out.empty()) std::filesystem::create_directories(out);  // checked first, because a search is long
     double gain = 0, least = 0;
     size_t measured = 0, below = 0;
     for (uint64_t seed = first; seed < first + situations; seed++) {
@@ -357,14 +357,13 @@ int main(int argc, char** argv) {
       if (found.watched.lead() < kLaw) below++;
       if (all) {
         print(found);
-        for (const Seen& at : found.watched.seen)
-          std::printf(" %d:%+.2f", at.picture, at.surface_db - at.plane_db);
+        for (const Seen& at : found.watched.seen) std::printf(" %d:%+.2f", at.picture, at.surface_db - at.plane_db);
         std::printf("\n");
       }
       worst.push_back(std::move(found));
       std::ranges::sort(worst, {}, [](const Found& f) { return f.watched.lead(); });
       if (worst.size() > show) worst.pop_back();
-      // A search takes the better part of an hour: who stops it knows what it has found.
+      // A search takes most of an hour: report intermediate results, in case it is interrupted.
       if (measured % 20 == 0)
         std::fprintf(stderr, "seeds %llu to %llu: %zu below the law, the worst by %.2f dB\n",
                      static_cast<unsigned long long>(first), static_cast<unsigned long long>(seed), below, least);

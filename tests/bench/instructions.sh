@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Counts the instructions of the hottest kernels, each rendering one view (bench-render once), and compares them with
-# instructions.json: a count says what a clock on a busy machine can't.
-#   tests/bench/instructions.sh            fails if a kernel takes 2 % more than recorded
-#   tests/bench/instructions.sh --record   writes what they take now
-# Counted by callgrind on a processor of its own, with AVX2 at most. Another compiler makes other counts: then there is
-# nothing to compare with, as there is without valgrind, and the exit status is 77 (skipped).
+# Counts the instructions of the hottest kernels for one view (bench-render once), and compares the counts with
+# instructions.json. Unlike timings, counts do not depend on the load of the machine.
+#   tests/bench/instructions.sh            fails if a kernel needs 2 % more than recorded
+#   tests/bench/instructions.sh --record   records the current counts
+# callgrind counts on a simulated processor with AVX2 at most. Counts depend on the compiler: with another compiler, or
+# without valgrind, the exit status is 77 (skipped).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -20,7 +20,7 @@ case "${1:-}" in
 esac
 json=tests/bench/instructions.json
 program=build/tests/bench/bench-render
-unset MALLOC_PERTURB_  # of meson test: filling memory takes instructions
+unset MALLOC_PERTURB_  # set by meson test: filling memory takes instructions
 command -v valgrind >/dev/null || { echo "instructions.sh: needs valgrind: apt-get install valgrind" >&2; exit 77; }
 [[ -x $program ]] || { echo "instructions.sh: $program is not built" >&2; exit 77; }
 
@@ -34,7 +34,7 @@ path, record, program, compiler = sys.argv[1], sys.argv[2] == '1', sys.argv[3], 
 
 
 def count(kernel):
-    """Instructions of one call of render_once() with this method."""
+    """Returns the instructions of one call of render_once() with this method."""
     run = subprocess.run(['valgrind', '--tool=callgrind', '--callgrind-out-file=/dev/null',
                           '--toggle-collect=render_once', program, 'once', kernel],
                          stderr=subprocess.PIPE, text=True)

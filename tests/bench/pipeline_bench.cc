@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Whole pipelines in one process, with 64 cameras: pictures per second as fast as they come, a live view of JPEG
-// cameras, the latency of single requests, and what it costs to record. bench-pipeline [--seconds N] [--json FILE]
-// [throughput] [live] [latency] [overhead] [recording]
+// Whole pipelines in one process with 64 cameras: maximum pictures per second, a live view of JPEG cameras, the latency
+// of single requests, and the cost of recording.
+//
+//   bench-pipeline [--seconds N] [--json FILE] [throughput] [live] [latency] [overhead] [recording]
 #include <gst/gst.h>
 #include <sys/resource.h>
 
@@ -29,7 +30,8 @@ namespace lf {
 namespace {
 
 constexpr int kCameras = 64;
-// Filming all cameras in 1080p takes minutes: beyond so many pixels neighbours share an image.
+// Maximum number of pixels to render, because 1080p for all cameras takes minutes. Larger arrays share images between
+// neighbours.
 constexpr int kMostFilmed = 12'000'000;
 
 struct Row {
@@ -39,8 +41,8 @@ struct Row {
   std::map<std::string, double> figures;
 };
 
-// A rig of `kCameras` with its files and a few views, in a folder of its own. `jpeg`: as sequences of JPEG files, which
-// loop; else stills, which lfcamsrc decodes once and shows for ever, as I420.
+// A rig of `kCameras` in a temporary folder with its files and a few views. `jpeg`: looping sequences of JPEG files;
+// otherwise stills, which lfcamsrc decodes once and repeats, as I420.
 class Film {
  public:
   Film(int width, int height, bool jpeg) {
@@ -67,7 +69,7 @@ class Film {
     return "lfviewrequest rig=" + dir_ / "rig.json" + " location=" + dir_ / "views.json" + " loop=true " + more;
   }
   std::string node(const std::string& more) const {
-    // Requests as fast as they come ask for times that live cameras are far from: any frame is good enough.
+    // The requests ask for times far from the times of live cameras: any frame is accepted.
     return "lfcameranode name=n resampling=bilinear rig=" + dir_ / "rig.json" +
            " is-live=true loop=true framerate=30/1 max-skew=0 " + more;
   }
@@ -98,7 +100,7 @@ Stats stats_of(GstElement* pipeline, const char* name) {
   return {stats, gst_structure_free};
 }
 
-// Over all cameras of a node.
+// Sums a field over all cameras of a node.
 double sum(const GstStructure* stats, const char* field) {
   const GValue* cameras = gst_structure_get_value(stats, "cameras");
   double all = 0;
@@ -131,7 +133,7 @@ std::map<std::string, double> play(const std::string& line, double seconds) {
   GstElement* pipeline = gst_parse_launch(line.c_str(), &error);
   if (error) throw std::runtime_error(line + ": " + error->message);
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  wait(pipeline, 2);  // until every camera has begun
+  wait(pipeline, 2);  // until every camera has started
   const Stats before = stats_of(pipeline, "c");
   const double processor = processor_seconds();
   const gint64 begin = g_get_monotonic_time();
@@ -180,20 +182,20 @@ class Bench {
             pipeline(film.requests("framerate=15/1"), film.node("codec=" + codec), "fakesink"), seconds_);
     }
   }
-  // Goal: 30 frames/s for a minute, none dropped.
+  // Goal: 30 frames/s for a minute without drops.
   void live() {
     const Film film(640, 480, true);
     add("live JPEG cameras", 640, 480,
         pipeline(film.requests("is-live=true framerate=30/1"), film.node(""), "fakesink sync=true"), 6 * seconds_);
   }
-  // One request in flight, as long as an answer takes less than 50 ms. Goal: 6 / 12 ms.
+  // One request in flight while an answer takes less than 50 ms. Goal: 6 / 12 ms.
   void latency() {
     const Film film(320, 240, false);
     for (const std::string codec : {"auto", "jpeg"})
       add("latency codec=" + codec, 320, 240,
           pipeline(film.requests("is-live=true framerate=20/1"), film.node("codec=" + codec), "fakesink"), seconds_);
   }
-  // What GStreamer adds: processor time of a picture against that of its stages. Goal: 1.3.
+  // GStreamer's overhead: CPU time of a picture relative to the sum of its stages. Goal: 1.3.
   void overhead() {
     const int sizes[][2] = {{320, 240}, {640, 480}, {1280, 720}};
     for (const auto& [width, height] : sizes) {
@@ -213,7 +215,7 @@ class Bench {
       }
     }
   }
-  // In turns, as other things may run on the machine. Goal: no frame left out, 1.3 times the latency.
+  // Interleaved runs, because of other load on the machine. Goal: no missing frame, 1.3 times the latency.
   void recording() {
     const Film film(320, 240, true);
     double without = 0, with = 0;

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Measures recordings of the built-in scene, and prints what it finds line by line.
+"""Measures recordings of the built-in scene and prints the results line by line.
 
     recording.py [--seconds N]
 
-Two viewers fly before 64 cameras of 320x240 in JPEG, 30 frames a second each: how old their pictures are (p50, p95: from
-capture to the sink) without a recording, with one, and without one again; which frames the recording has not. What is
-left of a recording whose process is killed. Seeks to random seconds of the recording, until the picture is there. The
-killed one in less bytes (lf-archive), and seeks in that. 256 cameras written and played.
+Two viewers move in front of 64 JPEG cameras of 320x240 at 30 frames/s. Measures the age of their pictures (p50, p95: from
+capture to the sink) without, with, and again without a recording; frames missing in the recording; the contents of a
+recording after its process was killed; the time of seeks to random seconds; size and seeks after transcoding (lf-archive);
+writing and playing 256 cameras.
 """
 import argparse
 import json
@@ -49,7 +49,7 @@ def fail_at_errors(pipeline):
 
 
 def fly(rig, seconds, record=None):
-    """Ages of the pictures of two moving viewers, ms, and the node's stats."""
+    """Returns the ages of two moving viewers' pictures, ms, and the node's stats."""
     line = (f"lfviewsrc name=v rig={rig} framerate=30/1 {f'record={record}' if record else ''} "
             "v.src ! appsink name=one sync=false v.src_0 ! appsink name=two sync=false")
     pipeline = Gst.parse_launch(line)
@@ -81,7 +81,7 @@ def fly(rig, seconds, record=None):
 
 
 def times_of(path):
-    """Stamps of the frames of a film, and where it ends, ns."""
+    """Returns the timestamps of a file's frames, and its end, ns."""
     pipeline = Gst.parse_launch(f"filesrc location={path} ! matroskademux name=d d.video_0 ! appsink name=s sync=false")
     pipeline.set_state(Gst.State.PLAYING)
     times, end = [], 0
@@ -130,7 +130,7 @@ def report_kill(rig, folder):
 
 
 def seeks(rig, length, count=30):
-    """ms until the picture of a random second is there."""
+    """Returns the times of seeks to random seconds, until the picture arrives, ms."""
     rng, took = random.Random(1), []
     with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
         tour = pathlib.Path(file.name)

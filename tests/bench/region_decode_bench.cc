@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a region in the middle of a camera's JPEG frame costs, against libjpeg decoding the whole frame (to planes, no
-// colour conversion) and cropping it: --width, --height, --quality, and files to use in place of the built-in scene
-// (scaled to that size). First the ratios to a whole decode in one run, each the least thread CPU time of many
-// repetitions that take turns; then Google Benchmark's own table with its options.
+// Benchmarks decoding a centre region of a JPEG frame, compared with libjpeg decoding the whole frame (to planes, no
+// colour conversion) and cropping. Options: --width, --height, --quality, and files to use instead of the built-in
+// scene (scaled to that size). First prints ratios to a whole decode in the same run: the least thread CPU time of many
+// interleaved repetitions each. Then prints Google Benchmark's table; its options apply.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -38,7 +38,7 @@ Rect centre(int width, int height, int n) {
   return {(width - w) / 2, (height - h) / 2, (width + w) / 2, (height + h) / 2};
 }
 
-// libjpeg with its handle and memory kept from frame to frame.
+// libjpeg, reusing its handle and memory between frames.
 class Libjpeg {
  public:
   Libjpeg() {
@@ -67,7 +67,7 @@ class Libjpeg {
     }
     jpeg_finish_decompress(&info_);
   }
-  // As far as libjpeg's own functions for it go, to interleaved YCbCr.
+  // Crops with libjpeg's own functions, to interleaved YCbCr.
   void cropped(const Bytes& jpeg, const Rect& region) {
     begin(jpeg);
     jpeg_start_decompress(&info_);
@@ -119,7 +119,7 @@ std::vector<Stream> streams_of(const Source& source, int quality) {
   return streams;
 }
 
-// Least times of functions that take turns.
+// Returns the least times of functions that run in turns.
 std::vector<double> least_times(const std::vector<std::function<void()>>& work, int turns) {
   std::vector<double> least(work.size(), 1e9);
   for (int turn = 0; turn < turns; turn++)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// bench-render as a program, on pictures too small for its times to mean anything.
+// Runs bench-render on pictures that are too small for meaningful timings.
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
@@ -59,7 +59,7 @@ TEST_F(BenchRender, RowsHaveAllFieldsAndSensibleErrors) {
       EXPECT_LE(row["max_error"], 2);
       EXPECT_GE(row["psnr_reference_db"], 50);
     }
-    if (renderer == "opencv") {  // knows no distortion: its picture is then another
+    if (renderer == "opencv") {  // ignores distortion, so its picture differs
       EXPECT_EQ(row["distortion"], row["max_error"].is_null());
     }
     if (renderer == "opencv" && row["distortion"] == false && row["codec"] == "raw") {
@@ -116,11 +116,11 @@ TEST_F(BenchRender, NumericsAreWithinTheirBounds) {
   EXPECT_THAT(outcome.output, testing::Not(HasSubstr("BEYOND")));
 }
 
-// Every term is explained, in the words of the table.
+// The document must explain every term in the table's words.
 TEST_F(BenchRender, TheErrorBudgetIsThatOfItsDocument) {
   const Outcome outcome = run("budget");
   EXPECT_EQ(outcome.status, 0) << outcome.output;
-  std::istringstream lines(read_text_file(LF_SOURCE_ROOT "/docs/error-budget.md"));
+  std::istringstream lines(read_text_file(LF_SOURCE_ROOT "/docs/reference/error-budget.md"));
   int terms = 0;
   for (std::string line; std::getline(lines, line);) {
     if (line.rfind("| ", 0) != 0 || line.rfind("| term", 0) == 0 || line.rfind("| ---", 0) == 0) continue;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// The round trip of a view taken apart (the paper's Figure 5): a viewer on a host of its own asks for a view, waits for
-// its picture and asks for the next; 64 cameras of 320x240 on six hosts, each host a network namespace.
-// bench-roundtrip [--views N] [--plots DIR] [--json FILE]
+// Breaks down the round trip of a view (the paper's Figure 5): a viewer on a separate host requests a view, waits for
+// its picture and requests the next. 64 cameras of 320x240 on six hosts; each host is a network namespace.
+//
+//   bench-roundtrip [--views N] [--plots DIR] [--json FILE]
 #include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
 #include <gst/gst.h>
@@ -29,7 +30,7 @@
 namespace lf::test {
 namespace {
 
-constexpr double kTimeout = 1;  // seconds; then the request or its picture is lost
+constexpr double kTimeout = 1;  // seconds; later, the request or its picture counts as lost
 
 std::atomic<double> picture_came = 0;  // before it is decoded
 
@@ -38,7 +39,7 @@ GstPadProbeReturn note_picture(GstPad*, GstPadProbeInfo*, gpointer) {
   return GST_PAD_PROBE_OK;
 }
 
-// The viewer's host: prints "loop SEQUENCE TOTAL DISPLAY", milliseconds, for each picture.
+// The viewer's host: prints "loop SEQUENCE TOTAL DISPLAY", in milliseconds, for each picture.
 int view(const std::string& compositor, const std::string& path, int count) {
   const std::string line =
       "appsrc name=s format=time is-live=true do-timestamp=true caps=application/x-lightfield-request,framerate=0/1 ! "
@@ -97,7 +98,7 @@ double at(std::vector<double> values, int percent) {
   return values[std::min(values.size() - 1, values.size() * static_cast<size_t>(percent) / 100)];
 }
 
-// What each host said of each request, put together: of the nodes, the one that took longest.
+// Combines the hosts' outputs per request; of the nodes, the slowest counts.
 std::vector<std::pair<Trip, double>> trips_of(ArrayNetwork& array, const Process& viewer) {
   std::map<int, Trip> nodes;
   std::map<int, double> slowest;
@@ -165,7 +166,8 @@ int run(const char* self, int count, const std::string& plots, const std::string
       array.start("v0", {self, "--viewer", array.address("compositor"), array.path_file(0), std::to_string(count)});
   viewer->wait_for("loop " + std::to_string(count - 1), 1, 60 + count * kTimeout);
   std::vector<std::pair<Trip, double>> trips = trips_of(array, *viewer);
-  trips.erase(trips.begin(), trips.begin() + static_cast<ptrdiff_t>(std::min<size_t>(trips.size(), 20)));  // warm
+  // drops the warm-up
+  trips.erase(trips.begin(), trips.begin() + static_cast<ptrdiff_t>(std::min<size_t>(trips.size(), 20)));
   if (trips.empty()) throw std::runtime_error("no picture came:\n" + array.compositor().text() + viewer->text());
   std::printf("round trip of a view, 64 cameras of 320x240 on six hosts, %zu views, milliseconds\n%-24s %8s %8s\n",
               trips.size(), "", "p50", "p95");

@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds a benchmark of the whole system and what it needs, and runs it.
+# Builds and runs a benchmark of the whole system.
 #   tests/bench/run.sh pipeline [--seconds N] [--json FILE] [throughput] [live] [latency] [overhead]
-#     64 cameras in one process: pictures per second, a live view of JPEG cameras, latency, what GStreamer adds
+#     64 cameras in one process: pictures per second, a live view of JPEG cameras, latency, GStreamer's overhead
 #     (pipeline_bench.cc).
 #   tests/bench/run.sh wire [--views N] [--plots DIR] [--json FILE]
-#     Bytes into the compositor over the number of cameras and through a tree (wire_bench.cc).
+#     Bytes into the compositor, by number of cameras and in a tree (wire_bench.cc).
 #   tests/bench/run.sh roundtrip [--views N] [--plots DIR] [--json FILE]
-#     The round trip of a view taken apart (roundtrip_bench.cc); needs root, for network namespaces.
+#     Breakdown of the round trip of a view (roundtrip_bench.cc); needs root, for network namespaces.
 #   tests/bench/run.sh recording [--seconds N]
-#     What a recording costs and holds: 64 cameras of 320x240 in JPEG at 30 frames a second while two viewers fly, what is
-#     left after a kill, seeks, and 256 cameras (recording.py).
+#     Cost and completeness of a recording: 64 JPEG cameras of 320x240 at 30 frames/s with two moving viewers, contents
+#     after a kill, seeks, and 256 cameras (recording.py).
 set -eu
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 build=${LF_BUILD:-$root/build}

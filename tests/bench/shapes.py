@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Arrays of all shapes, and with wide baselines, before the built-in scene: views along a short path against ground truth,
-on the plane that they are focused on and through the surface that is found.
+"""Arrays of all shapes, and with wide baselines, in front of the built-in scene: compares views along a short path with
+ground truth, on the plane in focus and through the focal surface.
 
-The path goes from one camera of the array to a neighbour of it, diagonally where there is one: what lies in between is as
-far from all cameras as it gets. Views are 320x240, cameras 480x360 with the same focal length, so that they see more.
+The path leads from a camera of the array to its neighbour, diagonally if possible: views in between are farthest from all
+cameras. Views are 320x240, cameras 480x360 with the same focal length and therefore a wider field of view.
 """
 import argparse
 import json
@@ -19,7 +19,7 @@ FOV, VIEW_FOV, VIEWS, FOCUS = 50, 34.52, 8, 2.2  # degrees, degrees, number, met
 
 
 def tool(name, *arguments):
-    """Runs one of our programs quietly."""
+    """Runs a program of this project; exits with its output on failure."""
     run = subprocess.run([OPTIONS.build / "tools" / name, *map(str, arguments)], capture_output=True, text=True, check=False)
     if run.returncode:
         sys.exit(f"{name} {' '.join(map(str, arguments))}: {run.stderr}{run.stdout}")
@@ -30,7 +30,7 @@ def new_rig(path, *shape):
 
 
 def path_between(rig, first, second):
-    """Views between two cameras of a rig, with all that views.json wants of them."""
+    """Views between two cameras of a rig, in the format of views.json."""
     a, b = (rig["cameras"][i] for i in (first, second))
     # q and -q are one orientation.
     sign = 1 if sum(p * q for p, q in zip(a["orientation"], b["orientation"])) > 0 else -1
@@ -46,8 +46,8 @@ def path_between(rig, first, second):
 
 
 def measure(folder, name, pitch, first, second, some="", surface=()):
-    """A row of the table: of the rig in `folder`, filmed if it is not yet, or of `some` of its cameras (ids); `surface`:
-    more options where a surface is found."""
+    """Prints a row of the table for the rig in `folder`, recorded if necessary, or for `some` of its cameras (ids);
+    `surface`: additional options for the focal surface."""
     film = folder / "film"
     views = folder / "views.json"
     if not film.exists():
@@ -78,7 +78,7 @@ def main():
         here = folder("grid")
         new_rig(here / "rig.json", "--grid", "8x8", "--pitch", 0.04)
         measure(here, "grid 8x8", 0.04, 27, 36)
-        # Of the cells that the path crosses, too, cameras are missing.
+        # Cells on the path also lack cameras.
         holes = {2, 9, 13, 20, 28, 30, 33, 41, 43, 50, 54, 60}
         measure(here, "grid 8x8 with 12 holes", 0.04, 27, 36, ",".join(str(i) for i in range(64) if i not in holes))
         here = folder("line")
@@ -105,7 +105,7 @@ def main():
             here = folder(f"grid-{pitch}")
             new_rig(here / "rig.json", "--grid", "3x5", "--pitch", pitch)
             measure(here, "grid 3x5", pitch, 6, 12)
-        measure(here, "the same, told that nothing is nearer than 1.1 m", 0.4, 6, 12, surface=("--focus-near", 1.1))
+        measure(here, "the same with --focus-near 1.1", 0.4, 6, 12, surface=("--focus-near", 1.1))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Planning and rendering of one view from a square array of cameras: ns per output pixel = 1e9 / items_per_second.
+// Benchmarks planning and rendering one view from a square array of cameras: ns per output pixel = 1e9 /
+// items_per_second.
 #include <GLES3/gl31.h>
 #include <benchmark/benchmark.h>
 
@@ -12,8 +13,8 @@
 #include "base/schedule.h"
 #include "bench/sum_picture.h"
 #include "reference/generators.h"
-#include "render/gl/card_sum.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
+#include "render/gl/gpu_sum.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
 #include "wire/fragment_codec.h"
@@ -42,7 +43,7 @@ struct Scene {
     view.width = width;
     view.height = height;
     view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
-    // Far enough behind the array for it to fill the view.
+    // The distance at which the array fills the view.
     view.pose = {Vec3(0.2, 0.2, -0.45 * 0.4 * 1.25 * width / std::max(width, height) * 1), Quat(1, 0, 0, 0)};
     view.pose.position.z = -0.9 * 0.2 * f / (width / 2.0);
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
@@ -83,14 +84,14 @@ void Owners(benchmark::State& state) {
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], true, PixelFamily::kI420);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   for (auto _ : state) {
-    const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+    const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
     benchmark::DoNotOptimize(runs.row(0).data());
   }
   count(state, scene.view);
 }
 BENCHMARK(Owners)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
 
-// Depths as rooms have them: a floor that comes nearer, and things that stand before the wall, here and there.
+// Depths of a typical room: a rising floor, and objects in front of a wall.
 std::shared_ptr<const FocalMap> room(const View& view) {
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through({0, 0, 0}, {0, 0, 1});
@@ -108,7 +109,7 @@ std::shared_ptr<const FocalMap> room(const View& view) {
   return std::make_shared<FocalMap>(std::move(map));
 }
 
-// All of a sum, as many rows at a time as encode_sum() has them.
+// Renders a whole sum in the bands of encode_sum().
 void render_all(const SumRenderer& renderer, const SumPlanes& out, const ParallelFor& parallel) {
   const std::vector<Rect> bands = wire::cut_rows(out.rect, 32);
   parallel(bands.size(),
@@ -116,23 +117,23 @@ void render_all(const SumRenderer& renderer, const SumPlanes& out, const Paralle
 }
 
 void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
-         gl::SumDrawer* card = nullptr) {
+         gl::GlesRenderer* gpu = nullptr) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
   if (surface) scene.view.focus.map = room(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
-  const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+  const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   auto sources = scene.sources(plan);
   SumPlanes out{.family = family};
-  const ParallelFor parallel = bench::copying_for(card);
-  if (card) const SumRenderer compiled(plan, runs, sources, family, coordinates, card);  // the card's programs
+  const ParallelFor parallel = bench::copying_for(gpu);
+  if (gpu) const SumRenderer compiled(plan, runs, sources, family, coordinates, gpu);  // compiles the GPU's programs
   double drawn_ns = 0;
   uint64_t least = UINT64_MAX;
   for (auto _ : state) {
     const uint64_t begin = now_ns();
-    const SumRenderer renderer(plan, runs, sources, family, coordinates, card, parallel);
-    if (card) drawn_ns += static_cast<double>(card->drawn_ns());
-    if (card && !renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
+    const SumRenderer renderer(plan, runs, sources, family, coordinates, gpu, parallel);
+    if (gpu) drawn_ns += static_cast<double>(gpu->drawn_ns());
+    if (gpu && !renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
     out.rect = renderer.rect();
     for (int c = 0; c < 3; c++) {
       out.plane[c] = scene.sum[c].data();
@@ -141,13 +142,13 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
     render_all(renderer, out, parallel);
     least = std::min(least, now_ns() - begin);
   }
-  state.SetLabel(card ? card->device() : simd_target_name());
+  state.SetLabel(gpu ? gpu->device() : simd_target_name());
   const int64_t pixels = state.iterations() * int64_t{out.rect.width()} * out.rect.height();
   state.SetItemsProcessed(pixels);
-  // What others leave of a busy machine in the best case.
+  // Best case on a machine with other load.
   state.counters["least_ns_per_pixel"] =
       static_cast<double>(least) / (static_cast<double>(out.rect.width()) * out.rect.height());
-  if (card) state.counters["drawn_ns_per_pixel"] = drawn_ns / static_cast<double>(pixels);
+  if (gpu) state.counters["drawn_ns_per_pixel"] = drawn_ns / static_cast<double>(pixels);
 }
 BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
     ->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
@@ -157,30 +158,30 @@ BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->A
 BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 
-// Of a card, or of what computes in place of one: with images on their way there and sums on their way back.
-void DrawnSum(benchmark::State& state, PixelFamily family, bool surface) {
+// On a GPU or a software renderer, including the upload of images and the download of sums.
+void UploadedSum(benchmark::State& state, PixelFamily family, bool surface) {
   static std::string why;
-  static const auto card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  if (!card) return state.SkipWithError(why.c_str());
-  Sum(state, family, true, Coordinates::kGrid, surface, card.get());
+  static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) return state.SkipWithError(why.c_str());
+  Sum(state, family, true, Coordinates::kGrid, surface, gpu.get());
 }
-BENCHMARK_CAPTURE(DrawnSum, i420_plane, PixelFamily::kI420, false)
+BENCHMARK_CAPTURE(UploadedSum, i420_plane, PixelFamily::kI420, false)
     ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
-BENCHMARK_CAPTURE(DrawnSum, i420_surface, PixelFamily::kI420, true)
+BENCHMARK_CAPTURE(UploadedSum, i420_surface, PixelFamily::kI420, true)
     ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
-BENCHMARK_CAPTURE(DrawnSum, rgb_plane, PixelFamily::kRgb, false)
+BENCHMARK_CAPTURE(UploadedSum, rgb_plane, PixelFamily::kRgb, false)
     ->ArgsProduct({{0, 3}, {8}})
     ->MeasureProcessCPUTime()
     ->UseRealTime();
-// A picture's planes in I420 on a card, which sums that have stayed there are drawn to.
-class PictureOnCard {
+// An I420 picture in GPU memory, the target for sums that stay on the GPU.
+class PictureOnGpu {
  public:
-  PictureOnCard(gl::SumDrawer& card, int width, int height) : card_(card) {
-    card_.work([&](gl::Programs&, gl::Buffer&) {
+  PictureOnGpu(gl::GlesRenderer& gpu, int width, int height) : gpu_(gpu) {
+    gpu_.work([&](gl::Programs&, gl::Buffer&) {
       glGenTextures(3, planes_.textures);
       for (int c = 0; c < 3; c++) {
         glBindTexture(GL_TEXTURE_2D, planes_.textures[c]);
@@ -190,16 +191,16 @@ class PictureOnCard {
       return true;
     });
   }
-  ~PictureOnCard() {
-    card_.work([&](gl::Programs&, gl::Buffer&) {
+  ~PictureOnGpu() {
+    gpu_.work([&](gl::Programs&, gl::Buffer&) {
       glDeleteTextures(3, planes_.textures);
       return true;
     });
   }
-  // False if the sum has not stayed on the card. `waits`: until it is there, and all before it.
+  // Returns false if the sum has not stayed on the GPU. `waits`: until this and all earlier work is complete.
   bool draw(const SumRenderer& renderer, int x, int y, bool waits) const {
-    const auto sum = renderer.card_sum();
-    gl::CardPicture at = planes_;
+    const auto sum = renderer.gpu_sum();
+    gl::GpuPicture at = planes_;
     at.x = x;
     at.y = y;
     std::string why;
@@ -207,46 +208,45 @@ class PictureOnCard {
   }
 
  private:
-  gl::SumDrawer& card_;
-  gl::CardPicture planes_;
+  gl::GlesRenderer& gpu_;
+  gl::GpuPicture planes_;
 };
 
-// With images on their way to a card, and the picture there.
+// Including the upload of images; the picture stays on the GPU.
 void StayedSum(benchmark::State& state) {
   static std::string why;
-  static const std::shared_ptr<gl::SumDrawer> card =
-      gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  if (!card) return state.SkipWithError(why.c_str());
+  static const std::shared_ptr<gl::GlesRenderer> gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) return state.SkipWithError(why.c_str());
   const auto& size = kSizes[state.range(0)];
   Scene scene(8, size[0], size[1], true, PixelFamily::kI420);
   scene.view.focus.map = room(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
-  const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+  const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   const auto sources = scene.sources(plan);
-  const ParallelFor parallel = bench::copying_for(card.get());
-  const PictureOnCard picture(*card, scene.view.width, scene.view.height);
+  const ParallelFor parallel = bench::copying_for(gpu.get());
+  const PictureOnGpu picture(*gpu, scene.view.width, scene.view.height);
   for (auto _ : state) {
-    const SumRenderer renderer(plan, runs, sources, PixelFamily::kI420, Coordinates::kGrid, card.get(), parallel, true);
+    const SumRenderer renderer(plan, runs, sources, PixelFamily::kI420, Coordinates::kGrid, gpu.get(), parallel, true);
     if (!picture.draw(renderer, 0, 0, true)) return state.SkipWithError("it does not stay");
   }
-  state.SetLabel(card->device());
+  state.SetLabel(gpu->device());
   state.SetItemsProcessed(state.iterations() * int64_t{scene.view.width} * scene.view.height);
 }
 BENCHMARK(StayedSum)->ArgsProduct({{0, 1, 2, 3, 4}})->MeasureProcessCPUTime()->UseRealTime();
 
-// A display's 45 views of 512x512 through a surface, of one moment, so many of them at once; `stays`: as one picture on
-// the card.
-void drawn_set(benchmark::State& state, bool stays) {
+// A display's 45 views of 512x512 through a surface at one instant, several per pass; `stays`: as one picture on the
+// GPU.
+void time_set(benchmark::State& state, bool stays) {
   static std::string why;
-  static const std::shared_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  if (!card) return state.SkipWithError(why.c_str());
+  static const std::shared_ptr<gl::GlesRenderer> gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) return state.SkipWithError(why.c_str());
   constexpr int kColumns = 9, kRows = 5, kViews = kColumns * kRows, kSide = 512;
   Scene scene(8, kSide, kSide, true, PixelFamily::kI420);
   struct Eye {
     Eye(const Scene& scene, const View& view)
         : plan(scene.rig, scene.mesh, view), runs(plan, {0, 0, kSide, kSide}), sources(scene.sources(plan)) {}
     ViewPlan plan;
-    OwnerRuns runs;
+    FaceRuns runs;
     std::vector<Source> sources;
   };
   std::vector<std::unique_ptr<Eye>> eyes;
@@ -256,8 +256,8 @@ void drawn_set(benchmark::State& state, bool stays) {
     view.focus.map = room(view);
     eyes.push_back(std::make_unique<Eye>(scene, view));
   }
-  const ParallelFor parallel = bench::copying_for(card.get());
-  const PictureOnCard picture(*card, kColumns * kSide, kRows * kSide);
+  const ParallelFor parallel = bench::copying_for(gpu.get());
+  const PictureOnGpu picture(*gpu, kColumns * kSide, kRows * kSide);
   const int at_once = static_cast<int>(state.range(0));
   double drawn_ns = 0;
   size_t passes = 0;
@@ -270,9 +270,9 @@ void drawn_set(benchmark::State& state, bool stays) {
                                                    Coordinates::kGrid, nullptr, serial_for, stays);
       drawn.push_back(renderers[i].get());
       if ((i + 1) % at_once != 0 && i + 1 < kViews) continue;
-      SumRenderer::draw(drawn, *card, parallel);
-      drawn_ns += static_cast<double>(card->drawn_ns());
-      passes += card->passes();
+      SumRenderer::draw(drawn, *gpu, parallel);
+      drawn_ns += static_cast<double>(gpu->drawn_ns());
+      passes += gpu->passes();
       for (size_t k = 0; k < drawn.size(); k++) {
         const SumRenderer& renderer = *drawn[k];
         const int place = i + 1 - static_cast<int>(drawn.size() - k);
@@ -289,14 +289,14 @@ void drawn_set(benchmark::State& state, bool stays) {
       }
       drawn.clear();
     }
-  state.SetLabel(card->device());
+  state.SetLabel(gpu->device());
   state.SetItemsProcessed(state.iterations());
   state.counters["drawn_ms_per_set"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
   state.counters["passes_per_set"] = static_cast<double>(passes) / static_cast<double>(state.iterations());
 }
-void DrawnSet(benchmark::State& state) { drawn_set(state, false); }
-void StayedSet(benchmark::State& state) { drawn_set(state, true); }
-BENCHMARK(DrawnSet)->Arg(1)->Arg(45)->MeasureProcessCPUTime()->UseRealTime();
+void UploadedSet(benchmark::State& state) { time_set(state, false); }
+void StayedSet(benchmark::State& state) { time_set(state, true); }
+BENCHMARK(UploadedSet)->Arg(1)->Arg(45)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(StayedSet)->Arg(1)->Arg(45)->MeasureProcessCPUTime()->UseRealTime();
 
 }  // namespace

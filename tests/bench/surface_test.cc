@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// bench-surface as a program: a short version of what it measures for the record.
+// Runs a short version of bench-surface.
 #include <filesystem>
 #include <memory>
 
@@ -19,7 +19,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr const char* kProgram = "../tests/bench/bench-surface";  // from where the tools are
+constexpr const char* kProgram = "../tests/bench/bench-surface";  // relative to the tools folder
 
 class BenchSurface : public testing::Test {
  protected:
@@ -60,7 +60,7 @@ TEST_F(BenchSurface, TheBuiltInSceneGainsAndThenRests) {
   EXPECT_GT(scene["surface_ssim"], scene["plane_ssim"]);
 }
 
-// Not matched, it gains 2.6 dB, the same at rest, and flickers by 16 of 255 (99th percentile).
+// Without gains, the surface gains 2.6 dB, the same at rest, and flickers by 16 of 255 (99th percentile).
 TEST_F(BenchSurface, CamerasOfOtherBrightnessLoseLittle) {
   const nlohmann::json matched = row("built-in scene, gains off by 10 %");
   EXPECT_GT(matched["gain_db"], 7);
@@ -69,13 +69,12 @@ TEST_F(BenchSurface, CamerasOfOtherBrightnessLoseLittle) {
   EXPECT_LT(matched["flicker_p99"], 11);
 }
 
-// 5x5 cameras 8 mm apart, what is filmed 1.2 m and more away: 4 pixels of disparity at most, 8 between every other
-// camera.
+// 5x5 cameras 8 mm apart, with a scene from 1.2 m: disparities up to 4 pixels, or 8 between every second camera.
 class NarrowArray : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<TempDir>();
-    // One view looks ahead, and one to where no camera looks.
+    // One view looks ahead, and one where no camera looks.
     View ahead{.width = 160,
                .height = 120,
                .lens = Lens::from_fov_y(40, 160, 120),
@@ -125,7 +124,7 @@ TEST_F(NarrowArray, NeedsNoGrid) {
     EXPECT_TRUE(std::filesystem::exists(*folder_ / (std::string("pictures/") + name))) << name;
 }
 
-// Nearer than half a metre hardly a camera sees what the others do, and at 1 cm none.
+// Closer than half a metre, few images overlap; at 1 cm, none.
 TEST_F(NarrowArray, PlanesThatNoCameraSeesDoNotSpoilTheOthers) {
   const nlohmann::json wide = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 0.01 --far 5")["mean"],
                        given = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 1.14 --far 4.95")["mean"];

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Bytes into the compositor, as RTP packets, over the number of cameras (the paper's Figure 6) and through a tree of
-// compositors. bench-wire [--views N] [--plots DIR] [--json FILE]
+// compositors.
+//
+//   bench-wire [--views N] [--plots DIR] [--json FILE]
 #include <gst/gst.h>
 
 #include <cmath>
@@ -46,8 +48,8 @@ class Film {
   std::string requests() const {
     return "lfviewrequest " + rig() + " location=" + dir_ / "views.json" + " ! tee name=r ";
   }
-  // Ids of the cameras of the i-th of `nodes` hosts: whole rows, as in the paper (64 on 6: 4 x 8 and 2 x 16), where
-  // there are enough.
+  // Returns the camera ids of the i-th of `nodes` hosts: whole rows, as in the paper (64 on 6: 4 x 8 and 2 x 16), if
+  // there are enough rows.
   std::string cameras_of(int i, int nodes) const {
     const auto side = static_cast<int>(std::lround(std::sqrt(cameras_)));
     const int unit = side >= nodes ? side : 1, units = cameras_ / unit;
@@ -59,7 +61,7 @@ class Film {
   TempDir dir_;
 };
 
-// Runs a pipeline to its end; the bytes of all packets of the payloaders p0, p1, ...
+// Runs a pipeline to EOS. Returns the bytes of all packets of the payloaders p0, p1, ...
 double packet_bytes(const std::string& line, int payloaders) {
   g_autoptr(GError) error = nullptr;
   GstElement* pipeline = gst_parse_launch(line.c_str(), &error);
@@ -88,7 +90,7 @@ double packet_bytes(const std::string& line, int payloaders) {
   return bytes;
 }
 
-// Queues that take all there is: nothing is timed here, and racks and root wait for one another.
+// Unlimited queues: nothing is timed, and racks and root wait for one another.
 const char kQueue[] = " ! queue max-size-buffers=0 max-size-bytes=0 max-size-time=0 ! ";
 
 std::string node(const Film& film, int i, int nodes, const std::string& options) {
@@ -97,7 +99,7 @@ std::string node(const Film& film, int i, int nodes, const std::string& options)
          " cameras=" + film.cameras_of(i, nodes) + " node=" + std::to_string(i) + " " + options;
 }
 
-// Bytes per view into the compositor of `nodes` hosts.
+// Returns the bytes per view into the compositor of `nodes` hosts.
 double flat(const Film& film, int views, int nodes, const std::string& options) {
   std::string line = film.requests() + "r." + kQueue + "c.request lfcompositor name=c ! fakesink ";
   for (int i = 0; i < nodes; i++)
@@ -106,7 +108,7 @@ double flat(const Film& film, int views, int nodes, const std::string& options) 
   return packet_bytes(line, nodes) / views;
 }
 
-// Bytes per view into the root of a tree with `racks` compositors below it.
+// Returns the bytes per view into the root of a tree with `racks` compositors.
 double tree(const Film& film, int views, int nodes, int racks, const std::string& codec) {
   std::string line = film.requests() + "r." + kQueue + "c.request lfcompositor name=c ! fakesink ";
   for (int rack = 0; rack < racks; rack++) {
@@ -128,7 +130,7 @@ int run(int views, const std::string& plots, const std::string& json_file) {
   } kManners[] = {{"a node each camera, raw", true, "codec=raw"},
                   {"six nodes, raw", false, "codec=raw"},
                   {"a node each camera, JPEG", true, "codec=jpeg"},
-                  {"six nodes, JPEG", false, "codec=jpeg"}};  // two a panel
+                  {"six nodes, JPEG", false, "codec=jpeg"}};  // two per panel
   std::vector<bench::Panel> panels;
   for (const char* title : {"uncompressed", "JPEG, quality 90"})
     panels.push_back({.title = title,

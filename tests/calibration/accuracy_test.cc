@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How near to the best possible: 8x8 cameras, 100 places, 0.2 pixels of noise, over seeds: LF_SEEDS=FIRST-LAST, 1-20
-// without. LF_RESULTS=FILE keeps each seed's figures, a line each: seeds that are in it already are not run again, so
-// that a long run can be stopped and taken up, or shared by several processes.
+// Compares solutions with the theoretical optimum: 8x8 cameras, 100 positions, 0.2 pixels of noise, over the seeds
+// LF_SEEDS=FIRST-LAST (default: 1-20). LF_RESULTS=FILE stores one line per seed and skips the seeds in the file, so
+// that a long run can be resumed, or shared by several processes.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -25,16 +25,15 @@
 namespace lf::sim {
 namespace {
 
-// Errors against the truth and against what is possible at best: of one run, or summed over runs. The bound is that of
-// the model which was chosen, with what it takes lenses to be before it sees anything: the prior, or how alike the
-// lenses of a batch are.
+// Errors against the truth and against the theoretical bound, of one run or summed over runs. The bound is for the
+// chosen model with its prior on lenses: a measurement, or the similarity of lenses of a batch.
 struct Errors {
   enum Quantity { kPosition, kRotation, kFocal, kTransfer, kNumQuantities };
-  std::array<double, kNumQuantities> squared{}, bound{};  // of cameras; of transfers, pixels
-  std::array<double, kTransfer> inside{};                 // cameras in the ellipsoids of 95 %
+  std::array<double, kNumQuantities> squared{}, bound{};  // cameras; for transfers, pixels
+  std::array<double, kTransfer> inside{};                 // cameras inside their 95 % ellipsoids
   double cameras = 0, transfers = 0;
   int converged = 0, runs = 0;
-  double seconds = 0;  // the slowest
+  double seconds = 0;  // the slowest run
 
   Errors& operator+=(const Errors& other);
   double ratio(Quantity q) const { return std::sqrt(squared[q] / bound[q]); }
@@ -45,11 +44,11 @@ struct Errors {
 struct Study {
   ArrayOptions array;
   PathOptions path;
-  bool prior = true;  // lenses measured before
+  bool prior = true;  // lenses have measured priors
   std::optional<DistortionModel> distortion;
 };
 
-// 95 % of normal vectors of 3 dimensions, and of 1, are within.
+// 95 % quantiles of normal vectors of 3 dimensions and of 1.
 constexpr double kChi3 = 7.815, kChi1 = 3.841;
 constexpr double kTransferDistance = 1.5;  // metres
 constexpr double kConverged = 5;           // times the bound: a local minimum is much farther off
@@ -64,7 +63,7 @@ struct Transfers {
   double squared = 0, count = 0;
 };
 
-// New points seen without noise by all cameras but one, predicted in that one.
+// New points seen without noise by all cameras but one, and predicted in that camera.
 Transfers transfers(const Rig& truth, const std::vector<CameraState>& found) {
   Transfers result;
   for (int n = 0; n < 9; n++) {
@@ -92,13 +91,13 @@ Transfers transfers(const Rig& truth, const std::vector<CameraState>& found) {
   return result;
 }
 
-// Cameras as far from `scene`'s, in metres, as the bound allows, at random.
+// Draws cameras that differ from `scene`'s randomly according to the bound, in metres.
 std::vector<CameraState> at_the_bound(const Reconstruction& scene, const Uncertainty& bound, double unit,
                                       uint64_t seed) {
   std::mt19937_64 random(seed);
   const Eigen::VectorXd size = bound.covariance.diagonal().cwiseSqrt();
   Eigen::MatrixXd correlation = size.cwiseInverse().asDiagonal() * bound.covariance * size.cwiseInverse().asDiagonal();
-  correlation.diagonal().array() += 1e-9;  // nothing moves along the gauge
+  correlation.diagonal().array() += 1e-9;  // no variance along the gauge
   Eigen::VectorXd step(size.size());
   for (double& s : step) s = std::normal_distribution<double>()(random);
   step = size.asDiagonal() * (correlation.llt().matrixL() * step);
@@ -123,7 +122,7 @@ Errors& Errors::operator+=(const Errors& other) {
   return *this;
 }
 
-// One seed: makes the array and its tracks, solves them, aligns and compares.
+// Runs one seed: creates the array and its tracks, solves, aligns and compares.
 Errors run_seed(const Study& study, uint64_t seed) {
   const Rig truth = make_array(study.array, seed);
   const Watched watched = watch(truth, study.path, seed + 1000000);
@@ -147,7 +146,7 @@ Errors run_seed(const Study& study, uint64_t seed) {
     expected.push_back(truth.cameras[i].pose);
   }
   const Similarity s = align(found, expected);
-  const double unit = study.path.bar > 0 ? study.path.bar : 1;  // of the scene at the truth, metres
+  const double unit = study.path.bar > 0 ? study.path.bar : 1;  // unit of the true scene, metres
   const Uncertainty& told = solution.uncertainty;
   const Mat3 turn = glm::mat3_cast(s.rotation);
   Eigen::Matrix3d r;
@@ -183,7 +182,8 @@ Errors run_seed(const Study& study, uint64_t seed) {
   return run;
 }
 
-constexpr int kMany = 500;  // runs after which the scatter of arrays, whose cameras err together, is small
+// runs that reduce the scatter between arrays; errors within an array are correlated
+constexpr int kMany = 500;
 
 struct Seeds {
   int first = 1, last = 20;
@@ -305,7 +305,7 @@ TEST(Accuracy, ABarAndNoLensKnown) {
   EXPECT_LE(errors.rms(Errors::kTransfer), 0.05);
 }
 
-// 60 % of the observations: the bound is farther off.
+// The bound is not reached with 60 % of the observations.
 TEST(Accuracy, AThirdMissedAndManyMistaken) {
   Study study;
   study.path.missed = 0.3, study.path.outliers = 0.15;

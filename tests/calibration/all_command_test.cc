@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate all: from recordings to a rig and a report, and what it says of recordings that are of no use.
+// lf-calibrate all: from recordings to a rig and a report, and its errors for unusable recordings.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -24,7 +24,7 @@ using testing::Not;
 
 namespace fs = std::filesystem;
 
-// Recordings that all tests begin with: four cameras, a bar, a chart.
+// Recordings shared by all tests: four cameras, a bar, a chart.
 class AllCommand : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -70,20 +70,18 @@ TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
   EXPECT_EQ(again.status, 0) << again.output;
   EXPECT_THAT(again.output, AllOf(HasSubstr("track       as before: "), HasSubstr("solve       as before: "),
                                   HasSubstr("colour      as before: ")));
-  EXPECT_EQ(fs::last_write_time(dir_ / "field.json"), written) << "whoever watches it need not read it again";
+  EXPECT_EQ(fs::last_write_time(dir_ / "field.json"), written) << "unchanged, so watchers do not read it again";
 
-  // Another chart: the colours alone.
   fs::last_write_time(dir_ / "chart/rig.json", fs::file_time_type::clock::now());
   const Outcome other = all(arguments);
   EXPECT_THAT(other.output, AllOf(HasSubstr("track       as before: "), HasSubstr("solve       as before: "),
                                   Not(HasSubstr("colour      as before: "))));
-  // What a step wrote is gone.
   fs::remove(dir_ / "field/geometry.json");
   EXPECT_THAT(all(arguments).output,
               AllOf(HasSubstr("track       as before: "), Not(HasSubstr("solve       as before: "))));
 }
 
-// With cameras that show the recordings again and again.
+// The cameras loop the recordings.
 TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = load_rig(dir_ / "rig.json");
@@ -95,12 +93,11 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   test::expect_outcome(
       run_program("lf-calibrate", arguments + " <enter", dir_.path()), 1,
       AllOf(HasSubstr("switch on both lights of the bar. Enter: "), HasSubstr("Recording now."),
-            HasSubstr("The light came to "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("is the path right?"),
+            HasSubstr("The light has covered "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"),
             HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
-  EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: they are used"),
-                                  HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
-  // A camera whose source has an element that may write.
+  EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: use them"), HasSubstr("track       as before"),
+                                  Not(HasSubstr("Recording now."))));
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true ! tee name=t t. ! queue";
   save_rig(rig, dir_ / "rig.json");
   const std::string briefly = "all rig.json --record 0.2 --lights other --bar 0.3";
@@ -108,10 +105,10 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   EXPECT_THAT(run_program("lf-calibrate", briefly + " --trust-rig <enter", dir_.path()).output,
               Not(HasSubstr("its source has tee")));
   test::expect_outcome(run_program("lf-calibrate", arguments + " </dev/null", dir_.path()), 1,
-                       HasSubstr("--record: nobody answers"));
+                       HasSubstr("--record: no answer on standard input"));
 }
 
-// Boards are asked for, pose by pose; cameras that show none leave their lenses to the lights.
+// Asks for boards pose by pose; for cameras that see no board, the lights determine the lenses.
 TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
   setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = load_rig(dir_ / "rig.json");
@@ -121,10 +118,11 @@ TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
   const Outcome outcome =
       run_program("lf-calibrate",
                   "all rig.json --record 1 --lights lights --boards boards --board 9x6 --bar 0.3 <enter", dir_.path());
-  EXPECT_THAT(outcome.output,
-              AllOf(HasSubstr("lights has recordings. Enter: they are used"),
-                    HasSubstr("take the board of 9x6 inner corners. Enter: "), HasSubstr("1/12  Amid the pictures"),
-                    HasSubstr("12/12  As near as before"), Not(HasSubstr("The light came to "))));
+  EXPECT_THAT(
+      outcome.output,
+      AllOf(HasSubstr("lights has recordings. Enter: use them"),
+            HasSubstr("take the board of 9x6 inner corners. Enter: "), HasSubstr("1/12  In the middle of the images"),
+            HasSubstr("12/12  At the first distance"), Not(HasSubstr("The light has covered "))));
   for (const std::string& name : names_) EXPECT_TRUE(fs::exists(dir_ / "boards/" + name + ".mkv")) << name;
   EXPECT_THAT(outcome.output, HasSubstr("no image shows the board of 9x6 inner corners"));
   EXPECT_EQ(outcome.status, 0) << outcome.output;
@@ -153,7 +151,8 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        [&] { make_video(light(1), "videotestsrc num-buffers=60 pattern=black"); },
        "--lights lights --bar 0.3",
        1,
-       {"3 of 4 cameras", "(not all is well)", "1 camera of 4 needs you", "is there a cap on the lens", "report.html"}},
+       {"3 of 4 cameras", "(with errors)", "1 camera of 4 needs attention", "is there a cap on the lens",
+        "report.html"}},
       {"no light",
        [&] { all_lights("videotestsrc num-buffers=30 pattern=solid-color foreground-color=0xff202020"); },
        "--lights lights",
@@ -191,9 +190,9 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
   }
 }
 
-// The afternoon from its beginning to pictures: an array that is not as it was planned films a bar, a chart and then
-// the built-in scene, and is to show that as well as if it had been known from the start.
-TEST(Afternoon, ItsPicturesAreAsThoseOfTheTrueRig) {
+// An array that deviates from its plan records a bar, a chart and the built-in scene. Its pictures must be as good as
+// with the true rig.
+TEST(CalibrationRun, ItsPicturesAreAsThoseOfTheTrueRig) {
   const TempDir dir;
   const sim::PlannedArray array(3, 3, 240, 180);
   save_rig(array.truth, dir / "true.json");
@@ -205,9 +204,9 @@ TEST(Afternoon, ItsPicturesAreAsThoseOfTheTrueRig) {
   }
   const Outcome all = run_program(
       "lf-calibrate", "all nominal.json --lights lights --bar 0.3 --colour colours --out rig.json", dir.path());
-  EXPECT_EQ(all.status, 1) << "the stuck camera needs somebody";
+  EXPECT_EQ(all.status, 1) << "the stuck camera needs attention";
   EXPECT_THAT(all.output, HasSubstr("camera 8 cam_02_02: its exposure is stuck"));
-  EXPECT_THAT(all.output, Not(HasSubstr(" levels off the others"))) << "a chart that was misread is nobody's fault";
+  EXPECT_THAT(all.output, Not(HasSubstr(" levels after correction"))) << "a misread chart is no camera fault";
   ASSERT_TRUE(std::filesystem::exists(dir / "rig.json")) << all.output;
   const Rig found = load_rig(dir / "rig.json");
   const nlohmann::json colours = parse_json(read_text_file(dir / "rig/colour.json"), "colour.json");
@@ -222,7 +221,7 @@ TEST(Afternoon, ItsPicturesAreAsThoseOfTheTrueRig) {
     std::printf("true rig %.2f dB, calibrated %.2f, nominal %.2f; clocks %.3f ms\n", best[eye], calibrated[eye],
                 planned[eye], 1e3 * clocks);
     EXPECT_GE(calibrated[eye], best[eye] - 1);
-    EXPECT_LE(planned[eye], best[eye] - 3) << "it is worth an afternoon";
+    EXPECT_LE(planned[eye], best[eye] - 3) << "calibration improves the rig";
   }
 }
 

@@ -19,7 +19,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-// lf-calibrate check as people run it: later tracks and recordings, and what the running monitor says.
+// lf-calibrate check on later tracks and recordings, and on output of the running monitor.
 
 class CheckCommand : public testing::Test {
  protected:
@@ -32,13 +32,12 @@ class CheckCommand : public testing::Test {
   Outcome check(const std::string& arguments) {
     return run_program("lf-calibrate", "check rig.json " + arguments, dir_.path());
   }
-  // Tracks of the cameras as they are now.
   void film(const Rig& now) {
     sim::PathOptions path;
     path.bar = 0.3, path.noise = 0.05;
     dir_.write("tracks.json", tracks_to_json(sim::watch(now, path, 9).tracks));
   }
-  // The monitor's words, with a fault of camera 4.
+  // Writes output of the monitor with a fault of camera 4.
   void write_monitor(const char* fault) {
     nlohmann::json cameras = nlohmann::json::array();
     for (size_t i = 0; i < 9; i++) {
@@ -71,7 +70,7 @@ TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
   film(now);
   const Outcome moved = check("--tracks tracks.json --json check.json");
   EXPECT_EQ(moved.status, 1) << moved.output;
-  EXPECT_THAT(moved.output, HasSubstr("camera 4 (cam_01_01) has moved, its picture by 4."));
+  EXPECT_THAT(moved.output, HasSubstr("camera 4 (cam_01_01) has moved, its image by 4."));
   EXPECT_THAT(moved.output, HasSubstr("turned by 0.57 to the right"));
   EXPECT_THAT(moved.output, HasSubstr("rig.json does not hold: 1 of 9 cameras are off"));
   const nlohmann::json report = parse_json(read_text_file(dir_ / "check.json"), "check.json");
@@ -88,8 +87,8 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
     const char* said;
   } cases[] = {
       {"", 0, "rig.json holds: 5 of 9 cameras"},
-      {"direction", 1, "camera 4 (cam_01_01) looks elsewhere than the rig says: its picture is off by 6 pixels or so"},
-      {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than the others: lock its exposure"},
+      {"direction", 1, "camera 4 (cam_01_01) looks elsewhere than in the rig: its image is off by about 6 pixels"},
+      {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than other cameras: lock its exposure"},
       {"picture", 0, "is it out of focus, dirty or covered?"},
   };
   for (const auto& c : cases) {
@@ -115,12 +114,12 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   const struct {
     const char *arguments, *said;
   } cases[] = {
-      {"rig.json --tracks dark.json", "no three cameras see the light where this rig lets them"},
+      {"rig.json --tracks dark.json", "no three cameras see the light consistently with this rig"},
       {"other.json --tracks tracks.json", "camera 3 of the recording is not in the rig"},
       {"rig.json --recordings empty", "fewer than three cameras saw a moving light"},
       {"rig.json --recordings nowhere", "nowhere: is no folder"},
       {"rig.json --tracks rig.json", "rig.json"},
-      {"rig.json --monitor early.json", "has looked at no camera yet: start lf-serve with --monitor 30"},
+      {"rig.json --monitor early.json", "has not checked any camera yet: start lf-serve with --monitor 30"},
       {"rig.json --monitor http://127.0.0.1:1", "is lf-serve running there?"},
   };
   for (const auto& c : cases) {
@@ -131,12 +130,11 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   EXPECT_EQ(check("").status, 2) << "nothing is asked";
 }
 
-// lf-calibrate report: a page of what the steps said.
 class ReportCommand : public testing::Test {
  protected:
   Outcome run(const std::string& arguments) { return run_program("lf-calibrate", arguments, dir_.path()); }
   std::string page() const { return read_text_file(dir_ / "report.html"); }
-  // solve.json of a rig whose camera 4 saw nothing, or saw all.
+  // Writes solve.json of a rig; camera 4 sees nothing or everything.
   void solve(bool blind) {
     sim::ArrayOptions array;
     array.rows = array.columns = 3;
@@ -158,20 +156,20 @@ TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
   const std::string html = page();
   EXPECT_THAT(html, AllOf(HasSubstr("A &lt;rig&gt; &amp; more"), HasSubstr("<svg "), HasSubstr("What to do next"),
                           HasSubstr("prefers-color-scheme: dark")));
-  // Nothing is fetched.
+  // The page loads no external resources.
   EXPECT_THAT(html, Not(HasSubstr("http")));
   EXPECT_THAT(html, Not(HasSubstr("src=")));
   EXPECT_THAT(html, Not(HasSubstr("<script")));
   EXPECT_THAT(html, Not(HasSubstr("nan")));
-  for (const char* part : {"Residuals", "Coverage", "ellipsoids", "where lights were", "How deep the scene is"})
+  for (const char* part : {"Residuals", "Coverage", "ellipsoids", "light positions", "Depth scale"})
     EXPECT_THAT(html, HasSubstr(part));
 }
 
 TEST_F(ReportCommand, ACameraThatIsMissingIsTheFirstThingSaid) {
   solve(true);
   test::expect_outcome(run("report solve.json"), 0,
-                       AllOf(HasSubstr("1 camera of 9 needs you"), HasSubstr("- camera 4: never saw the light")));
-  EXPECT_THAT(page(), AllOf(HasSubstr("1 camera of 9 needs you"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
+                       AllOf(HasSubstr("1 camera of 9 needs attention"), HasSubstr("- camera 4: never saw the light")));
+  EXPECT_THAT(page(), AllOf(HasSubstr("1 camera of 9 needs attention"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
 }
 
 TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
@@ -188,7 +186,7 @@ TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
   test::expect_outcome(run("report solve.json colour.json check.json"), 0,
                        AllOf(HasSubstr("The rig no longer holds"), AllOf(HasSubstr("- camera 7 cam_7: looks elsewhere"),
                                                                          HasSubstr(": its exposure is stuck"))));
-  EXPECT_THAT(page(), AllOf(HasSubstr("Since then"), HasSubstr("What the running monitor says"), HasSubstr("18.7")));
+  EXPECT_THAT(page(), AllOf(HasSubstr("Latest check"), HasSubstr("By the camera monitor"), HasSubstr("18.7")));
 }
 
 TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
@@ -198,7 +196,8 @@ TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
   const struct {
     const char *arguments, *said;
   } cases[] = {
-      {"tracks.json", "tracks.json: is no report of lf-calibrate: give what --json of track, solve, colour and check"},
+      {"tracks.json",
+       "tracks.json: is no report of lf-calibrate: give the --json files of track, solve, colour and check"},
       {"damaged.json", "damaged.json: is damaged, or of another version: run its step again"},
       {"text.json", "text.json"},
       {"nowhere.json", "nowhere.json"},

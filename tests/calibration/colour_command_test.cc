@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate colour as people run it, on recordings of lf-scene.
+// lf-calibrate colour on recordings of lf-scene.
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -12,9 +12,9 @@
 #include "calibration/colour_samples.h"
 #include "calibration/colour_solve.h"
 #include "composite/still.h"
-#include "focus/view_focus.h"
+#include "focus/view_depths.h"
 #include "image/colour_correction.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
@@ -43,7 +43,7 @@ TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
   test::expect_outcome(scene("chart --rig rig.json --out chart --places 10 --faults 3 --stuck 1"), 0);
   const Outcome outcome = colour("rig.json --recording chart/rig.json --out out.json --json report.json");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("as they are"), HasSubstr("<- chosen"), HasSubstr("4 of 4 cameras")));
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("uncorrected"), HasSubstr("<- chosen"), HasSubstr("4 of 4 cameras")));
   EXPECT_THAT(outcome.output, HasSubstr("camera 1 (cam_00_01): its exposure is stuck: it takes"));
   const nlohmann::json report = json("report.json");
   EXPECT_EQ(report["format"], "lightfield-colour-report");
@@ -57,16 +57,16 @@ TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
   const nlohmann::json truth = json("chart/colours.json");
   for (size_t i = 0; i < 4; i++) {
     ASSERT_TRUE(rig.cameras[i].colour);
-    EXPECT_EQ(rig.cameras[i].image, "") << "the recording is not what the rig shows";
+    EXPECT_EQ(rig.cameras[i].image, "") << "the recording does not match the rig";
     if (i == 1) continue;
-    // Half a diagonal from the middle.
+    // At the image corners.
     const double k1 = truth["cameras"][i]["vignetting"][0], k2 = truth["cameras"][i]["vignetting"][1];
     const double lost = std::pow(1 + k1 + k2, -1 / truth["cameras"][i]["gamma"].get<double>());
-    EXPECT_NEAR(level_factor(light_share(*rig.cameras[i].colour, 1)) / lost, 1, 0.03) << "camera " << i;
+    EXPECT_NEAR(level_factor(vignetting_factor(*rig.cameras[i].colour, 1)) / lost, 1, 0.03) << "camera " << i;
   }
 }
 
-// As cameras film it: each at its rate, the chart held still at each place for a second.
+// Realistic recordings: cameras with different rates; the chart rests at each position for a second.
 TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "rig.json");
   ASSERT_EQ(scene("chart --rig rig.json --out places --places 10 --faults 3").status, 0);
@@ -87,13 +87,14 @@ TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
     const double k1 = truth["cameras"][i]["vignetting"][0], k2 = truth["cameras"][i]["vignetting"][1];
     const double lost = std::pow(1 + k1 + k2, -1 / truth["cameras"][i]["gamma"].get<double>());
     ASSERT_TRUE(rig.cameras[i].colour);
-    EXPECT_NEAR(level_factor(light_share(*rig.cameras[i].colour, 1)) / lost, 1, 0.02) << "camera " << i;
+    EXPECT_NEAR(level_factor(vignetting_factor(*rig.cameras[i].colour, 1)) / lost, 1, 0.02) << "camera " << i;
   }
 
-  // One that can't be read is named, with why, and leaves the others alone.
+  // An unreadable recording is reported with the reason and does not affect the rest.
   dir_.write("film/cam_00_01.mkv", "this is no video");
-  test::expect_outcome(colour("rig.json --recording film --frames 10 --out three.json"), 0,
-                       AllOf(HasSubstr("camera 1: the recording has no picture of it: "), HasSubstr("3 of 4 cameras")));
+  test::expect_outcome(
+      colour("rig.json --recording film --frames 10 --out three.json"), 0,
+      AllOf(HasSubstr("camera 1: the recording has no frame of this camera: "), HasSubstr("3 of 4 cameras")));
 }
 
 TEST_F(ColourCommand, TheSceneItselfWillDo) {
@@ -101,12 +102,12 @@ TEST_F(ColourCommand, TheSceneItselfWillDo) {
   const Outcome outcome = colour("film/rig.json --out film/rig.json --json report.json");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
   const nlohmann::json report = json("report.json");
-  EXPECT_EQ(report["from"], "overlapping views") << "no chart is there";
+  EXPECT_EQ(report["from"], "overlapping views") << "no chart";
   EXPECT_GT(report["before"]["median"].get<double>(), 4);
   EXPECT_LE(report["after"]["median"].get<double>(), 1) << outcome.output;
   EXPECT_LE(report["after"]["p95"].get<double>(), 3) << outcome.output;
   EXPECT_TRUE(load_rig(dir_ / "film/rig.json").has_colour());
-  // Measured again the same comes out: a rig's own colours are not corrected twice.
+  // Measuring again gives the same result: corrections in the rig are not applied twice.
   const Rig before = load_rig(dir_ / "film/rig.json");
   ASSERT_EQ(colour("film/rig.json --out again.json").status, 0);
   const Rig again = load_rig(dir_ / "again.json");
@@ -120,12 +121,12 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   save_rig(scene_rig(2, 2, 160, 120), dir_ / "rig.json");
   Outcome outcome = colour("rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a picture: give --recording"));
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a frame: give --recording"));
 
   ASSERT_EQ(scene("--out film --grid 2x2 --width 160 --height 120 --frames 1 --format png").status, 0);
   outcome = colour("film/rig.json --from chart --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("no chart is found in any picture: show the cameras one of 24 colours"));
+  EXPECT_THAT(outcome.output, HasSubstr("no chart found in any frame: show all cameras a chart of 24 colours"));
 
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "large.json");
   outcome = colour("large.json --recording film/rig.json --out out.json");
@@ -139,7 +140,7 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   film.cameras[3].source = film.cameras[3].image = "black.png";
   save_rig(film, dir_ / "film/part.json");
   outcome = colour("film/rig.json --recording film/part.json --from views --out out.json");
-  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording has no picture of it"));
+  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording has no frame of this camera"));
   EXPECT_NE(outcome.status, 0) << "two cameras are too few for places that three see";
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out.json"));
 }
@@ -149,8 +150,7 @@ TEST_F(ColourCommand, HelpNamesWhatThereIs) {
                        AllOf(HasSubstr("--recording"), HasSubstr("--from"), HasSubstr("--frames")));
 }
 
-// What cameras' colours cost a picture that is focused everywhere, and what is left of it once they are measured:
-// through the focal surface that is found in the images, against the scene itself.
+// Returns the PSNR of a picture through the focal surface found in `images`, against the scene.
 double surface_db(const Rig& rig, const std::vector<Image>& images, const View& view, const Image& truth) {
   const Mesh mesh = build_mesh(rig);
   const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
@@ -165,12 +165,12 @@ TEST(ColourQuality, EveryFourthCameraOffByTenPercentCostsNextToNothingOnceMeasur
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const Camera& camera = rig.cameras[i];
     good.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
-    wrong.push_back(with_fault(good.back(), {.gain = i % 4 == 1 ? 1.1 : 1.0}, camera.principal_point(), i));
+    wrong.push_back(apply_fault(good.back(), {.gain = i % 4 == 1 ? 1.1 : 1.0}, camera.principal_point(), i));
   }
   const ColourSolution solution = solve_colours(rig, sample_views(rig, wrong));
   EXPECT_EQ(solution.terms, ColourTerms()) << "brightness alone is off: " << solution.terms.name();
-  // Gains are over those of most cameras. Corrections make the colours of the mean camera: the truth is as much
-  // brighter.
+  // Gains are relative to the majority of cameras. Corrections target the mean camera, so the truth is brighter by the
+  // same factor.
   for (size_t i = 0; i < solution.cameras.size(); i++)
     EXPECT_NEAR(solution.cameras[i].gain, i % 4 == 1 ? 1.1 : 1, 0.01) << i;
 
@@ -182,17 +182,17 @@ TEST(ColourQuality, EveryFourthCameraOffByTenPercentCostsNextToNothingOnceMeasur
   view.focus.plane = plane_through({0, 0, kSceneMiddle}, {0, 0, 1});
   const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0);
   ColourFault all{.gain = std::pow(1.1, 0.25)};
-  const Image brighter = with_fault(truth, all, {159.5, 119.5}, 0);
+  const Image brighter = apply_fault(truth, all, {159.5, 119.5}, 0);
   std::vector<Image> corrected_images, equal;
   for (size_t i = 0; i < wrong.size(); i++) {
     corrected_images.push_back(corrected(wrong[i], *solution.models[i], rig.cameras[i].principal_point()));
-    equal.push_back(with_fault(good[i], all, {159.5, 119.5}, i));
+    equal.push_back(apply_fault(good[i], all, {159.5, 119.5}, i));
   }
   const double best = surface_db(rig, equal, view, brighter), with_faults = surface_db(rig, wrong, view, brighter),
                after = surface_db(rig, corrected_images, view, brighter);
   RecordProperty("psnr_db", "equal " + std::to_string(best) + ", off " + std::to_string(with_faults) + ", corrected " +
                                 std::to_string(after));
-  EXPECT_LE(with_faults, best - 1) << "it is worth it";
+  EXPECT_LE(with_faults, best - 1) << "clear improvement";
   EXPECT_GE(after, best - 0.3);
 }
 

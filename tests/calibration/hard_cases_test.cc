@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The table of hard cases: each must end with the right answer or with a finding that names what is wrong.
+// The table of hard cases: each must end with the right solution or with a finding that names the fault.
 #include <cstdio>
 
 #include <gtest/gtest.h>
@@ -14,16 +14,16 @@ namespace {
 
 struct Case {
   const char* name;
-  const char* finding;  // by which it may be excused; "": it must be right
+  const char* finding;  // finding that excuses a wrong result; "": the result must be right
   ArrayOptions array{};
   PathOptions path{};
   bool prior = true;
   void (*change)(Rig& truth, Watched& watched, SolveOptions& options) = nullptr;
-  void (*before)(Rig& truth) = nullptr;  // watched
+  void (*before)(Rig& truth) = nullptr;  // edits the rig before it is observed
 };
 
-// Positions and orientations by the best similarity, against what the solution says of itself: root mean square in
-// sigmas. Below 2 is right.
+// Returns the root mean square error of poses after the best similarity, in the solution's own sigmas. Below 2 is
+// right.
 double error_in_sigmas(const Solution& solution, const Rig& truth) {
   std::vector<Pose> found, expected;
   std::vector<int> rows;
@@ -51,7 +51,7 @@ std::vector<Case> cases() {
     return list.back();
   };
   add("reflections in all cameras", "").change = [](Rig& truth, Watched& w, SolveOptions&) {
-    // Every fifth place is that of the light's image in a window: the same for all cameras.
+    // At every fifth position all cameras see the light's reflection in a window.
     for (Observation& o : w.tracks.observations) {
       if (o.position % 5) continue;
       Vec3 p = w.lights[o.position];

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate intrinsics as people run it.
 #include <cstdlib>
 #include <filesystem>
 
@@ -43,7 +42,7 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   EXPECT_NEAR(found.fx(), 420, 2);
   EXPECT_NEAR(found.cx(), 319.5, 2);
 
-  // The same as a camera of a rig, which says how it is to be opened.
+  // The same through a rig, which describes how to open the camera.
   setenv("GST_PLUGIN_PATH", (std::filesystem::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = make_grid_rig({1, 2, 0.1, 60, 640, 480});
   rig.cameras[1].source = "filesrc location=\"" + location + "/board.avi\" ! avidemux ! jpegdec";
@@ -55,7 +54,7 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   EXPECT_NEAR(load_rig(dir / "rig.json").cameras[1].lens.fx(), 420, 4);
   EXPECT_EQ(load_rig(dir / "rig.json").cameras[0].lens, rig.cameras[0].lens);
 
-  // Elements that may write need the user's word.
+  // Elements that can write files require explicit trust.
   rig.cameras[1].source += " ! tee name=t t. ! queue";
   save_rig(rig, dir / "rig.json");
   const std::string again = "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out other.json";
@@ -78,7 +77,7 @@ TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
   expect_failure("--board 8x6", "needs images or videos of the board, or --rig");
   expect_failure("--rig rig.json --board 8x6", "rig.json: camera 0: has no source");
   expect_failure("--rig rig.json --camera 3 --board 8x6", "rig.json: has no camera 3");
-  expect_failure("file:///nothing/here.avi --board 8x6", "file:///nothing/here.avi: no video could be had from it");
+  expect_failure("file:///nothing/here.avi --board 8x6", "file:///nothing/here.avi: no video could be read");
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include "calibration/tracks.h"
 #include "composite/still.h"
 #include "image/image.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/sum_renderer.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -31,8 +31,8 @@ namespace fs = std::filesystem;
 
 const fs::path kData = fs::path(LF_SOURCE_ROOT) / "../shared/data";
 
-// Real tracks: 4 cameras, 1,125 places of one light. The toolbox that they were made for published a mean of 0.62 px
-// over the 523 places that it kept, without distortion.
+// Real tracks: 4 cameras, 1,125 positions of one light. The toolbox of this data set published a mean of 0.62 px over
+// the 523 positions that it kept, without distortion.
 const fs::path kPointlight = kData / "pointlight/DATA20100906_134124";
 
 nlohmann::ordered_json solve(std::optional<DistortionModel> model) {
@@ -62,29 +62,29 @@ TEST_F(Pointlight, WithoutDistortion) { EXPECT_LE(solve(DistortionModel{0, false
 
 TEST_F(Pointlight, WithTwoTerms) { EXPECT_LE(solve(DistortionModel{2, false})["mean_px"], 0.48); }
 
-// Of observations held out, k1 and k2 foretell 0.380 px, with p1 and p2 0.338.
+// On held-out observations, k1 and k2 predict 0.380 px, with p1 and p2 0.338.
 TEST_F(Pointlight, TheTracksCallForFourTerms) {
   const auto report = solve(std::nullopt);
   EXPECT_EQ(report["model"], "k1, k2, p1, p2, per camera");
   EXPECT_LE(report["mean_px"], 0.46);
   EXPECT_LE(report["median_px"], 0.19);
-  // A table that people read: what is chosen is better than all that is above it.
+  // In the printed table, the chosen model is better than all models above.
   const auto& models = report["models"];
   for (size_t i = 0; i + 1 < models.size(); i++)
     EXPECT_LT(models.back()["bic"].get<double>(), models[i]["bic"].get<double>()) << models[i]["model"];
 }
 
-// Arrays of still photographs, calibrated from what they show: features, then solve, then judged by rendering.
+// Arrays of still photographs, calibrated from image features and judged by rendering.
 
 std::vector<Image> images_of(const Rig& rig) {
-  StillImages stills(rig);
+  StillImageCache stills(rig);
   std::vector<Image> images;
   for (CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
   return images;
 }
 
-// `nominal` as its images say it is: nothing else is known of lenses or layout. Fewer references than usual do, in less
-// time.
+// Calibrates `nominal` from its images, without knowledge of lenses or layout. Uses fewer references than the default,
+// to save time.
 Rig calibrated(const Rig& nominal, int references) {
   FeatureOptions features;
   features.references = references;
@@ -102,15 +102,15 @@ Rig calibrated(const Rig& nominal, int references) {
   return rig;
 }
 
-Still render(const Rig& rig, const Mesh& mesh, const View& view, StillImages& stills) {
+Still render(const Rig& rig, const Mesh& mesh, const View& view, StillImageCache& stills) {
   const auto images = [&](CameraIndex i) -> const Image& { return stills.get(i); };
   return render_still(rig, mesh, view, images);
 }
 
-// Between two calibrations of the same cameras: the turn from where the pixels look, not from the orientations or the
-// centres alone. What a flat array's images leave open most is where the axis of the lenses meets the image, against
-// direction, and how far each camera stands before its plane, with it the plane's tilt: both swing a view that is
-// carried by the other by as much, and neither changes what the cameras see.
+// The similarity between two calibrations of the same cameras. The rotation comes from the pixels' lines of sight
+// instead of orientations or centres alone. Images of a planar array determine two things poorly: the principal points
+// against rotation, and the cameras' offsets from the plane together with its tilt. Both would rotate a transferred
+// view without changing the cameras' images.
 Similarity between(const Rig& a, const Rig& b) {
   constexpr int kGrid = 5;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -127,7 +127,7 @@ Similarity between(const Rig& a, const Rig& b) {
     middle_a += a.cameras[i].pose.position / static_cast<double>(n);
     middle_b += b.cameras[i].pose.position / static_cast<double>(n);
   }
-  // Nearest rotation (Kabsch); sights of one hemisphere leave no reflection to be excluded.
+  // Nearest rotation (Kabsch); directions within one hemisphere exclude a reflection.
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Quaterniond q(Eigen::Matrix3d(svd.matrixU() * svd.matrixV().transpose()));
   Similarity similarity;
@@ -162,7 +162,7 @@ View carried(View view, const Similarity& through) {
   return view;
 }
 
-// With the exact rig forgotten: all that is known is that there are 8x8 cameras of about this view angle.
+// Starts from 8x8 cameras and the approximate field of view alone.
 TEST(StillArrays, ChessIsRenderedAsWithItsTrueRig) {
   if (!fs::exists(kData / "chess")) GTEST_SKIP() << "needs ../shared/data/chess";
   Rig truth = load_rig(kData / "chess/rig.json");
@@ -181,7 +181,7 @@ TEST(StillArrays, ChessIsRenderedAsWithItsTrueRig) {
     const Image picture = load_image(kData / "chess/truth" / (view.name + ".png"));
     std::printf("%-8s", view.name.c_str());
     for (int i = 0; i < 3; i++) {
-      StillImages stills(*rigs[i]);
+      StillImageCache stills(*rigs[i]);
       const Still still = render(*rigs[i], meshes[i], carried(view.view, between(truth, *rigs[i])), stills);
       const double db = compare(still.picture, picture, still.coverage).psnr_db;
       mean[i] += db / static_cast<double>(views.size());
@@ -194,7 +194,7 @@ TEST(StillArrays, ChessIsRenderedAsWithItsTrueRig) {
   EXPECT_GT(mean[1], mean[2]);
 }
 
-// The error of 40x40 pixel blocks of predicted pictures, each with the plane that serves it best.
+// Errors of 40x40 pixel blocks of predicted pictures; each block uses its best plane.
 struct Blocks {
   static constexpr int kSide = 40;
   std::map<std::array<CameraIndex, 3>, double> squared;  // camera, column, row
@@ -205,7 +205,7 @@ struct Blocks {
         double sum = 0;
         for (int i = 0; i < kSide * kSide; i++) {
           const int x = column * kSide + i % kSide, y = row * kSide + i / kSide;
-          if (!(still.coverage[static_cast<size_t>(y) * photograph.width() + x] > kCovered)) sum = INFINITY;
+          if (!(still.coverage[static_cast<size_t>(y) * photograph.width() + x] > kMinCoverage)) sum = INFINITY;
           for (int c = 0; c < 3; c++) sum += std::pow(still.picture.pixel(x, y)[c] - photograph.pixel(x, y)[c], 2);
         }
         if (!std::isfinite(sum)) continue;
@@ -217,14 +217,12 @@ struct Blocks {
   }
 };
 
-// Real photographs without any calibration. The 64 cameras in rows and columns 0, 2, ... render what 16 between them
-// saw; where those stand is calibrated with them, their pictures are not used.
-//
-// The camera was moved along a grid so well that from its neighbours a picture is foretold to 0.13 pixels with the
-// nominal rig, and to 0.03 where each camera's own shift is taken out. At the single best plane, half-way between the
-// things in this scene, that is less than what another accident does: with nominal poses all pictures are sampled
-// half-way between pixels at some planes, which blurs the ghosts of everything out of focus by 0.4 dB. So the plane is
-// chosen for each block, and the figure for a single one printed beside.
+// Real photographs without any calibration. The 64 cameras in rows and columns 0, 2, ... render the views of 16 cameras
+// between them; the poses of those 16 are calibrated too, without using their pictures for rendering. The camera moved
+// along the grid so precisely that neighbours predict a picture to 0.13 pixels with the nominal rig, and to 0.03 after
+// removing each camera's own shift. At the single best plane another effect is larger: with nominal poses, some planes
+// sample all pictures half-way between pixels, which blurs the ghosts of out-of-focus parts by 0.4 dB. The test
+// therefore selects the plane per block and only prints the figure for a single plane.
 TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
   if (!fs::exists(kData / "toys")) GTEST_SKIP() << "needs ../shared/data/toys";
   const Rig all = load_rig(kData / "toys/rig.json");
@@ -237,7 +235,7 @@ TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
   ASSERT_EQ(odd.size(), 16u);
   std::vector<CameraIndex> both = even;
   both.insert(both.end(), odd.begin(), odd.end());
-  const Rig nominal = sub_rig(all, both);
+  const Rig nominal = rig_subset(all, both);
   const Rig solved = calibrated(nominal, 6);
 
   Blocks blocks[2];
@@ -247,11 +245,11 @@ TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
     array.cameras.resize(even.size());
     array.topology = {Topology::Type::kGrid, 8, 8, {}};
     const Mesh mesh = build_mesh(array);
-    StillImages stills(array), held_out(*rigs[i]);
+    StillImageCache stills(array), held_out(*rigs[i]);
     const Pose middle = mean_pose(array);
     double focal_length = 0, best = 0;
     for (const Camera& camera : array.cameras) focal_length += camera.lens.fx() / static_cast<double>(even.size());
-    for (double disparity = 3.5; disparity <= 9; disparity += 0.5) {  // pixels from camera to camera
+    for (double disparity = 3.5; disparity <= 9; disparity += 0.5) {  // pixels between neighbouring cameras
       const Vec3 normal = middle.rotation()[2];
       const Plane plane{normal, -focal_length * 0.01 / disparity - glm::dot(normal, middle.position)};
       double mean = 0;

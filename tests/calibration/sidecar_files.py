@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Files that cameras and recorders leave beside their films are no recordings: thumbnails, time codes, subtitles, sound.
+"""Thumbnails, time codes, subtitles and sound files beside recordings are ignored.
 
     sidecar_files.py BUILD_ROOT [unittest arguments]
 """
@@ -90,7 +90,7 @@ class SidecarFiles(unittest.TestCase):
             shutil.copy(self.folder / "thumbnail", lights / f"{name}.THM")
         (self.folder / "tracks.json").unlink()
         self.assertEqual(tracks(), alone)
-        # Of a camera without a film the message names what is there.
+        # The error for a camera without a recording names the files found.
         (lights / "cam_00_00.mkv").unlink()
         said = run(BUILD / "calib/lf-calibrate", "track", self.rig, "--recordings", lights, "--bar", "--out",
                    self.folder / "tracks.json", status=None)

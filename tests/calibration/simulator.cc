@@ -6,9 +6,9 @@
 #include "calibration/adjustment.h"
 #include "calibration/reconstruction.h"
 #include "composite/still.h"
-#include "focus/view_focus.h"
+#include "focus/view_depths.h"
 #include "image/colour_correction.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "scene/scene.h"
@@ -26,7 +26,7 @@ Vec3 normal3(Random& random, double sigma) {
   return {normal(random, sigma), normal(random, sigma), normal(random, sigma)};
 }
 
-// In the field of view of the array's middle at a depth whose inverse is uniform.
+// A point in the field of view of the array's centre, uniform in inverse depth.
 Vec3 place(const Rig& rig, const PathOptions& options, int i, Random& random) {
   if (options.shape == PathOptions::Shape::kBall)
     return options.near * std::cbrt(uniform(random, 0, 1)) * glm::normalize(normal3(random, 1));
@@ -153,8 +153,8 @@ Reconstruction true_scene(const Rig& truth, const Watched& watched, const SolveO
 
 namespace {
 
-constexpr double kPitch = 0.06, kFieldOfView = 35;  // metres; degrees from top to bottom
-constexpr double kTime = 0.55;                      // of the scene, seconds
+constexpr double kPitch = 0.06, kFieldOfView = 35;  // metres; degrees, vertical
+constexpr double kTime = 0.55;                      // time of the scene, seconds
 
 std::vector<Pose> poses_of(const Rig& rig) {
   std::vector<Pose> poses;
@@ -196,7 +196,7 @@ std::vector<double> PlannedArray::shown_db(const Rig& rig) const {
     const Camera &camera = truth.cameras[i], &known = rig.cameras[i];
     const double frame = std::round((kTime - known.time_offset) * rate_of(i)) / rate_of(i);
     Image image = render_scene({camera.width, camera.height, camera.lens, camera.pose}, frame + camera.time_offset);
-    image = with_fault(image, faults[i], camera.principal_point(), i);
+    image = apply_fault(image, faults[i], camera.principal_point(), i);
     if (known.colour) image = corrected(image, *known.colour, known.principal_point());
     images.push_back(std::move(image));
   }

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate solve as people run it.
 #include <csignal>
 #include <filesystem>
 #include <set>
@@ -123,7 +122,7 @@ TEST(SolveCommand, InterruptedItLeavesTheRigThatWasThere) {
 }
 
 TEST(SolverLog, KeepsWhatTheSolverSaysFromStderr) {
-  catch_solver_messages();
+  capture_solver_messages();
   testing::internal::CaptureStderr();
   for (int i = 0; i < 3; i++) LOG(WARNING) << "Linear solver failure";
   LOG(ERROR) << "Residual is not finite";

@@ -22,18 +22,17 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-// Five cameras in a cross, each with a time of its own.
 Rig array() {
   sim::ArrayOptions options;
   options.rows = options.columns = 3;
   options.k1 = -0.1, options.k2 = 0, options.k2_spread = 0;
-  Rig rig = sub_rig(sim::make_array(options, 8), {0, 2, 4, 6, 8});
+  Rig rig = rig_subset(sim::make_array(options, 8), {0, 2, 4, 6, 8});
   const double offsets[] = {0.02, -0.015, 0, 0.031, -0.024};
   for (size_t i = 0; i < 5; i++) rig.cameras[i].time_offset = offsets[i];
   return rig;
 }
 
-// Records with lf-scene lights into the folder "rec" of `dir`.
+// Records lights with lf-scene into the folder "rec" of `dir`.
 void record(const TempDir& dir, const Rig& rig, const std::string& options) {
   save_rig(rig, dir / "true.json");
   test::expect_outcome(run_program("../tools/lf-scene", "lights --rig true.json --out rec " + options, dir.path()), 0);
@@ -46,19 +45,19 @@ TEST(TrackCommand, FromRecordingsOfABarToARig) {
   test::expect_outcome(
       run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path()), 0,
       testing::AllOf(HasSubstr("tracks.json: 5 of 5 cameras"),
-                     HasSubstr("camera 2 has 5.9 s of the 7.0 s that others have")));
+                     HasSubstr("camera 2 has 5.9 s, other recordings 7.0 s")));
 
-  // Against the truth that lf-scene wrote: a light where one is, as good as it says.
-  const auto found = parse_light_sights(read_text_file(dir / "tracks.json"), "tracks.json");
-  const auto expected = parse_light_sights(read_text_file(dir / "rec/lights.json"), "lights.json");
+  // Compares with the truth from lf-scene: every detection is a light, within the stated precision.
+  const auto found = parse_light_detections(read_text_file(dir / "tracks.json"), "tracks.json");
+  const auto expected = parse_light_detections(read_text_file(dir / "rec/lights.json"), "lights.json");
   ASSERT_TRUE(found && expected);
   double squared = 0, count = 0, lights = 0;
   for (size_t i = 0; i < 5; i++) {
     ASSERT_EQ(found->cameras[i].frames.size(), expected->cameras[i].frames.size());
     for (size_t n = 15; n < found->cameras[i].frames.size(); n++)
-      for (const Sight& light : expected->cameras[i].frames[n].sights) {
+      for (const LightDetection& light : expected->cameras[i].frames[n].sights) {
         double nearest = 1;
-        for (const Sight& sight : found->cameras[i].frames[n].sights)
+        for (const LightDetection& sight : found->cameras[i].frames[n].sights)
           nearest = std::min(nearest, glm::length(sight.pixel - light.pixel));
         lights++;
         if (nearest < 1) squared += nearest * nearest, count++;
@@ -109,15 +108,16 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   EXPECT_THAT(one.output, HasSubstr(who(1)));
   EXPECT_THAT(one.output, HasSubstr(") is black from beginning to end: is there a cap on the lens"));
   EXPECT_THAT(one.output, HasSubstr("the room is not dark"));
-  EXPECT_THAT(one.output, HasSubstr("2 of 5 cameras did not see the light move; tracks.json has the others"));
+  EXPECT_THAT(one.output,
+              HasSubstr("2 of 5 cameras did not see the light move; tracks.json has only the other cameras"));
   EXPECT_TRUE(std::filesystem::exists(dir / "tracks.json"));
 
-  // No light at all; nothing in the file; no file; two files.
+  // No light; an empty file; no file; two files.
   std::filesystem::remove(dir / "tracks.json");
   make_video(name(0), "videotestsrc num-buffers=45 pattern=solid-color foreground-color=0xff404040");
   dir.write("rec/" + truth.cameras[2].name + ".mkv", "this is no video");
   std::filesystem::remove(name(3));
-  std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // one too many
+  std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // a second file for this camera
   test::expect_outcome(
       run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path()), 1,
       testing::AllOf(HasSubstr("shows no light: "), HasSubstr("has no recording " + truth.cameras[3].name + ".*"),
@@ -132,7 +132,7 @@ TEST(TrackCommand, MistakesOnTheCommandLine) {
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path()), 1,
                        HasSubstr("nowhere: is no folder"));
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json", dir.path()), 1,
-                       HasSubstr("the rig names no source of it: give --recordings, a folder with cam_"));
+                       HasSubstr("the rig has no source for it: give --recordings, a folder with cam_"));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// A program that brings the plugin along: where no plugin is installed, it has the elements.
+// A program with the statically linked plugin has the elements without an installed plugin.
 #include <gst/gst.h>
 
 #include <cstdio>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Every fuzz target on its seeds, on what tests/fuzz.sh has found to be new (corpus/), and on copies of both that are
-// cut short or have bytes changed: what was once mended stays so.
+// Runs every fuzz target on its seeds, on new inputs that tests/fuzz.sh has found (corpus/), and on truncated and
+// corrupted copies of both.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 namespace lf::fuzz {
 namespace {
 
-constexpr int kChanges = 24, kCuts = 8;  // of each input
+constexpr int kChanges = 24, kCuts = 8;  // per input
 
 std::vector<std::filesystem::path> inputs_of(const std::string& target) {
   std::vector<std::filesystem::path> paths;
@@ -34,12 +34,12 @@ Bytes read(const std::filesystem::path& path) {
 
 class Corpus : public testing::TestWithParam<std::string> {
  protected:
-  // Exactly as long as the data, so that a sanitizer sees what reads beyond it.
+  // Exactly as long as the data, so that a sanitizer detects reads beyond the end.
   static void run(Bytes bytes) {
     bytes.shrink_to_fit();
     EXPECT_NO_THROW(targets().at(GetParam())(bytes.data(), bytes.size()));
   }
-  // And what it becomes by damage.
+  // Runs truncated and corrupted copies.
   static void run_damaged(const Bytes& whole, std::minstd_rand& random) {
     run(whole);
     if (whole.empty()) return;
@@ -66,7 +66,7 @@ TEST_P(Corpus, HoldsItsLaws) {
   }
 }
 
-// By folder: targets are known only once the program runs.
+// Returns folder names: targets register only when the program runs.
 std::vector<std::string> names() {
   std::vector<std::string> all;
   for (const auto& entry : std::filesystem::directory_iterator(LF_SOURCE_ROOT "/tests/fuzz/corpus"))

@@ -31,7 +31,7 @@ void rig(const std::string& text) {
   const lf::Rig again = lf::parse_rig(written, kName);
   require(lf::rig_to_json(again) == written && again.cameras.size() == rig.cameras.size());
   for (size_t i = 0; i < rig.cameras.size(); i++) require(same(rig.cameras[i], again.cameras[i]));
-  // Either it has a mesh, or an error says why not.
+  // Either the rig has a mesh, or an error states the reason.
   if (rig.cameras.size() <= 16)
     for (const lf::MeshFace& face : lf::build_mesh(rig).faces)
       for (int i = 0; i < face.corners(); i++) require(face.camera[i] < rig.cameras.size());
@@ -56,8 +56,8 @@ void tracks(const std::string& text) {
 
 }  // namespace
 
-// Rigs, views and tracks in JSON: a letter says which, the text follows. What is taken is written as a text that says
-// the same, and errors name the file.
+// Rigs, views and tracks in JSON: a letter selects the format, the text follows. Accepted input is written as an
+// equivalent text; errors name the file.
 LF_FUZZ_TARGET(json)(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
   const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
@@ -115,9 +115,9 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 }  // namespace
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
-// images.txt, divided by a form feed, g as a grid of 2x2; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml behind a
-// form feed; s: the names of a folder in the Stanford archive's way, a line each. Every rig that an importer accepts
-// can be written, read again and meshed.
+// images.txt, separated by a form feed, g as a grid of 2x2; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml after a
+// form feed; s: file names of a Stanford archive folder, one per line. Every accepted rig can be written, read again
+// and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A camera's JPEG beside libjpeg-turbo: what is taken is taken there, too, and is the same picture. What is taken there
-// alone has codes that no encoder writes: written again by libjpeg, it is taken.
+// Compares the decoder of camera JPEGs with libjpeg-turbo. libjpeg-turbo accepts every accepted frame and decodes the
+// same picture. Frames that only libjpeg-turbo accepts contain codes that no encoder writes: re-encoded by libjpeg,
+// they are accepted.
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
@@ -19,12 +20,12 @@ using lf::fuzz::require;
 
 namespace {
 
-constexpr int kMaxPixels = 1 << 16;  // more would take long to compare
+constexpr int kMaxPixels = 1 << 16;  // comparing more would be slow
 
 using Bytes = std::span<const uint8_t>;
 
-// What libjpeg makes of a frame, of which the last marker may be missing. Warnings are errors, but for those about
-// bytes that are nobody's and versions that nobody knows.
+// Decodes a frame with libjpeg; the last marker may be missing. Warnings are errors, except for warnings about
+// extraneous bytes and unknown versions.
 class Libjpeg {
  public:
   explicit Libjpeg(Bytes frame) : bytes_(frame.begin(), frame.end()) {
@@ -48,7 +49,7 @@ class Libjpeg {
   }
   Libjpeg(const Libjpeg&) = delete;
 
-  // Nothing in here has a destructor that a jump would pass over.
+  // longjmp() would skip destructors, so no local variable may have a destructor.
   bool decode() {
     if (setjmp(in_errors_.jump)) return false;
     begin();
@@ -74,13 +75,13 @@ class Libjpeg {
       }
       jpeg_read_raw_data(&info_, arrays, static_cast<unsigned>(info_.max_v_samp_factor) * 8);
     }
-    // What comes after the scan is of no picture.
+    // Data after the scan belongs to no picture.
     end_at(bytes_.size() - info_.src->bytes_in_buffer - (info_.unread_marker ? 2 : 0));
     return true;
   }
 
-  // Of a frame that was decoded, as what follows: whether it has coefficients that no picture of 8 bits has: a mean of
-  // twice the white, or so many that an inverse DCT in integers of 16 bits (libjpeg's and ours) overflows.
+  // Call after decoding, like the functions below. Returns true if the coefficients are impossible for an 8-bit
+  // picture: a mean of twice white, or so many that the 16-bit integer inverse DCT (libjpeg's and ours) overflows.
   bool is_no_picture() {
     constexpr int kMost = 32767 / 4 / 1.39;  // four fractional bits, sums of up to 1.39 of each
     constexpr int kMostMean = 2048;
@@ -102,7 +103,7 @@ class Libjpeg {
     return false;
   }
 
-  // The same coefficients as an encoder writes them. Empty where it can't.
+  // Re-encodes the coefficients as an encoder would. Returns an empty vector on failure.
   Bytes written_again() {
     if (setjmp(out_errors_.jump)) return {};
     if (setjmp(in_errors_.jump)) return {};
@@ -120,7 +121,7 @@ class Libjpeg {
   int width(int c) const { return planes_[c].width; }
   int height(int c) const { return planes_[c].height; }
   int components() const { return components_; }
-  // A sample, the last ones of rows and columns repeated.
+  // Returns a sample; the last row and column are repeated.
   int sample(int c, int x, int y) const {
     const Plane& plane = planes_[c];
     return plane.samples[size_t{1} * std::min(y, plane.height - 1) * plane.stride + std::min(x, plane.width - 1)];
@@ -128,7 +129,7 @@ class Libjpeg {
 
  private:
   struct Errors {
-    jpeg_error_mgr manager;  // first: libjpeg hands back a pointer to it
+    jpeg_error_mgr manager;  // must be first: libjpeg returns a pointer to this member
     std::jmp_buf jump;
   };
   struct Plane {
@@ -162,7 +163,7 @@ class Libjpeg {
   Plane planes_[3];
 };
 
-// Chroma of I420: full resolution is averaged, grey is 128.
+// I420 chroma: full resolution is averaged, grey is 128.
 int chroma(const Libjpeg& truth, int c, int x, int y, int width, int height) {
   if (truth.components() == 1) return 128;
   const bool half_x = truth.width(c) == width, half_y = truth.height(c) == height;
@@ -205,7 +206,7 @@ LF_FUZZ_TARGET(frame)(const uint8_t* data, size_t size) {
   for (const lf::Rect& region :
        {lf::Rect{w / 3, h / 3, w / 2 + 1, h / 2 + 1}, {w - 1, h - 1, w, h}, {0, 0, w / 4, h}, {0, 0, w, h}})
     taken = take(*frame, region);
-  // What is decoded as a whole is libjpeg's own picture.
+  // Frames without region decoding are decoded by libjpeg itself.
   if (!lf::jpeg::parse_header(bytes, &reason)->one_baseline_scan) return 0;
   Libjpeg truth(bytes);
   const bool taken_there = truth.decode();

@@ -10,8 +10,9 @@
 #include <stdexcept>
 #include <string>
 
-// What the targets share. A target is what libFuzzer calls with its inputs (tests/fuzz.sh), and what corpus_test.cc
-// calls with those in corpus/ and damaged copies of them:
+// Fuzz target helpers. libFuzzer calls a target with generated inputs (tests/fuzz.sh); corpus_test.cc calls it with the
+// inputs in corpus/ and corrupted copies.
+//
 //   LF_FUZZ_TARGET(name)(const uint8_t* data, size_t size) { ...; return 0; }
 #define LF_FUZZ_TARGET(name)                                         \
   static int name##_target(const uint8_t*, size_t);                  \
@@ -22,14 +23,13 @@
 
 namespace lf::fuzz {
 
-// By name.
 using Target = int (*)(const uint8_t*, size_t);
 inline std::map<std::string, Target>& targets() {
   static std::map<std::string, Target> all;
   return all;
 }
 
-// What must be so, whatever comes.
+// Aborts if a condition that must hold for any input is false.
 inline void require(bool condition) {
   if (condition) return;
 #ifdef LF_FUZZER
@@ -39,7 +39,7 @@ inline void require(bool condition) {
 #endif
 }
 
-// Takes numbers off the front of the input, 0 where it has ended.
+// Reads numbers from the front of the input; 0 after its end.
 class Input {
  public:
   Input(const uint8_t* data, size_t size) : rest_(data, size) {}
@@ -61,7 +61,7 @@ class Input {
 
 }  // namespace lf::fuzz
 
-// libFuzzer's programs have one file each, and LF_FUZZER is the name of their target.
+// libFuzzer programs have one file each; LF_FUZZER is the name of their target.
 #ifdef LF_FUZZER
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static const lf::fuzz::Target target = lf::fuzz::targets().at(LF_FUZZER);

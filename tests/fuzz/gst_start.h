@@ -3,10 +3,10 @@
 
 #include <gst/gst.h>
 
-// For targets that need GStreamer: it is there before the first input, and its criticals end the run.
+// Initialises GStreamer before the first input; criticals abort the run.
 namespace lf::fuzz {
 
-// The names that structures may have are known to a process once an element has asked for them.
+// The first element that uses a structure name registers the name.
 inline void start_gst() {
   gst_init(nullptr, nullptr);
   for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);
@@ -20,14 +20,14 @@ inline void start_gst() {
 
 #include <string>
 
-// Absent where runs are without sanitizers.
+// Null without sanitizers.
 extern "C" __attribute__((weak)) void __lsan_disable();
 extern "C" __attribute__((weak)) void __lsan_enable();
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  if (__lsan_disable) __lsan_disable();  // GLib and GStreamer never free what they begin with
+  if (__lsan_disable) __lsan_disable();  // GLib and GStreamer never free their initial allocations
   lf::fuzz::start_gst();
-  // When its table of names is full GLib leaves it behind. Now it has room.
+  // GLib leaks its table of quark names when it is full. This leaves room in the table.
   for (int i = 0; g_quark_from_string(std::to_string(i).c_str()) % 2048 != 0; i++) {
   }
   if (__lsan_enable) __lsan_enable();

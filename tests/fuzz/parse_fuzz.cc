@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Streams of bytes through lfparse, in buffers of any size: what comes out are whole units of one kind, and every byte
-// is in one of them or was counted as skipped. The input is a byte for the caps, one for the size of buffers, and the
-// stream.
+// Byte streams through lfparse, in buffers of any size: outputs are whole units of one kind, and every byte belongs to
+// a unit or was counted as skipped. Input: one byte for the caps, one for the buffer size, and the stream.
 #include <gst/gst.h>
 
 #include "common/common.h"
@@ -51,7 +50,7 @@ LF_FUZZ_TARGET(parse)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const uint32_t caps_of = input.number(1) % 3, least = 1 + 8 * input.number(1);
   const std::span<const uint8_t> stream = input.take(size);
-  // Long streams in buffers of a byte would take most of the time and tell no more than short ones.
+  // Long streams in one-byte buffers would take most of the time without covering more.
   const size_t piece = std::max<size_t>(least, stream.size() / 64);
 
   GstElement* parse = gst_element_factory_make("lfparse", nullptr);
@@ -83,7 +82,7 @@ LF_FUZZ_TARGET(parse)(const uint8_t* data, size_t size) {
   gst_pad_push_event(src, gst_event_new_eos());
   require(stat(parse, "units") == seen.units);
   require(seen.bytes + stat(parse, "skipped-bytes") <= stream.size());
-  // Less than a unit's header at the end is no stretch of its own.
+  // A remainder shorter than a unit's header is not counted separately.
   require(seen.bytes + stat(parse, "skipped-bytes") + lf::wire::kUnitHeaderBytes > stream.size());
   gst_element_set_state(parse, GST_STATE_NULL);
   for (GstPad* pad : {src, sink, in, out}) {

@@ -8,7 +8,7 @@
 #include "wire/answer_codec.h"
 #include "wire/unit.h"
 
-// For a file of which one target has answers for its inputs, with `front` other bytes before them.
+// Custom mutator for files with one target that reads answers after `front` other bytes.
 #ifdef LF_FUZZER
 extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
 #define LF_FUZZ_ANSWERS(name, front)                                                                      \
@@ -23,7 +23,7 @@ extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
 
 namespace lf::fuzz {
 
-// Makes the lengths of an answer agree again with its size, so that a change reaches what is behind that check.
+// Makes the lengths in an answer match its size, so that mutations get past that check.
 inline void repair_answer(uint8_t* data, size_t size) {
   if (size < wire::kAnswerHeaderBytes) return;
   const auto number = [&](size_t at, size_t bytes) {
@@ -45,7 +45,7 @@ inline void repair_answer(uint8_t* data, size_t size) {
   if (last > 0) wire::store(data + last, static_cast<uint32_t>(rest));
 }
 
-// Most times. Returns the size.
+// Repairs most inputs. Returns the size.
 inline size_t repair_sometimes(uint8_t* data, size_t size, unsigned seed, size_t front) {
   std::minstd_rand random(seed);
   if (size > front && random() % 8 != 0) repair_answer(data + front, size - front);

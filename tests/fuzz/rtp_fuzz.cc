@@ -13,7 +13,7 @@ using lf::wire::UnitKind;
 
 LF_FUZZ_ANSWERS(packetizer, 2)
 
-// Units into packets of any size and out of them again: every packet is small enough, and every fragment comes once.
+// Units into packets of any size and back: no packet exceeds the limit, and every fragment arrives once.
 LF_FUZZ_TARGET(packetizer)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const uint32_t settings = input.number(2);
@@ -49,8 +49,8 @@ LF_FUZZ_TARGET(packetizer)(const uint8_t* data, size_t size) {
   return 0;
 }
 
-// Packets of several senders, whatever they hold: what comes out is sound, and memory stays bounded. The input is a
-// byte of settings and then packets: sender and a step of the sequence number, a length, a payload.
+// Packets with arbitrary contents from several senders: received units are valid, and memory stays bounded. Input: one
+// byte of settings, then packets: sender and step of the sequence number, a length, a payload.
 LF_FUZZ_TARGET(depacketizer)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const UnitKind kind = input.number(1) & 1 ? UnitKind::kRequest : UnitKind::kAnswer;

@@ -13,7 +13,7 @@
 #include "view/view_path.h"
 #include "web/offers.h"
 #include "wire/command_codec.h"
-#include "wire/moments_codec.h"
+#include "wire/consistency_codec.h"
 #include "wire/unit.h"
 
 namespace lf::fuzz {
@@ -36,7 +36,7 @@ Bytes packets(wire::UnitKind kind, const std::vector<Bytes>& units, size_t max_p
   return out;
 }
 
-// A camera's frames: of all kinds that are decoded in regions, and some that are not.
+// Camera frames of all kinds with region decoding, and some without.
 void add_frames(std::vector<Bytes>& seeds) {
   using Kind = test::JpegKind;
   const Image picture = test::noisy_picture(41, 23, 1);
@@ -48,7 +48,7 @@ void add_frames(std::vector<Bytes>& seeds) {
   seeds.push_back(test::without_huffman_tables(test::encode_jpeg(picture, {})));
 }
 
-// Texts behind the letter that says which they are.
+// Adds a text after the letter that selects its format.
 void add_text(std::vector<Bytes>& seeds, char kind, const std::string& text) {
   Bytes bytes{static_cast<uint8_t>(kind)};
   bytes.insert(bytes.end(), text.begin(), text.end());
@@ -88,7 +88,7 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   const std::string model = read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt");
   add_text(import, 'c', model);
   add_text(import, 'g', model);
-  // Cameras around a scene, which get triangles around it.
+  // Cameras around a scene, with surrounding triangles.
   export_nerf(make_cylinder_rig({2, 5, 0.3, 1.5, true, 60}), path);
   add_text(import, 'n', read_text_file(path));
   const std::string frame =
@@ -141,7 +141,7 @@ std::map<std::string, std::vector<Bytes>> seeds() {
   asked.view.width = asked.view.height = 64;
   asked.view.lens = Lens::from_fov_y(40, 64, 64);
   asked.view.focus.plane = focal_plane_at(asked.view.pose, 2);
-  asked.place = {SetLayout::kQuilt, 8, 6, 5};
+  asked.place = {ViewSetLayout::kQuilt, 8, 6, 5};
   all["request"].push_back(wire::encode_request(asked));
   asked.place = {};
   const Rig rig = scene_rig(2, 2, 64, 48);
@@ -158,33 +158,34 @@ std::map<std::string, std::vector<Bytes>> seeds() {
     asked.view.blending = blending;
     all["request"].push_back(wire::encode_request(asked));
   }
-  asked.trials = {{Trial::Kind::kBlurred}, {Trial::Kind::kShifted, 3}, {Trial::Kind::kPlane, 60}};
+  asked.trials = {
+      {DepthHypothesis::Kind::kBlurred}, {DepthHypothesis::Kind::kShifted, 3}, {DepthHypothesis::Kind::kPlane, 60}};
   all["request"].push_back(wire::encode_request(asked));
   asked.gains = {.use = true, .ask = true, .mean = std::vector<uint8_t>(64, 90), .mean_of = 7};
   all["request"].push_back(wire::encode_request(asked));
-  std::vector<Moments> moments(2);
-  for (Moments& m : moments) {
+  std::vector<PhotoConsistency> moments(2);
+  for (PhotoConsistency& m : moments) {
     m.reset(5, 4);
     for (size_t i = 6; i < 15; i++) {
       m.weight[i] = &m == &moments[0] ? 32768 : 20000;
       m.luma[i] = m.square[i] = static_cast<uint16_t>(1000 * i);
     }
   }
-  const ByteBuffer coded = wire::encode_moments({1, 2, 3, 4, {}}, moments);
-  const Bytes moments_unit(coded.begin(), coded.end());
-  all["moments"].push_back(moments_unit);
-  for (Moments& m : moments)
+  const ByteBuffer coded = wire::encode_consistency({1, 2, 3, 4, {}}, moments);
+  const Bytes consistency_unit(coded.begin(), coded.end());
+  all["moments"].push_back(consistency_unit);
+  for (PhotoConsistency& m : moments)
     for (size_t i = 6; i < 15; i++) {
       m.weight[i] = static_cast<uint16_t>(2000 * i);
-      m.luma[i] = Moments::luma_of(m.weight[i], 77);
-      m.square[i] = Moments::square_of(m.luma[i], 77);
+      m.luma[i] = PhotoConsistency::luma_of(m.weight[i], 77);
+      m.square[i] = PhotoConsistency::square_of(m.luma[i], 77);
     }
-  const ByteBuffer of_one = wire::encode_moments({1, 2, 3, 4, {}}, moments, true);
+  const ByteBuffer of_one = wire::encode_consistency({1, 2, 3, 4, {}}, moments, true);
   all["moments"].push_back(Bytes(of_one.begin(), of_one.end()));
-  const ByteBuffer gains = wire::encode_moments({1, 2, 3, 4, GainSum{9000, -77}}, {&moments[1], 1});
+  const ByteBuffer gains = wire::encode_consistency({1, 2, 3, 4, GainSum{9000, -77}}, {&moments[1], 1});
   all["moments"].push_back(Bytes(gains.begin(), gains.end()));
-  all["packetizer"].push_back(join({{0, 0}, moments_unit}));
-  all["framing"].push_back(join({{9}, moments_unit, answers[0]}));
+  all["packetizer"].push_back(join({{0, 0}, consistency_unit}));
+  all["framing"].push_back(join({{9}, consistency_unit, answers[0]}));
   for (const Bytes& unit : requests) {
     all["request"].push_back(unit);
     all["packetizer"].push_back(join({{0, 1}, unit}));

@@ -10,7 +10,7 @@ namespace lf::fuzz {
 
 using Bytes = std::vector<uint8_t>;
 
-// Inputs to begin with, made of real units, frames and files: by target.
+// Returns initial inputs by target, made of real units, frames and files.
 std::map<std::string, std::vector<Bytes>> seeds();
 
 }  // namespace lf::fuzz

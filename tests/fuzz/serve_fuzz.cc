@@ -20,12 +20,12 @@ namespace {
 
 using namespace lf;
 
-// What is given out as an address or goes into a header has none of these.
+// Returns true if the text is safe in addresses and HTTP headers.
 bool is_plain(const std::string& text) {
   return std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~' && c != '"' && c != ','; });
 }
 
-// An operator's text in one form stays as it is, and matches itself.
+// Options in canonical form stay unchanged and match themselves.
 void check_options(const std::string& text) {
   try {
     const std::string origin = serve::normal_origin(text);
@@ -42,15 +42,15 @@ void check_options(const std::string& text) {
 
 }  // namespace
 
-// What a request says of who asks and for what: a line each of Host, Origin, Sec-Fetch-Site, Authorization,
-// X-Forwarded-For, X-Forwarded-Prefix, and the query's width, height and eye-distance.
+// Request headers and query, one per line: Host, Origin, Sec-Fetch-Site, Authorization, X-Forwarded-For,
+// X-Forwarded-Prefix, and the query's width, height and eye-distance.
 LF_FUZZ_TARGET(http)(const uint8_t* data, size_t size) {
   static const serve::Access access("sesame", {"https://example.org"}, {"cameras.example"});
   std::array<std::string, 9> lines;
   for (size_t i = 0, line = 0; i < size && line < lines.size(); i++) {
     if (data[i] == '\n')
       line++;
-    else if (data[i] != 0)  // no header has one
+    else if (data[i] != 0)  // headers contain no NUL
       lines[line] += static_cast<char>(data[i]);
   }
   const auto& [host, origin, site, authorization, forwarded, prefix, width, height, distance] = lines;
@@ -73,15 +73,15 @@ LF_FUZZ_TARGET(http)(const uint8_t* data, size_t size) {
   return 0;
 }
 
-// Processor time, which other programs do not lengthen.
+// CPU time, which other programs do not affect.
 static double seconds_of_thread() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// Offers of browsers: what is taken can be written, and names what webrtcbin relies on. The work is proportional to the
-// length.
+// Offers of browsers: accepted offers can be serialised and contain everything webrtcbin relies on. The work is
+// proportional to the length.
 LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
@@ -94,8 +94,8 @@ LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
     parse();
     return seconds_of_thread() - began;
   };
-  // Much more than it takes under a sanitizer, and much less than work that grows with the square of the length. A
-  // virtual machine that stands still for a moment may lengthen one measurement.
+  // Far above the cost under a sanitizer, and far below quadratic cost. A virtual machine that pauses may lengthen one
+  // measurement.
   const double most = 0.05 + 10e-6 * static_cast<double>(size);
   fuzz::require(cost_of_parsing() < most || cost_of_parsing() < most || cost_of_parsing() < most);
   const auto offer = parse();
@@ -106,12 +106,12 @@ LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp.get());
   GstSDPMessage* again = nullptr;
   fuzz::require(gst_sdp_message_new_from_text(text, &again) == GST_SDP_OK);
-  serve::name_profile(again, *offer);
+  serve::set_profile(again, *offer);
   gst_sdp_message_free(again);
   return 0;
 }
 
-// Messages of the data channel: an event or a reason, never both, and nothing in it but numbers that are.
+// Messages of the data channel: parsing gives an event or a reason, never both, and only finite numbers.
 LF_FUZZ_TARGET(control)(const uint8_t* data, size_t size) {
   using namespace lf;
   const auto message = serve::parse_control_message({reinterpret_cast<const char*>(data), size}, 0.5);

@@ -2,15 +2,15 @@
 #include <string>
 
 #include "base/text.h"
-#include "focus/trial_levels.h"
+#include "focus/hypothesis_levels.h"
 #include "fuzz/fuzz.h"
 #include "fuzz/repair.h"
 #include "render/ownership.h"
 #include "scene/scene.h"
 #include "wire/answer_codec.h"
 #include "wire/command_codec.h"
+#include "wire/consistency_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/moments_codec.h"
 #include "wire/request_codec.h"
 #include "wire/unit.h"
 
@@ -18,7 +18,7 @@ namespace {
 
 using Bytes = std::span<const uint8_t>;
 
-// Sizes of units, negative for bytes passed over (neighbouring ones together).
+// Returns the sizes of units; negative: skipped bytes (adjacent ones merged).
 std::vector<int64_t> cut(Bytes stream, size_t piece) {
   std::vector<int64_t> out;
   size_t begin = 0, end = std::min(piece, stream.size());
@@ -45,8 +45,8 @@ std::vector<int64_t> cut(Bytes stream, size_t piece) {
 
 }  // namespace
 
-// Finding units in a stream of bytes that comes in pieces, as lfparse does it: every byte is either of a unit or passed
-// over, and where the pieces end makes no difference.
+// Finds units in a byte stream that arrives in pieces, like lfparse: every byte belongs to a unit or is skipped,
+// independent of the division into pieces.
 LF_FUZZ_TARGET(framing)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const size_t piece = 1 + input.number(1);
@@ -59,7 +59,7 @@ LF_FUZZ_TARGET(framing)(const uint8_t* data, size_t size) {
   return 0;
 }
 
-// View requests and commands: what is taken can be written again, and is the same; and of it a view can be planned.
+// View requests and commands: accepted units can be re-encoded to an equal unit, and their view can be planned.
 LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
@@ -69,12 +69,12 @@ LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
   std::vector<uint8_t> again;
   if (const auto* view = std::get_if<ViewRequest>(&*request)) {
     again = wire::encode_request(*view);
-    for (const Trial& trial : view->trials)
-      if (view->view.width <= 256 && view->view.height <= 256) trial_levels(view->view, trial);
+    for (const DepthHypothesis& trial : view->trials)
+      if (view->view.width <= 256 && view->view.height <= 256) hypothesis_levels(view->view, trial);
     if (view->view.width <= 64 && view->view.height <= 64) {
       static const Rig rig = scene_rig(2, 2, 64, 48);
       static const Mesh mesh = build_mesh(rig);
-      OwnerRuns(ViewPlan(rig, mesh, view->view), {0, 0, view->view.width, view->view.height});
+      FaceRuns(ViewPlan(rig, mesh, view->view), {0, 0, view->view.width, view->view.height});
     }
   }
   if (const auto* pixels = std::get_if<wire::PixelCommand>(&*request)) again = wire::encode_command(*pixels);
@@ -82,7 +82,7 @@ LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
     again = wire::encode_command(*warp);
     try {
       if (warp->warp.width <= 64 && warp->warp.height <= 64)
-        OwnerRuns(ViewPlan(warp->warp, 1000), {0, 0, warp->warp.width, warp->warp.height});
+        FaceRuns(ViewPlan(warp->warp, 1000), {0, 0, warp->warp.width, warp->warp.height});
     } catch (const Error&) {
     }
   }
@@ -92,7 +92,7 @@ LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
 
 namespace {
 
-// So that the sanitizer sees what lies outside.
+// Reads every sample, so that a sanitizer detects invalid memory.
 uint64_t g_sum = 0;
 
 void read_plane(const uint8_t* plane, ptrdiff_t stride, int width, int height) {
@@ -104,14 +104,14 @@ void read(const lf::FragmentPlanes& f) {
   const bool rgb = f.family == lf::PixelFamily::kRgb;
   read_plane(f.plane[0], f.stride[0], rgb ? 3 * w : w, h);
   for (int c = 1; c < 3 && !rgb; c++) read_plane(f.plane[c], f.stride[c], lf::chroma_size(w), lf::chroma_size(h));
-  if (f.lost) read_plane(f.lost, f.lost_stride, w, h);
+  if (f.lost) read_plane(f.lost, f.missing_stride, w, h);
 }
 
 }  // namespace
 
 LF_FUZZ_ANSWERS(answer, 0)
 
-// Answers: parsed and decoded, JPEG and all, as a compositor does it.
+// Parses and decodes answers including JPEG, like a compositor.
 LF_FUZZ_TARGET(answer)(const uint8_t* data, size_t size) {
   static lf::wire::FragmentDecoder decoder;
   std::string reason;
@@ -133,28 +133,28 @@ LF_FUZZ_TARGET(answer)(const uint8_t* data, size_t size) {
   return 0;
 }
 
-// Moments: what is taken can be written again and is the same, and adds up to something.
+// Photo-consistency sums: accepted units can be re-encoded to an equal unit, and added up.
 LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
-  wire::MomentsShape shape;
-  if (!wire::parse_moments_header({data, size}, &shape, &reason)) {
+  wire::ConsistencyShape shape;
+  if (!wire::parse_consistency_header({data, size}, &shape, &reason)) {
     fuzz::require(!reason.empty());
     return 0;
   }
   if (shape.columns > 64 || shape.rows > 64) shape = {64, 64, 4};  // a shape that a request may have
-  std::optional<wire::MomentsUnit> unit = wire::decode_moments({data, size}, shape, &reason);
+  std::optional<wire::ConsistencyUnit> unit = wire::decode_consistency({data, size}, shape, &reason);
   fuzz::require(unit || !reason.empty());
   if (!unit) return 0;
-  std::vector<Moments> sums = unit->sums();
-  const ByteBuffer bytes = wire::encode_moments(*unit, sums);
-  const std::optional<wire::MomentsUnit> again = wire::decode_moments(bytes, shape);
+  std::vector<PhotoConsistency> sums = unit->sums();
+  const ByteBuffer bytes = wire::encode_consistency(*unit, sums);
+  const std::optional<wire::ConsistencyUnit> again = wire::decode_consistency(bytes, shape);
   fuzz::require(again && again->trials.size() == sums.size());
-  const std::vector<Moments> same = again->sums();
+  const std::vector<PhotoConsistency> same = again->sums();
   for (size_t t = 0; t < sums.size(); t++) {
-    Moments& moments = sums[t];
+    PhotoConsistency& moments = sums[t];
     for (size_t i = 0; i < moments.weight.size(); i++) {
-      // What has no weight anywhere may have been left out.
+      // Nodes without weight may have been omitted.
       fuzz::require(same[t].weight[i] == moments.weight[i]);
       if (moments.weight[i] > 0) fuzz::require(same[t].square[i] == moments.square[i]);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Writes the inputs to begin with: fuzz-seeds FOLDER makes FOLDER/TARGET/....
+// Writes the initial inputs: fuzz-seeds FOLDER creates FOLDER/TARGET/....
 #include <filesystem>
 #include <fstream>
 

@@ -38,7 +38,7 @@ ViewRequest ArrayFixture::request(uint32_t sequence, uint64_t time, uint32_t vie
   request.target_time = time;
   request.view.width = 16;
   request.view.height = 12;
-  // Behind the middle of the array, so that all four cameras are in the picture and the mesh fills it.
+  // All four cameras are visible from here, and the mesh fills the view.
   request.view.pose.position = Vec3(0.05, 0.05, -0.05);
   request.view.lens = Lens::pinhole(60, 7.5, 5.5);
   request.view.focus.plane = focal_plane_at(request.view.pose, 10);

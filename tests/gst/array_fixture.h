@@ -11,10 +11,10 @@
 
 namespace lf::test {
 
-// From request to request of a view, nanoseconds.
+// interval between the requests of a view, nanoseconds
 inline constexpr uint64_t kFrame = 100 * GST_MSECOND;
 
-// A 2x2 array of small cameras, its rig file, and requests for a view from its middle: every camera contributes.
+// A 2x2 array of small cameras, its rig file, and requests for a central view; all cameras contribute.
 class ArrayFixture {
  public:
   static constexpr int kWidth = 32, kHeight = 24;
@@ -23,9 +23,9 @@ class ArrayFixture {
 
   const Rig& rig() const { return rig_; }
   const std::string& rig_path() const { return file_.path(); }
-  // A request for the middle view at `time` (running time, nanoseconds).
+  // Returns a request for the centre view; `time` is a running time in nanoseconds.
   ViewRequest request(uint32_t sequence, uint64_t time, uint32_t view_id = 0) const;
-  // An RGB or I420 frame of one grey value (I420: neutral chroma), PTS `time`.
+  // Returns a uniform grey RGB or I420 frame with PTS `time`.
   static GstBuffer* frame(const char* format, uint8_t value, uint64_t time);
   static std::string caps(const char* format);
 
@@ -34,11 +34,10 @@ class ArrayFixture {
   TempFile file_;
 };
 
-// A rig file that is made of another rig.
-class OtherRig {
+class ModifiedRig {
  public:
   template <typename Change>
-  OtherRig(Rig rig, Change change) : rig_((change(rig), rig)), file_(bytes(), ".json") {}
+  ModifiedRig(Rig rig, Change change) : rig_((change(rig), rig)), file_(bytes(), ".json") {}
   const std::string& path() const { return file_.path(); }
   const Rig& rig() const { return rig_; }
   uint64_t hash() const { return rig_.hash(); }

@@ -44,10 +44,10 @@ TEST(V4l2Controls, AreReadInOurUnits) {
   device[V4L2_CID_EXPOSURE_AUTO] = V4L2_EXPOSURE_MANUAL;
   EXPECT_FALSE(read_v4l2_control("exposure", read)->automatic);
   EXPECT_EQ(read_v4l2_control("gain", read)->value, 12);
-  EXPECT_FALSE(read_v4l2_control("gain", read)->automatic) << "this device has no switch for it";
+  EXPECT_FALSE(read_v4l2_control("gain", read)->automatic) << "the device has no such switch";
   EXPECT_EQ(read_v4l2_control("mains_frequency", read)->value, 60);
-  EXPECT_FALSE(read_v4l2_control("focus", read)) << "it has none";
-  EXPECT_FALSE(read_v4l2_control("sharpness", read)) << "not one of those with a unit";
+  EXPECT_FALSE(read_v4l2_control("focus", read)) << "no such control";
+  EXPECT_FALSE(read_v4l2_control("sharpness", read)) << "not a control with a unit";
 }
 
 TEST(CameraControls, GoToPropertiesOfAllInside) {
@@ -71,7 +71,7 @@ TEST(CameraControls, GoToPropertiesOfAllInside) {
   gst_structure_free(values);
 }
 
-// Only the rig's own line may say what its controls do not.
+// Controls do not apply to a source that is a launch line: the line itself sets all properties.
 TEST(CameraControls, LeaveWhatALineOfElementsSays) {
   const ElementPtr source(gst_element_factory_make("v4l2src", nullptr));
   if (!source) GTEST_SKIP() << "v4l2src is not installed";

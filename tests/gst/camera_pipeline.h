@@ -13,7 +13,6 @@
 #include "../gst/common/common.h"
 #include "gst/camera_files.h"
 
-// A camera played into a sink that writes down what comes.
 namespace lf::test {
 
 inline constexpr int kFrames = CameraFiles::kFrames;
@@ -21,12 +20,12 @@ inline constexpr GstClockTime kPeriod = GST_SECOND / CameraFiles::kRate;
 
 struct Frame {
   GstClockTime running_time;
-  GstClockTime capture_time;  // GST_CLOCK_TIME_NONE: without the meta
-  int level;                  // of the top-left pixel: its first component that is no filling, or luma
+  GstClockTime capture_time;  // GST_CLOCK_TIME_NONE: no meta
+  int level;                  // first non-padding component, or luma, of the top-left pixel
   std::vector<uint8_t> first_row;
 };
 
-// A pipeline lfcamsrc ! [middle !] fakesink, and what came to the sink.
+// A pipeline lfcamsrc ! [middle !] fakesink that records buffers and events at the sink.
 class CameraPipeline {
  public:
   explicit CameraPipeline(const std::string& properties, const std::string& middle = "") {
@@ -54,13 +53,12 @@ class CameraPipeline {
   CameraPipeline& operator=(const CameraPipeline&) = delete;
 
   GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_, state); }
-  // True once the state is reached.
   bool reach(GstState state) {
     set_state(state);
     const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 10 * GST_SECOND);
     return result == GST_STATE_CHANGE_SUCCESS || result == GST_STATE_CHANGE_NO_PREROLL;
   }
-  // "EOS", the text of the first error, or "timeout". The warnings before it are in `warnings`.
+  // Returns "EOS", the text of the first error, or "timeout". Earlier warnings are in `warnings`.
   std::string wait(GstClockTime timeout = 20 * GST_SECOND) {
     GstBus* bus = gst_element_get_bus(pipeline_);
     const gint64 end = g_get_monotonic_time() + static_cast<gint64>(timeout / GST_USECOND);
@@ -86,7 +84,6 @@ class CameraPipeline {
     gst_clear_message(&message);
     return text;
   }
-  // Plays to the end.
   std::string play() {
     set_state(GST_STATE_PLAYING);
     const std::string text = wait();
@@ -96,11 +93,11 @@ class CameraPipeline {
 
   GstElement* pipeline() { return pipeline_; }
   GstElement* camera() { return camera_; }
-  GstPad* pad() { return pad_; }  // of the sink
-  // Read these in state NULL (or while nothing flows).
+  GstPad* pad() { return pad_; }
+  // Read these members only in state NULL, or while no data flows.
   std::vector<Frame> frames;
-  std::vector<std::string> items;  // names of events, "buffer"
-  std::string warnings;            // their texts, one behind another
+  std::vector<std::string> items;  // event names, or "buffer"
+  std::string warnings;            // concatenated texts
   GstVideoInfo info{};
   guint camera_index = G_MAXUINT;
   guint64 rig_hash = 0;
@@ -153,7 +150,6 @@ class CameraPipeline {
   GstPad* pad_;
 };
 
-// lfcamsrc beside files of all kinds that it may read.
 class CamSrcTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() { files = new CameraFiles; }
@@ -161,7 +157,6 @@ class CamSrcTest : public ::testing::Test {
     delete files;
     files = nullptr;
   }
-  // A rig of one camera.
   static std::string rig_with(const std::function<void(Camera&)>& edit) { return files->save("rig.json", 1, edit); }
   static std::string rig_with_source(const std::string& source) {
     return rig_with([&](Camera& camera) { camera.source = source; });

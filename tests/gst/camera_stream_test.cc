@@ -15,8 +15,8 @@ BufferPtr picture(bool is_key) {
   return buffer;
 }
 
-TEST(CodedPicturesTest, BeginWithAKeyFrame) {
-  CodedPictures pictures;
+TEST(PendingCodedFramesTest, BeginWithAKeyFrame) {
+  PendingCodedFrames pictures;
   EXPECT_FALSE(pictures.admits(picture(false).get()));
   EXPECT_TRUE(pictures.admits(picture(true).get()));
   EXPECT_TRUE(pictures.admits(picture(false).get()));
@@ -24,26 +24,26 @@ TEST(CodedPicturesTest, BeginWithAKeyFrame) {
   EXPECT_FALSE(pictures.admits(picture(false).get()));
 }
 
-TEST(CodedPicturesTest, WaitFromAKeyFrameOn) {
-  CodedPictures pictures;
+TEST(PendingCodedFramesTest, WaitFromAKeyFrameOn) {
+  PendingCodedFrames pictures;
   for (GstClockTime i = 0; i < 5; i++) pictures.wait(picture(i == 2).get(), i * kPeriod);
   const auto waiting = pictures.take_waiting();
   ASSERT_EQ(waiting.size(), 3u);
   EXPECT_EQ(waiting[0].taken, 2 * kPeriod);
   EXPECT_TRUE(pictures.take_waiting().empty());
-  EXPECT_TRUE(pictures.admits(picture(false).get())) << "its key frame was among those";
+  EXPECT_TRUE(pictures.admits(picture(false).get())) << "the key frame was admitted";
 }
 
-TEST(CodedPicturesTest, ThoseOfADecoderThatGivesNothingAreLetGo) {
-  CodedPictures pictures;
-  for (size_t i = 0; i < CodedPictures::kMostWaiting + 5; i++) pictures.wait(picture(i == 0).get(), i * kPeriod);
+TEST(PendingCodedFramesTest, ThoseOfADecoderThatGivesNothingAreLetGo) {
+  PendingCodedFrames pictures;
+  for (size_t i = 0; i < PendingCodedFrames::kMaxPending + 5; i++) pictures.wait(picture(i == 0).get(), i * kPeriod);
   EXPECT_TRUE(pictures.take_waiting().empty());
   EXPECT_FALSE(pictures.admits(picture(false).get()));
 }
 
-// A sender tells its time when the film has begun: 200 ms less than was thought.
-TEST(CodedPicturesTest, CaptureTimesGoOn) {
-  CodedPictures pictures;
+// A sender report that arrives after the first frames shifts the capture times by -200 ms.
+TEST(PendingCodedFramesTest, CaptureTimesGoOn) {
+  PendingCodedFrames pictures;
   constexpr GstClockTime kBegin = 1000 * GST_SECOND, kJump = GST_SECOND / 5;
   GstClockTime before = 0;
   for (GstClockTime i = 0; i < 30; i++) {
@@ -58,15 +58,14 @@ TEST(CodedPicturesTest, CaptureTimesGoOn) {
   }
 }
 
-TEST(CodedPicturesTest, TimesMayBeInAnotherOrder) {
-  CodedPictures pictures;
+TEST(PendingCodedFramesTest, TimesMayBeInAnotherOrder) {
+  PendingCodedFrames pictures;
   for (const GstClockTime i : {0, 3, 1, 2, 6, 4, 5})
     EXPECT_EQ(pictures.in_order(i * kPeriod, GST_SECOND + i * kPeriod), GST_SECOND + i * kPeriod) << i;
 }
 
-// Whose clock is set back is for who keeps the pictures to see.
-TEST(CodedPicturesTest, AClockThatIsSetBackIs) {
-  CodedPictures pictures;
+TEST(PendingCodedFramesTest, AClockThatIsSetBackIs) {
+  PendingCodedFrames pictures;
   pictures.in_order(kPeriod, 100 * GST_SECOND);
   EXPECT_EQ(pictures.in_order(2 * kPeriod, 40 * GST_SECOND), 40 * GST_SECOND);
 }

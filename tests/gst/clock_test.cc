@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Pipelines that share a clock and nothing else: each has its own base time.
+// Pipelines that share only a clock: each has its own base time.
 #include <gst/app/gstappsrc.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/schedule.h"
-#include "common/day_clock.h"
+#include "common/wall_clock.h"
 #include "gst/array_fixture.h"
 #include "gst/gst_test.h"
 #include "support/answers.h"
@@ -35,9 +35,9 @@ GstPadProbeReturn note_answer(GstPad*, GstPadProbeInfo* info, gpointer data) {
   return GST_PAD_PROBE_OK;
 }
 
-// What leaves `pad` goes into `appsrc` too.
 GstPadProbeReturn relay(GstPad*, GstPadProbeInfo* info, gpointer appsrc) {
-  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_copy(GST_PAD_PROBE_INFO_BUFFER(info)));  // it stamps it anew
+  // appsrc sets new timestamps
+  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_copy(GST_PAD_PROBE_INFO_BUFFER(info)));
   return GST_PAD_PROBE_OK;
 }
 
@@ -49,9 +49,8 @@ void probe(GstElement* pipeline, const char* element, const char* pad_name, GstP
   gst_object_unref(pad);
 }
 
-// A node that began earlier, at another base time, answers what a viewer's pipeline asks: the realtime clock is all
-// that they share, as do hosts whose clocks chrony or PTP keeps together. The cameras film at the instants of the
-// schedule, so that skew is 0 but for frames that were late.
+// Node and viewer pipelines have different base times and share only the realtime clock, like hosts synchronised by
+// chrony or PTP. The cameras capture on the schedule, so the skew is 0 except for late frames.
 TEST(ClockSelect, NodeAndViewerMeetOnTheSchedule) {
   const ArrayFixture array;
   const std::string rig = " is-live=true framerate=5/1 rig=" + array.rig_path() + " ";
@@ -85,7 +84,7 @@ TEST(ClockSelect, NodeAndViewerMeetOnTheSchedule) {
   gst_element_set_state(node.get(), GST_STATE_NULL);
 }
 
-// What gst-launch-1.0 has for production: all elements are on the realtime clock.
+// In production, gst-launch-1.0 puts all elements on the realtime clock.
 TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
   const ArrayFixture array;
   const std::string rig = " rig=" + array.rig_path() + " is-live=true framerate=5/1 ";
@@ -103,7 +102,7 @@ TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
     near = 0;
     for (const wire::Answer& answer : answers.seen) {
       EXPECT_GT(answer.target_time + GST_SECOND, before);
-      near += answer.actual_time == answer.target_time;  // the scene is filmed at the instants of the schedule
+      near += answer.actual_time == answer.target_time;  // the scene is captured on the schedule
     }
   }
   EXPECT_GE(near, 5u);
@@ -112,27 +111,27 @@ TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
 
 GstClockTimeDiff day_now() { return g_get_real_time() * GST_USECOND; }
 
-// Makes a clock that shows another time, as if somebody had set the time of day by so much the other way.
+// Shifts the clock by `step`, as if the time of day had been set.
 void set_day(GstClock* clock, GstClockTimeDiff step) {
   GstClockTime internal, external, numerator, denominator;
   gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
   gst_clock_set_calibration(clock, internal, external - static_cast<GstClockTime>(step), numerator, denominator);
 }
 
-TEST(DayClock, BeginsAsTheTimeOfDay) {
-  g_autoptr(GstClock) clock = new_day_clock();
+TEST(WallClock, BeginsAsTheTimeOfDay) {
+  g_autoptr(GstClock) clock = new_wall_clock();
   EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)), static_cast<double>(day_now()), 1e8);
-  EXPECT_EQ(day_offset(clock), 0);
+  EXPECT_EQ(wall_offset(clock), 0);
   g_autoptr(GstClock) other = gst_system_clock_obtain();
-  EXPECT_EQ(day_offset(other), 0) << "times of other clocks are those of who chose the clock";
+  EXPECT_EQ(wall_offset(other), 0) << "no offset for clocks selected by the application";
 }
 
-TEST(DayClock, GoesOnWhenTheTimeOfDayIsSet) {
+TEST(WallClock, GoesOnWhenTheTimeOfDayIsSet) {
   for (const GstClockTimeDiff step : {600 * GST_SECOND, -3600 * GST_SECOND, 50 * GST_MSECOND}) {
-    g_autoptr(GstClock) clock = new_day_clock();
+    g_autoptr(GstClock) clock = new_wall_clock();
     set_day(clock, step);
-    EXPECT_NEAR(static_cast<double>(day_offset(clock)), static_cast<double>(step), 2e6);
-    EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)) + static_cast<double>(day_offset(clock)),
+    EXPECT_NEAR(static_cast<double>(wall_offset(clock)), static_cast<double>(step), 2e6);
+    EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)) + static_cast<double>(wall_offset(clock)),
                 static_cast<double>(day_now()), 1e8);
     const GstClockTime before = gst_clock_get_time(clock);
     g_usleep(2000);
@@ -140,20 +139,19 @@ TEST(DayClock, GoesOnWhenTheTimeOfDayIsSet) {
   }
 }
 
-TEST(DayClock, AStepIsToldOnce) {
+TEST(WallClock, AStepIsToldOnce) {
   const ElementPtr pipeline = launch("fakesrc name=e ! fakesink");
-  g_autoptr(GstClock) clock = new_day_clock();
+  g_autoptr(GstClock) clock = new_wall_clock();
   const ElementPtr e(gst_bin_get_by_name(GST_BIN(pipeline.get()), "e"));
   gst_element_set_clock(e.get(), clock);
   set_day(clock, -40 * static_cast<GstClockTimeDiff>(GST_SECOND));
-  for (int i = 0; i < 5; i++) EXPECT_LT(day_offset(e.get()), 0);
+  for (int i = 0; i < 5; i++) EXPECT_LT(wall_offset(e.get()), 0);
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
   const std::vector<std::string> told = all_warnings_on(bus);
   ASSERT_EQ(told.size(), 1u);
   EXPECT_NE(told[0].find("set back by 40.0"), std::string::npos) << told[0];
 }
 
-// Which clock a pipeline has is for whoever writes it to say.
 TEST(Clocks, CamerasNodesAndRequestsGiveNone) {
   const ArrayFixture array;
   for (const std::string element : {"lfcamsrc", "lfcameranode", "lfviewrequest"}) {

@@ -46,7 +46,7 @@ void hooked_aggregator_init(HookedAggregator*) {}
 
 }  // namespace
 
-GstElement* new_hooked_aggregator(Hooks* hooks) {
+GstElement* new_test_aggregator(Hooks* hooks) {
   auto* element = static_cast<HookedAggregator*>(g_object_new(hooked_aggregator_get_type(), nullptr));
   element->hooks = hooks;
   return GST_ELEMENT(element);

@@ -18,20 +18,17 @@
 
 namespace lf::test {
 
-// A GstAggregator for the parts of lfcompositor that work in one. What its base class asks of it goes to the functions
-// that are set.
 struct Hooks {
-  std::function<void()> aggregate = [] {};  // every pad has a buffer, which is dropped then
+  std::function<void()> aggregate = [] {};
   std::function<void()> negotiate = [] {};
   std::function<GstFlowReturn(GstCaps* downstream, GstCaps** caps)> update_caps;
   std::function<bool(GstCaps* caps)> negotiated;
   std::function<bool(GstQuery* query)> allocation;
 };
 
-// Owned by the caller, floating. `hooks` must outlive it.
-GstElement* new_hooked_aggregator(Hooks* hooks);
+// Returns a floating reference. `hooks` must outlive the element.
+GstElement* new_test_aggregator(Hooks* hooks);
 
-// lfcompositor with its request and src pads in one harness and a harness for each node.
 class LfCompositorTest : public testing::Test {
  protected:
   void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {},
@@ -52,12 +49,11 @@ class LfCompositorTest : public testing::Test {
 
   void request(const ViewRequest& request) {
     GstBuffer* buffer = to_buffer(wire::encode_request(request));
-    GST_BUFFER_PTS(buffer) = request.target_time;  // the tests' requests ask for the time they leave at
+    GST_BUFFER_PTS(buffer) = request.target_time;  // requests leave at their target time
     GST_BUFFER_DURATION(buffer) = kFrame;
     ASSERT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
   }
 
-  // What a node with these cameras answers, all of one grey value.
   wire::Answer answer_of(const ViewRequest& request, std::vector<CameraIndex> cameras, uint8_t grey = 200,
                          PixelFamily family = PixelFamily::kRgb) {
     const Rig& rig = array_.rig();
@@ -74,7 +70,6 @@ class LfCompositorTest : public testing::Test {
               GST_FLOW_OK);
   }
 
-  // Asks for a view, and answers it with these cameras for node 0.
   ViewRequest ask_and_answer(uint32_t sequence, uint64_t time, const std::vector<CameraIndex>& cameras) {
     const ViewRequest asked = array_.request(sequence, time);
     request(asked);

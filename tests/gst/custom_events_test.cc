@@ -10,11 +10,11 @@ namespace {
 
 using EventPtr = std::unique_ptr<GstEvent, void (*)(GstEvent*)>;
 
-// By way of a copy, as elements make one where they write into an event.
+// Copies the event, as elements do to make it writable.
 std::shared_ptr<const ViewFeedback> there_and_back(const ViewFeedback& feedback) {
   const EventPtr event(view_feedback_event(feedback), gst_event_unref);
   const EventPtr copy(gst_event_copy(event.get()), gst_event_unref);
-  EXPECT_EQ(parse_view_feedback(copy.get()), parse_view_feedback(event.get())) << "it is shared";
+  EXPECT_EQ(parse_view_feedback(copy.get()), parse_view_feedback(event.get())) << "shared";
   return parse_view_feedback(copy.get());
 }
 
@@ -34,7 +34,7 @@ ViewRequest some_request() {
 
 TEST(ViewFeedback, EachPartComesBack) {
   const ViewRequest request = some_request();
-  FocusControl::Plan plan{.view = request.view, .trials = {{Trial::Kind::kPlane, 200}}, .on_plane = true};
+  DepthEstimator::Plan plan{.view = request.view, .trials = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
   plan.plane = Plane{{0, 0, 1}, 1.5};
   FocalMap map = FocalMap::for_view(64, 48);
   map.farthest = 0.05;
@@ -45,7 +45,7 @@ TEST(ViewFeedback, EachPartComesBack) {
   ViewRequest probe = request;
   probe.probe = true;
   const ViewFeedback sent{.view_id = 7,
-                          .focus = FoundFocus{12, plan, {.use = true}},
+                          .focus = DepthEstimate{12, plan, {.use = true}},
                           .out_of_service = CameraSet{0, 5, 63},
                           .extra_requests = {request, probe}};
   const std::shared_ptr<const ViewFeedback> came = there_and_back(sent);
@@ -63,7 +63,7 @@ TEST(ViewFeedback, EachPartComesBack) {
   EXPECT_EQ(came->extra_requests, sent.extra_requests);
 }
 
-// A set without cameras says that all are back, and no set says nothing of them.
+// An empty set means that all cameras are back; no set means no change.
 TEST(ViewFeedback, PartsThatAreNotThere) {
   const std::shared_ptr<const ViewFeedback> back = there_and_back({.view_id = 1, .out_of_service = CameraSet{}});
   ASSERT_TRUE(back);
@@ -77,12 +77,12 @@ TEST(ViewFeedback, PartsThatAreNotThere) {
 
 TEST(ViewFeedback, AnotherEventIsNone) {
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty("another")).get()));
-  EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get())) << "no feedback";
+  EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get()))
+      << "no feedback";
   const EventPtr eos(gst_event_new_eos(), gst_event_unref);
   EXPECT_FALSE(parse_view_feedback(eos.get()));
 }
 
-// An application may send an event of that name, too.
 TEST(ViewFeedback, AnotherFieldIsNone) {
   GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "feedback", G_TYPE_UINT, 3, nullptr);
   EXPECT_FALSE(parse_view_feedback(custom_event(structure).get()));

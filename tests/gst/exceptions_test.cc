@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// What is thrown ends in an error or a refusal and never in GStreamer's C, nor does it leave anything locked: each of
-// the places where memory runs out is tried, by operators new of this program that fail at the nth call.
+// Exceptions become errors or refusals, never reach GStreamer's C code, and leave no lock held. Tests make each
+// allocation fail in turn with a replaced operator new.
 #include <gmock/gmock.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@
 
 namespace {
 
-std::atomic<int> left = -1;  // calls until one fails; negative: none does
+std::atomic<int> left = -1;  // allocations until one fails; negative: no failure
 
 void* allocate(std::size_t size, std::size_t alignment) {
   if (left >= 0 && left-- == 0) throw std::bad_alloc();
@@ -29,7 +29,6 @@ void* allocate(std::size_t size, std::size_t alignment) {
 
 }  // namespace
 
-// What malloc gave is given back to free.
 #pragma GCC diagnostic ignored "-Wmismatched-new-delete"
 
 void* operator new(std::size_t size) { return allocate(size, 0); }
@@ -56,11 +55,11 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { s
 namespace lf::test {
 namespace {
 
-// Calls `use` on a new element for each place where its memory may run out. `prepare` and what takes the element down
-// have all they need.
+// Calls `use` on a new element once per allocation and lets that allocation fail. `prepare` and the teardown do not
+// fail.
 class Exceptions : public testing::Test {
  protected:
-  // The rig is read already: nlohmann's JSON ends the program where a destructor of its finds no memory.
+  // Reads the rig in advance: nlohmann::json terminates the program if a destructor cannot allocate.
   Exceptions() : has_rig_(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr)))) {
     set_rig(has_rig_.get());
     EXPECT_EQ(gst_element_set_state(has_rig_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS);
@@ -141,7 +140,7 @@ TEST_F(Exceptions, InStateChanges) {
   EXPECT_GT(places_, 100);
 }
 
-// With everything inside that a run has made.
+// Tears down bins with everything that a run creates inside.
 TEST_F(Exceptions, WhereBinsGo) {
   const auto each_place_of_going = [&](const char* factory, const Step& prepare) {
     SCOPED_TRACE(factory);
@@ -199,7 +198,6 @@ TEST_F(Exceptions, WhereCamerasAnswer) {
       });
 }
 
-// What is thrown while a request is answered costs that answer, and the next one comes.
 TEST_F(Exceptions, AnAnswerAndNoMore) {
   const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
   const std::string caps = ArrayFixture::caps("RGB");
@@ -292,7 +290,6 @@ TEST_F(Exceptions, WhereRequestsAreMade) {
       [&](GstElement* element) { set_rig(element); });
 }
 
-// What is thrown while a request is made costs that request, and the next ones leave.
 TEST_F(Exceptions, ARequestAndNoMore) {
   constexpr int kRequests = 4;
   struct Passed {
@@ -327,7 +324,6 @@ TEST_F(Exceptions, ARequestAndNoMore) {
   EXPECT_GE(places_, 5);
 }
 
-// Who is told: an error says what it was.
 TEST_F(Exceptions, AnErrorSaysSo) {
   const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
   set_rig(element.get());
@@ -345,7 +341,7 @@ TEST_F(Exceptions, AnErrorSaysSo) {
   gst_element_set_bus(element.get(), nullptr);
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS)
-      << "it is all right again";
+      << "recovered";
   gst_element_set_state(element.get(), GST_STATE_NULL);
 }
 

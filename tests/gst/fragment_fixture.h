@@ -14,7 +14,6 @@
 
 namespace lf::test {
 
-// lffragment with its request and src pads in one harness and a harness for each camera pad.
 class LfFragmentTest : public testing::Test {
  protected:
   void start(int cameras, const char* format = "RGB", bool live = false) {
@@ -60,7 +59,6 @@ class LfFragmentTest : public testing::Test {
     return answer.value_or(wire::Answer{});
   }
 
-  // The picture that the answer makes, as its smallest and largest byte.
   std::pair<int, int> picture_range(const ViewRequest& request, const wire::Answer& answer) {
     Assembly assembly;
     assembly.begin(request);
@@ -71,12 +69,10 @@ class LfFragmentTest : public testing::Test {
     return {*low, *high};
   }
 
-  // Keeps what the element posts from here on.
   void listen() {
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
   }
-  // The texts of the warnings, or errors, since the last call.
   std::vector<std::string> warnings(GstMessageType type = GST_MESSAGE_WARNING) {
     std::vector<std::string> texts;
     while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), type)) {

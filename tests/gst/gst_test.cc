@@ -89,10 +89,10 @@ std::string warnings_on(GstBus* bus) {
   return all;
 }
 
-bool comes_to_end(GstHarness* harness) {
+bool reaches_eos(GstHarness* harness) {
   bool ended = false;
   while (!ended) {
-    GstEvent* event = gst_harness_pull_event(harness);  // gives up after a minute
+    GstEvent* event = gst_harness_pull_event(harness);  // times out after a minute
     if (!event) break;
     ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
     gst_event_unref(event);
@@ -119,9 +119,9 @@ TempFile::~TempFile() {
 
 namespace {
 
-// Criticals that other libraries cause alone.
+// Criticals that other libraries cause on their own.
 constexpr const char* kAllowed[] = {
-    // rtspsrc forgets the sequence number of its segment when it stops, also while its jitter buffer adds a pad (1.22).
+    // rtspsrc loses its segment's sequence number if it stops while its jitter buffer adds a pad (1.22).
     "gst_event_set_seqnum: assertion 'seqnum != GST_SEQNUM_INVALID' failed",
 };
 
@@ -134,7 +134,7 @@ void end_at_criticals(const gchar* domain, GLogLevelFlags level, const gchar* me
 }  // namespace
 
 int main(int argc, char** argv) {
-  // A registry of our own: the tests neither use nor change the user's.
+  // Tests neither use nor change the user's registry.
   g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, TRUE);
   g_setenv("GST_REGISTRY", LF_PLUGIN_DIR "/test-registry.bin", TRUE);
   testing::InitGoogleTest(&argc, argv);
@@ -142,6 +142,6 @@ int main(int argc, char** argv) {
   if (!lf::test::select_files(argc, argv)) return 2;
   g_log_set_default_handler(end_at_criticals, nullptr);
   const int result = RUN_ALL_TESTS();
-  gst_deinit();  // lets the leaks tracer report
+  gst_deinit();  // triggers the report of the leaks tracer
   return result;
 }

@@ -57,7 +57,6 @@ TEST(GroupedReasons, KindsStayApart) {
             "rig.json: camera 5: no such file");
 }
 
-// lfcameranode in a harness: requests in, answers out. The cameras of the array have no files: they film the scene.
 class LfCameraNodeTest : public testing::Test {
  protected:
   GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
@@ -68,7 +67,7 @@ class LfCameraNodeTest : public testing::Test {
   }
   void play() {
     harness_.reset(gst_harness_new_with_element(node_.get(), "request", "src"));
-    gst_harness_set_live(harness_.get(), FALSE);  // answers wait for the frames they need
+    gst_harness_set_live(harness_.get(), FALSE);  // answers wait for their frames
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
   }
   wire::Answer ask(uint32_t sequence) { return ask(sequence, array_.rig().hash()); }
@@ -87,7 +86,7 @@ class LfCameraNodeTest : public testing::Test {
   }
   static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) { return seeing(answer); }
 
-  // Puts the node into a pipeline of its own and changes its state: "" or the text of the error it posted.
+  // Changes the state of a pipeline with the node. Returns "" or the text of the error message.
   static std::string error_of(const std::string& properties, GstStateChangeReturn* result) {
     const ElementPtr pipeline = launch("lfcameranode name=n " + properties + " ! fakesink");
     *result = gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
@@ -107,7 +106,7 @@ class LfCameraNodeTest : public testing::Test {
 
   ArrayFixture array_;
   ElementPtr node_;
-  HarnessPtr harness_;  // goes first: it stops the node
+  HarnessPtr harness_;  // destroyed first, which stops the node
 };
 
 TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
@@ -118,21 +117,20 @@ TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
     EXPECT_EQ(answer.node, 7u);
     EXPECT_EQ(answer.sequence, sequence);
     EXPECT_EQ(answer.rig_hash, array_.rig().hash());
-    EXPECT_EQ(answer.actual_time, sequence * 100 * GST_MSECOND) << "the frame of that time";
+    EXPECT_EQ(answer.actual_time, sequence * 100 * GST_MSECOND) << "frame at the requested time";
     EXPECT_THAT(cameras_of(answer), ElementsAre(0, 1, 2, 3));
   }
   EXPECT_EQ(stat(node_.get(), "answers"), 3u);
 }
 
 TEST_F(LfCameraNodeTest, ElementsOfARigThatMayWriteNeedTrust) {
-  const OtherRig described(array_.rig(), [](Rig& rig) {
+  const ModifiedRig described(array_.rig(), [](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = "videotestsrc ! tee name=t t. ! queue";
   });
   GstStateChangeReturn result;
   EXPECT_THAT(error_of("rig=" + described.path(), &result), HasSubstr("its source has tee"));
   EXPECT_EQ(error_of("trusted=true rig=" + described.path(), &result), "");
   EXPECT_NE(result, GST_STATE_CHANGE_FAILURE);
-  // Bins around it hand the property on.
   for (const char* factory : {"lfnodesink", "lfviewsrc"}) {
     const ElementPtr bin(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
     g_object_set(bin.get(), "trusted", TRUE, "rig", described.path().c_str(), nullptr);
@@ -203,10 +201,10 @@ TEST_F(LfCameraNodeTest, EndOfRequestsIsTheEndOfAnswers) {
   play();
   ask(0);
   EXPECT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_eos()));
-  EXPECT_TRUE(comes_to_end(harness_.get()));
+  EXPECT_TRUE(reaches_eos(harness_.get()));
 }
 
-// The cameras wait in lffragment for requests that never come.
+// The cameras block in lffragment because no requests arrive.
 TEST_F(LfCameraNodeTest, StopsWhileItsCamerasAreBlocked) {
   GstElement* node = make();
   for (int i = 0; i < 30; ++i) {
@@ -214,12 +212,12 @@ TEST_F(LfCameraNodeTest, StopsWhileItsCamerasAreBlocked) {
          {GST_STATE_PAUSED, GST_STATE_PLAYING, GST_STATE_PAUSED, GST_STATE_READY, GST_STATE_PLAYING, GST_STATE_NULL}) {
       gst_element_set_state(node, state);
       ASSERT_NE(gst_element_get_state(node, nullptr, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_FAILURE);
-      if (i % 3 == 0) g_usleep(2000);  // some get as far as to be blocked
+      if (i % 3 == 0) g_usleep(2000);
     }
     ASSERT_EQ(GST_BIN_NUMCHILDREN(node), 1) << "only lffragment stays";
   }
   const ElementPtr fragment(gst_bin_get_by_name(GST_BIN(node), "fragment"));
-  EXPECT_EQ(fragment->numsinkpads, 1) << "the pads of the cameras are given back";
+  EXPECT_EQ(fragment->numsinkpads, 1) << "camera pads are released";
 }
 
 TEST_F(LfCameraNodeTest, AnswersAgainAfterEachRestart) {
@@ -243,7 +241,6 @@ TEST_F(LfCameraNodeTest, PropertiesSetInReadyCount) {
 
 TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
   const CameraFiles files;
-  // The array's cameras, with films of another size.
   const std::string rig = files.save("rig.json", 3, [](Camera& camera) { camera.source = "mjpeg.mkv"; });
   const ElementPtr pipeline =
       launch("lfviewrequest name=r num-buffers=20 framerate=15/1 width=64 height=48 ! lfcameranode rig=" + rig +
@@ -255,7 +252,7 @@ TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
   EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
 }
 
-// Frames stay compressed up to the view; at every stage of starting.
+// Frames stay compressed until they are rendered; stops at every stage of starting.
 TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
   const CameraFiles files;
   for (const std::string source : {"mjpeg.mkv", "jpeg_%02d.jpg", "mjpeg.avi"}) {
@@ -304,9 +301,9 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
 }
 
 TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
-  const OtherRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
-  const OtherRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
-  const OtherRig smaller(array_.rig(), [](Rig& rig) {
+  const ModifiedRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
+  const ModifiedRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
+  const ModifiedRig smaller(array_.rig(), [](Rig& rig) {
     rig.cameras.pop_back();
     rig.topology = {};
   });
@@ -317,9 +314,9 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
   EXPECT_EQ(seeing(ask(0)).size(), 4u);
   g_object_set(node_.get(), "rig", calibrated.path().c_str(), nullptr);
   EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
-  for (const OtherRig* other : {&moved, &smaller}) {
+  for (const ModifiedRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
-    EXPECT_THAT(warnings_on(bus.get()), testing::AllOf(HasSubstr(other->path()), HasSubstr("started anew")));
+    EXPECT_THAT(warnings_on(bus.get()), testing::AllOf(HasSubstr(other->path()), HasSubstr("restart this node")));
     g_autofree gchar* kept = nullptr;
     g_object_get(node_.get(), "rig", &kept, nullptr);
     EXPECT_EQ(kept, calibrated.path());
@@ -333,7 +330,6 @@ TEST_F(LfCameraNodeTest, LiveCamerasMakeALiveNode) {
   gst_element_set_state(node, GST_STATE_NULL);
 }
 
-// lfcameranode record=...: what is on disk, whatever happens to cameras and to the disk.
 class LfCameraNodeRecordingTest : public LossTest {
  protected:
   std::string folder() const { return dir_ / "recording"; }
@@ -341,7 +337,6 @@ class LfCameraNodeRecordingTest : public LossTest {
   std::string line_of(const std::string& rig, const std::string& more = "") const {
     return line(rig, 1, "is-live=true loop=true record=" + folder() + " " + more);
   }
-  // Of one of the cameras in the node's stats.
   static uint64_t count(GstElement* node, int id, const char* field) {
     GstStructure* stats = nullptr;
     g_object_get(node, "stats", &stats, nullptr);
@@ -371,12 +366,12 @@ TEST_F(LfCameraNodeRecordingTest, WhatCamerasGiveIsInTheirFiles) {
     EXPECT_LT(film.times.front(), GST_SECOND);
     EXPECT_TRUE(std::ranges::is_sorted(film.times));
   }
-  EXPECT_FALSE(std::filesystem::exists(file(1))) << "another node's";
+  EXPECT_FALSE(std::filesystem::exists(file(1))) << "camera of another node";
   EXPECT_EQ(load_rig(folder() + "/rig.json").cameras[1].source, "camera1.mkv");
   EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
-// A film that is live, over and over: each round from its key frame on, as it is in the film.
+// A looping live file: each round is recorded from its key frame on, unchanged.
 TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   const auto film = slices_of(read_recorded(files->path("h264.mkv")));
@@ -398,7 +393,7 @@ TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
     for (size_t i = 1; i < slices.size(); i++)
       EXPECT_NEAR(static_cast<double>(recording.times[i] - recording.times[i - 1]) / GST_SECOND, 1.0 / 15, 2e-3) << i;
   }
-  EXPECT_NEAR(ends[0], ends[1], 4e4) << "all begin again together in a loop";
+  EXPECT_NEAR(ends[0], ends[1], 4e4) << "all cameras loop together";
 }
 
 TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
@@ -410,21 +405,20 @@ TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
     if (first)
       EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5; }));
     else
-      EXPECT_THAT(pipeline.errors(),
-                  testing::ElementsAre(HasSubstr(folder() + ": there is a recording in it already")));
+      EXPECT_THAT(pipeline.errors(), testing::ElementsAre(HasSubstr(folder() + ": contains a recording already")));
     pipeline.set_state(GST_STATE_NULL);
     EXPECT_GT(read_recorded(file(0)).times.size(), 4u);
   }
 }
 
-// What a kill would leave is what the file has without its end: in PAUSED, nothing more comes.
+// In PAUSED nothing more is written, so the file is in the state that a killed process would leave.
 TEST_F(LfCameraNodeRecordingTest, AllButTheNewestFrameIsOnDiskMeanwhile) {
   const ElementPtr pipeline = launch(line_of(rig(2, [](guint) { return "mjpeg.mkv"; })));
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   const ElementPtr node = child(pipeline.get(), "n");
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
-  g_usleep(200000);  // a frame may have been on its way
+  g_usleep(200000);
   for (const int camera : {0, 1}) {
     const uint64_t frames = recorded(node.get(), camera);
     EXPECT_TRUE(eventually([&] {
@@ -448,7 +442,7 @@ TEST_F(LfCameraNodeRecordingTest, ACameraThatComesBackGoesOnInItsFile) {
   pipeline.stop();
   const std::vector<GstClockTime> times = read_recorded(file(1)).times;
   ASSERT_GT(times.size(), before);
-  EXPECT_GT(times[before] - times[before - 1], GST_SECOND) << "no frames while there was no camera";
+  EXPECT_GT(times[before] - times[before - 1], GST_SECOND) << "no frames without a camera";
   const std::vector<GstClockTime> meanwhile = read_recorded(file(0)).times;
   ASSERT_GT(meanwhile.size(), other);
   EXPECT_LT(meanwhile[other - 1], times[before]) << "the cameras stay in step";
@@ -473,14 +467,14 @@ TEST_F(LfCameraNodeRecordingTest, AFullDiskEndsTheRecordingAndNothingElse) {
     EXPECT_TRUE(eventually([&] { return has_stopped() == 1; }));
     const int then = pictures.count();
     EXPECT_TRUE(eventually([&] { return pictures.count() > then + 10; }));
-    EXPECT_EQ(has_stopped(), 1) << "told once";
+    EXPECT_EQ(has_stopped(), 1) << "one message only";
     pipeline.stop();
     EXPECT_GT(read_recorded(dir_ / "disk/r/camera0.mkv").times.size(), 10u);
   }
   EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
 }
 
-// A film that is not live is recorded as fast as it is asked for, with the times that it has.
+// A non-live file is recorded at the speed of the requests, with its own timestamps.
 TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
   const std::string film = rig(2, [](guint) { return "mjpeg.mkv"; });
   EXPECT_EQ(run("lfviewrequest rig=" + film +
@@ -494,7 +488,6 @@ TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
   EXPECT_NEAR(static_cast<double>(times[5]), 5.0 * GST_SECOND / 15, 1e6);
 }
 
-// The bins around a node have its property.
 TEST_F(LfCameraNodeRecordingTest, AViewSourceRecordsItsCameras) {
   const std::string source =
       "lfviewsrc name=v trusted=true rig=" + devices(2) + " width=64 height=48 record=" + folder();

@@ -31,8 +31,7 @@ namespace {
 
 using testing::HasSubstr;
 
-//
-// Network cameras: an RTSP server on loopback, where its library is installed.
+// Network cameras: an RTSP server on loopback, if gst-rtsp-server is installed.
 
 class RtspTest : public ::testing::Test {
  protected:
@@ -70,13 +69,13 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
     CameraPipeline camera("num-frames=10 latency=50000000 rig=" + rig(path));
     for (int i = 0; i < 4; ++i) {
       camera.frames.clear();
-      ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << path << ": live, said or not";
+      ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << path << ": always live";
       ASSERT_EQ(camera.play(), "EOS") << path << " " << i;
       ASSERT_EQ(camera.frames.size(), 10u);
       EXPECT_EQ(camera.info.width, 64);
       const GstClockTime base_time = gst_element_get_base_time(camera.pipeline());
       for (const Frame& frame : camera.frames) {
-        // As it came, or as the server says, which is the same machine.
+        // By arrival or by the sender's time: both are the same machine's clock.
         const GstClockTimeDiff age = GST_CLOCK_DIFF(frame.capture_time, base_time + frame.running_time);
         EXPECT_LT(std::abs(age), static_cast<GstClockTimeDiff>(2 * GST_SECOND)) << path;
         EXPECT_GT(frame.level, 220) << path << ": white";
@@ -85,7 +84,7 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
   }
 }
 
-// The server's sender reports come by and by: then frames have the times of day that it gives them.
+// Frames carry the server's time of day as soon as sender reports arrive.
 TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
   const ElementPtr pipeline =
       launch("lfcamsrc name=c latency=50000000 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
@@ -103,7 +102,7 @@ TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
   for (int i = 0; i < 600 && capture_time() != "sender-reports"; ++i) g_usleep(50000);
   EXPECT_EQ(capture_time(), "sender-reports");
 
-  // The clock of what shows it is that of the server: so frames are as old as they are.
+  // The pipeline uses the server's clock, so the age of frames is correct.
   const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
   GstPad* pad = gst_element_get_static_pad(sink.get(), "sink");
   static std::atomic<int> frames, wrong;
@@ -144,7 +143,6 @@ TEST_F(RtspTest, ErrorsNameThePlace) {
               HasSubstr("camera 0 (cam_0): " + server->uri("/nothing")));
 }
 
-// Another client of the camera knows what it gives.
 TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   const TempDir dir;
@@ -175,7 +173,7 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   ASSERT_GT(kept.size(), 10u) << came.size();
   EXPECT_EQ(recorded.kind, "video/x-h264");
   EXPECT_TRUE(recorded.keys[0]);
-  // Pictures of one colour have the same bytes time and again: the recording begins with one of those that are alike.
+  // Uniform pictures encode to identical bytes, so the recording may begin with any of the identical pictures.
   size_t most = 0;
   for (size_t begin = 0; begin < came.size(); begin++) {
     const size_t common = std::min(kept.size(), came.size() - begin);
@@ -186,7 +184,7 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
   EXPECT_GT(most, 10u);
 }
 
-// A node of a network camera, which is late, and a film: both are in the picture.
+// A node with a network camera, which has latency, and a file.
 TEST_F(RtspTest, BesideAFilmInOneNode) {
   const std::string rig = files->save(
       "mixed.json", 2, [](Camera& camera) { camera.source = camera.id == 0 ? server->uri("/jpeg") : "mjpeg.mkv"; });
@@ -197,7 +195,7 @@ TEST_F(RtspTest, BesideAFilmInOneNode) {
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
   uint64_t whole = 0, answers = 0, missing = 0;
-  for (int i = 0; i < 300 && whole < 10; ++i) {  // answers with a frame of both cameras
+  for (int i = 0; i < 300 && whole < 10; ++i) {
     const uint64_t missing_now = stat(node.get(), "missing-frames"), answers_now = stat(node.get(), "answers");
     if (missing_now == missing) whole += answers_now - answers;
     missing = missing_now;
@@ -209,15 +207,12 @@ TEST_F(RtspTest, BesideAFilmInOneNode) {
 }
 
 // --- HTTP ------------------------------------------------------------------------------------------------------------
-//
 // Network cameras that send Motion JPEG over HTTP, as mjpg-streamer, ESP32-CAM, OctoPrint and Axis do.
 
-// Answers one client at a time.
 class Server {
  public:
-  // Returns whether the client takes more of them.
+  // Returns false once the client has closed the connection.
   using Send = std::function<bool(const std::string& bytes)>;
-  // Called for each client that has said something.
   using Answer = std::function<void(const Send& send)>;
 
   explicit Server(Answer answer) : answer_(std::move(answer)) {
@@ -269,10 +264,9 @@ class Server {
 
 constexpr char kHeader[] = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n";
 
-// Sends the pictures jpeg_00.jpg, jpeg_01.jpg, ... of the fixture at 20 pictures/s.
 class MjpegServer : public Server {
  public:
-  // `most`: pictures after which a connection is closed.
+  // `most`: pictures per connection.
   MjpegServer(const CameraFiles& files, bool with_length, int most)
       : Server([pictures = load(files), with_length, most](const Send& send) {
           bool goes_on = send(kHeader);
@@ -309,7 +303,7 @@ TEST_F(CamSrcHttpTest, FramesAreDatedByTheirArrival) {
       ASSERT_EQ(camera.wait(), "EOS");
       camera.set_state(GST_STATE_NULL);
       ASSERT_EQ(camera.frames.size(), 12u);
-      // The first ones come together, as the kind of stream is found from them, and may have waited for PLAYING.
+      // The first frames arrive together because typefinding buffers them, and they may have waited for PLAYING.
       size_t first = 2;
       while (first < 6 && camera.frames[first - 1].running_time == 0) first++;
       for (size_t k = first; k < camera.frames.size(); k++) {
@@ -328,7 +322,7 @@ TEST_F(CamSrcHttpTest, StaysJpegForANode) {
             "");
 }
 
-// No second stream is waited for, which would take 10 s at pictures as small as these.
+// Waiting for a second stream would take 10 s with such small pictures.
 TEST_F(CamSrcHttpTest, StartsWithTheFirstPictures) {
   const MjpegServer server(*files, true, 1000);
   CameraPipeline camera("num-frames=1 is-live=true rig=" + rig_with_source(server.uri()));
@@ -344,7 +338,7 @@ TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
   EXPECT_GE(server.connections(), 3);
 }
 
-// A part without an end, and one of two gigabytes: what has been sent is kept until the part is complete.
+// Endless parts and parts of 2 GB are buffered only as far as data arrives.
 TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
   for (const std::string length : {"", "Content-Length: 2147483640\r\n"}) {
     size_t sent = 0;
@@ -355,7 +349,7 @@ TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
     });
     CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
     camera.set_state(GST_STATE_PLAYING);
-    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("it sends more than 64 MB without a picture"));
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("more than 64 MB received without a picture"));
     camera.set_state(GST_STATE_NULL);
     EXPECT_LT(sent, size_t{1} << 30);
   }
@@ -375,7 +369,7 @@ TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
   EXPECT_TRUE(camera.frames.empty());
 }
 
-// rtspsrc waits for the end of an answer as long as anything comes.
+// rtspsrc waits for the end of a response as long as data arrives.
 TEST_F(CamSrcHttpTest, ACameraThatNeverEndsItsAnswerIsLeftBehind) {
   const Server server([](const Server::Send& send) {
     for (bool goes_on = send("RTSP/1.0 200 OK\r\nCSeq: 1\r\nX: "); goes_on; goes_on = send("a"))
@@ -390,8 +384,6 @@ TEST_F(CamSrcHttpTest, ACameraThatNeverEndsItsAnswerIsLeftBehind) {
   EXPECT_LT(g_get_monotonic_time() - begin, 10'000'000);
 }
 
-//
-// One camera that fails, alone: an error, or with `retry` a gap in its stream.
 using testing::ElementsAre;
 using testing::IsEmpty;
 
@@ -426,7 +418,7 @@ TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
   EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
-// After days nobody could run through what a film that loops has shown since.
+// After days, decoding everything that a looping file has shown since would take too long.
 TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
   const std::string late = files->path("late.mkv");
   const WatchedPipeline pipeline(
@@ -453,7 +445,7 @@ TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
   std::filesystem::remove(late);
 }
 
-// Viewers would wait for frames that are late because their film has to come to where it is in its round first.
+// Frames would be late if the file had to play up to the current loop position first.
 TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
   const std::string late = files->path("late-long.mkv"), whole = files->path("whole-long.mkv");
   run_to_end(
@@ -477,7 +469,6 @@ TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
   pipeline.stop();
 }
 
-// In PAUSED, too; and the end that an application asks for comes while there is no camera.
 TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   failing_device(0).broken = true;
   const WatchedPipeline pipeline(camera("is-live=true retry=true trusted=true rig=" + devices(1)), GST_STATE_NULL);
@@ -490,7 +481,6 @@ TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); }));
 }
 
-// Of a file that is not live the frames after a gap follow those before it.
 TEST_F(RetryTest, RunningTimeGoesOn) {
   const std::string path = rig(1, [](guint) { return "late.mkv"; });
   const WatchedPipeline pipeline(camera("retry=true rig=" + path));

@@ -28,7 +28,7 @@ using testing::HasSubstr;
 enum class Moves { kYes, kNo, kScene };
 struct SourceCase {
   const char* name;
-  const char* source;  // "URI:" stands for the folder's URI
+  const char* source;  // "URI:" is replaced with the folder's URI
   const char* image;
   GstVideoFormat format;
   Moves moves;
@@ -80,7 +80,7 @@ TEST_P(CamSrcSourceTest, GivesAllFramesWithTrueCapsEventAndMeta) {
   EXPECT_EQ(camera.info.height, CameraFiles::kHeight);
   EXPECT_EQ(camera.info.fps_n, CameraFiles::kRate * camera.info.fps_d);
   if (GetParam().format == GST_VIDEO_FORMAT_I420 && !is_h264()) {
-    EXPECT_EQ(camera.info.colorimetry.range, GST_VIDEO_COLOR_RANGE_0_255) << "as JPEG has it";
+    EXPECT_EQ(camera.info.colorimetry.range, GST_VIDEO_COLOR_RANGE_0_255) << "as in JPEG";
   }
   ASSERT_EQ(camera.frames.size(), static_cast<size_t>(kFrames));
   for (int k = 0; k < kFrames; ++k) {
@@ -105,7 +105,7 @@ TEST_P(CamSrcSourceTest, GivesAllFramesWithTrueCapsEventAndMeta) {
 
 TEST_P(CamSrcSourceTest, GoesThroughAllStateChanges) {
   CameraPipeline camera("rig=" + rig() + " loop=true");
-  // Every change there is, those over several states included.
+  // Contains every state change, including those over several states.
   for (const GstState state :
        {GST_STATE_READY, GST_STATE_NULL, GST_STATE_READY, GST_STATE_PAUSED, GST_STATE_READY, GST_STATE_PAUSED,
         GST_STATE_PLAYING, GST_STATE_PAUSED, GST_STATE_PLAYING, GST_STATE_READY, GST_STATE_PLAYING, GST_STATE_NULL,
@@ -141,7 +141,7 @@ TEST_P(CamSrcSourceTest, LoopsWithRunningTimeGoingOn) {
       EXPECT_NEAR(frame.level, CameraFiles::grey_of(k % kFrames), 2) << k;
     }
   }
-  EXPECT_EQ(std::count(camera.items.begin(), camera.items.end(), "flush-start"), 0) << "the stream just goes on";
+  EXPECT_EQ(std::count(camera.items.begin(), camera.items.end(), "flush-start"), 0) << "the stream continues";
   EXPECT_EQ(std::count(camera.items.begin(), camera.items.end(), "eos"), 1);
 }
 
@@ -179,7 +179,7 @@ TEST_P(CamSrcSourceTest, LiveFramesComeAtTheirTime) {
   ASSERT_EQ(camera.frames.size(), static_cast<size_t>(kWanted));
   for (const Frame& frame : camera.frames)
     EXPECT_NEAR(frame.capture_time, base_time + frame.running_time, kPeriod + GST_MSECOND)
-        << "clock time, of the frame that is shown";
+        << "clock time of the displayed frame";
 }
 
 // --- Elements --------------------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ TEST_F(CamSrcElementsTest, AreReadAsGstLaunchDoes) {
         "videotestsrc pattern=white is-live=true ! queue"}) {
     CameraPipeline camera("num-frames=3 rig=" + rig_with_source(source));
     ASSERT_EQ(camera.play(), "EOS") << source;
-    EXPECT_EQ(camera.info.width, CameraFiles::kWidth) << "the rig's size is asked for";
+    EXPECT_EQ(camera.info.width, CameraFiles::kWidth) << "requests the rig's size";
     ASSERT_EQ(camera.frames.size(), 3u) << source;
     EXPECT_GE(camera.frames[0].level, 230) << source;
   }
@@ -220,7 +220,7 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
       {"videotestsrc none=1", "no property \"none\""},
       {"videotestsrc ! ! identity", "syntax error"},
       {"videotestsrc ! fakesink", "could not link"},
-      {"identity ! identity", "there is no source in it"},
+      {"identity ! identity", "no source element"},
       {"videotestsrc ! video/x-raw,width=32", "it gives no pictures of 64x48"},
   };
   for (const auto& [source, text] : cases) {
@@ -238,12 +238,12 @@ TEST_F(CamSrcElementsTest, ThatMayDoMoreThanGivePicturesNeedTrust) {
                                       ::testing::HasSubstr("trusted=true")));
   EXPECT_FALSE(std::filesystem::exists(written));
   EXPECT_EQ(CameraPipeline("trusted=true rig=" + rig_with_source(picture + writes)).play(), "EOS");
-  EXPECT_TRUE(std::filesystem::exists(written)) << "or the rig would have written nothing in any case";
+  EXPECT_TRUE(std::filesystem::exists(written)) << "otherwise the test proves nothing";
   std::filesystem::remove(written);
   EXPECT_EQ(CameraPipeline("rig=" + rig_with_source(picture + "videoconvert ! queue")).play(), "EOS");
 }
 
-// A rig that names itself would open light fields without end.
+// A rig that refers to itself would open light fields recursively.
 TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
   const std::string itself = "lf://" + files->path("rig.json");
   EXPECT_THAT(CameraPipeline("rig=" + rig_with_source(itself)).play(),
@@ -252,7 +252,7 @@ TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
               ::testing::HasSubstr("a URI of another light field"));
   const std::string described = "lfviewsrc trusted=true rig=\"" + files->path("rig.json") + "\" ! identity";
   EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(described)).play(),
-              ::testing::HasSubstr("does a rig name itself?"));
+              ::testing::HasSubstr("does a rig contain itself?"));
 }
 
 TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
@@ -270,13 +270,12 @@ TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
 
 class CamSrcFilesTest : public CamSrcTest {
  protected:
-  // The first `share` of a file.
   static void cut(const std::string& name, double share) {
     std::filesystem::resize_file(
         files->path(name),
         static_cast<uintmax_t>(share * static_cast<double>(std::filesystem::file_size(files->path(name)))));
   }
-  // Pictures that are no single grey, so that their files have an inside.
+  // Writes a textured picture: uniform ones compress to files too small to truncate.
   static void save_texture(const std::string& name, int seed) {
     Image image(PixelFamily::kRgb, CameraFiles::kWidth, CameraFiles::kHeight);
     for (int y = 0; y < image.height(); y++)
@@ -310,12 +309,12 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
       CameraPipeline camera("num-frames=10 loop=" + loop + " rig=" + rig_with_source("damaged_%d" + ending));
       camera.set_state(GST_STATE_PLAYING);
       ASSERT_EQ(camera.wait(), "EOS");
-      EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "the file is named";
+      EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "names the file";
       EXPECT_GE(count_of_damaged(camera), loop == "true" ? 2u : 1u);
       camera.set_state(GST_STATE_NULL);
       ASSERT_EQ(camera.frames.size(), loop == "true" ? 10u : 5u);
       for (size_t k = 0; k < camera.frames.size(); k++) {
-        const size_t place = k / 5 * 6 + (k % 5 == 4 ? 5 : k % 5);  // in the film: number 4 has no frame
+        const size_t place = k / 5 * 6 + (k % 5 == 4 ? 5 : k % 5);  // in the file: frame 4 is missing
         EXPECT_NEAR(camera.frames[k].running_time, place * kPeriod, GST_MSECOND) << k;
         EXPECT_NEAR(camera.frames[k].level, static_cast<int>(place % 6) * 40, ending == ".png" ? 0 : 60) << k;
       }
@@ -379,7 +378,7 @@ TEST_F(CamSrcFilesTest, WhereNoPictureIsWholeThereIsAnError) {
   }
 }
 
-// gst-launch-1.0 waits for ever after an error that is posted before its loop runs.
+// gst-launch-1.0 hangs if an error is posted before its main loop runs.
 TEST_F(CamSrcFilesTest, AnErrorBeforePlayingFailsTheChangeOfState) {
   save_texture("half.png", 1);
   cut("half.png", 0.4);
@@ -426,7 +425,7 @@ TEST_F(CamSrcFilesTest, JpegPicturesOneBehindAnotherAreAFilm) {
   EXPECT_EQ(run("lfcamsrc decode=false rig=" + rig + " ! image/jpeg ! jpegdec ! fakesink sync=false"), "");
 }
 
-// The matrix in the header of an MP4's track.
+// Sets the transformation matrix in an MP4 track header.
 void set_matrix(std::string& mp4, const std::vector<int32_t>& rotation) {
   const size_t header = mp4.find("tkhd");
   ASSERT_NE(header, std::string::npos);
@@ -440,7 +439,6 @@ void set_matrix(std::string& mp4, const std::vector<int32_t>& rotation) {
 
 TEST_F(CamSrcFilesTest, FilmsAreTurnedAsTheySay) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
-  // White above, black below.
   run_to_end(
       "videotestsrc num-buffers=4 pattern=white ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! "
       "videobox bottom=24 ! videobox bottom=-24 fill=black ! videoconvert ! " +
@@ -450,7 +448,7 @@ TEST_F(CamSrcFilesTest, FilmsAreTurnedAsTheySay) {
     const char* name;
     std::vector<int32_t> matrix;
     int width, height;
-    bool white;  // at the top left
+    bool white;
   };
   for (const Case& c : {Case{"up", {1, 0, 0, 0, 1, 0}, 64, 48, true}, Case{"down", {-1, 0, 0, 0, -1, 0}, 64, 48, false},
                         Case{"right", {0, 1, 0, -1, 0, 0}, 48, 64, false}}) {
@@ -484,14 +482,14 @@ TEST_F(CamSrcFilesTest, ExifOrientationIsMentionedAndNotFollowed) {
 
 TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
   std::string jpeg = read("jpeg_00.jpg");
-  jpeg[jpeg.find("\xff\xc0") + 4] = 12;  // bits a sample
+  jpeg[jpeg.find("\xff\xc0") + 4] = 12;  // bits per sample
   for (int i = 0; i < 3; i++) write("deep_" + std::to_string(i) + ".jpg", jpeg);
   for (const std::string decode : {"true", "false"})
     EXPECT_THAT(CameraPipeline("decode=" + decode + " rig=" + rig_with_source("deep_%d.jpg")).play(),
                 HasSubstr("precision 12"));
 }
 
-// The built-in scene would be a ghost in every view.
+// The built-in scene would appear as a ghost in every view.
 TEST_F(CamSrcFilesTest, ACameraWithoutPicturesAmongOthersIsMentioned) {
   for (const char* source : {"mjpeg.mkv", ""}) {
     CameraPipeline camera("num-frames=2 camera=1 rig=" + files->save("two.json", 2, [&](Camera& camera) {

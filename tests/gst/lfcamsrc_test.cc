@@ -25,7 +25,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// uridecodebin goes to PAUSED by and by, the camera at once: the pipeline must not wait for the one after the other.
+// uridecodebin reaches PAUSED asynchronously, a live camera immediately: the pipeline must not wait for either.
 TEST_F(CamSrcTest, DecodersDoNotKeepALivePipelineWaiting) {
   const std::string camera = "lfcamsrc is-live=true loop=true rig=" + rig_with_source("mjpeg.avi") + " ! queue ! ";
   const ElementPtr pipeline = launch("funnel name=all ! fakesink name=sink  " + camera + "all.  " + camera + "all.  " +
@@ -47,7 +47,7 @@ TEST_F(CamSrcTest, CaptureTimeCountsTheTimeOffset) {
     double offset;
     GstClockTimeDiff first, second;
   };
-  for (const Case& c : {Case{0.25, 250, 316}, Case{-0.01, 0, 56}}) {  // no time is before 0
+  for (const Case& c : {Case{0.25, 250, 316}, Case{-0.01, 0, 56}}) {  // times are clamped at 0
     const std::string rig = rig_with([&](Camera& camera) {
       camera.image = "png_1.png";
       camera.time_offset = c.offset;
@@ -79,7 +79,7 @@ TEST_F(CamSrcTest, LiveSceneKeepsToTheScheduleOfTheClock) {
   for (const Frame& frame : camera.frames) EXPECT_EQ(frame.capture_time % (GST_SECOND / 40), 0u) << "k / 40 s";
 }
 
-// Else a pipeline can't find a latency that suits it.
+// Otherwise the pipeline cannot find a valid latency.
 TEST_F(CamSrcTest, LiveLatencyHasNoBoundBelowItsLeast) {
   for (const std::string source : {"", "mjpeg.mkv"}) {
     const ElementPtr pipeline =
@@ -113,14 +113,14 @@ TEST_F(CamSrcTest, FramerateIsImposedOnVideosToo) {
     for (size_t k = 0; k < camera.frames.size(); ++k) {
       EXPECT_NEAR(camera.frames[k].running_time, k * (GST_SECOND / rate), GST_MSECOND);
       EXPECT_NEAR(camera.frames[k].capture_time, camera.frames[k].running_time, kPeriod + GST_MSECOND)
-          << "of the frame that is shown";
+          << "displayed frame";
       const auto source_frame = static_cast<int>(std::lround(1.0 * camera.frames[k].capture_time / kPeriod));
       EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(source_frame), 2);
     }
   }
 }
 
-// As players do it: the first end is that of a stream which nobody has sought, the others are those of segments.
+// Seeks like a player: the first end is EOS, later ends are SEGMENT_DONE.
 TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
   struct Count {
     std::atomic<int> flushes = 0, ends = 0, segment_ends = 0;
@@ -153,19 +153,20 @@ TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
     EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(static_cast<int>(k) % kFrames), 2) << k;
     if (k == 0) continue;
     const GstClockTime since = camera.frames[k].running_time - camera.frames[k - 1].running_time;
-    EXPECT_NEAR(static_cast<double>(since), static_cast<double>(kPeriod), 2e6) << k;  // Matroska counts milliseconds
+    // Matroska timestamps have millisecond resolution
+    EXPECT_NEAR(static_cast<double>(since), static_cast<double>(kPeriod), 2e6) << k;
   }
   EXPECT_EQ(count.flushes, 1);
   EXPECT_GE(count.segment_ends, kRounds - 2);
   GstBus* bus = gst_element_get_bus(camera.pipeline());
   constexpr auto kSegments = GstMessageType(GST_MESSAGE_SEGMENT_START | GST_MESSAGE_SEGMENT_DONE);
   GstMessage* message = gst_bus_pop_filtered(bus, kSegments);
-  EXPECT_EQ(message, nullptr) << "nobody has asked for a segment";
+  EXPECT_EQ(message, nullptr) << "no segment seek";
   gst_clear_message(&message);
   gst_object_unref(bus);
 }
 
-// Films of one array loop together, even if one has lost its end.
+// Files of one array loop with a common period, even if one is truncated.
 TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
   const std::string whole = files->path("mjpeg.mkv"), cut = files->path("cut.mkv");
   std::filesystem::copy(whole, cut);
@@ -175,7 +176,6 @@ TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
     ASSERT_EQ(all.play(), "EOS");
     CameraPipeline some("rig=" + rig_with_source("cut.mkv") + properties);
     ASSERT_EQ(some.play(), "EOS");
-    // The first frame of the second round, by its grey.
     const auto again = [](const CameraPipeline& camera) {
       for (size_t i = 1; i < camera.frames.size(); i++)
         if (camera.frames[i].level < camera.frames[i - 1].level)
@@ -188,7 +188,7 @@ TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
   }
 }
 
-// The whole lasts as long as its sound: that its pictures end before is no cut.
+// Pictures may end before the sound without being truncated: the sound determines the duration.
 TEST_F(CamSrcTest, AFilmWithSoundBeginsAgainWhereItsPicturesEnd) {
   run_to_end("multifilesrc location=" + files->path("jpeg_%02d.jpg") +
              " caps=image/jpeg,framerate=15/1 ! jpegdec ! jpegenc ! matroskamux name=m ! filesink location=" +
@@ -262,7 +262,7 @@ TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
                               }) +
                   " ! fakesink"),
               HasSubstr("the picture is 64x48, the rig says 65x48"));
-  // A damaged picture says nothing of the size.
+  // The size is read from the first valid picture.
   std::ofstream(files->path("begins_00.jpg")) << "\xff\xd8\xff\xe0 and no more of a picture";
   std::filesystem::copy(files->path("jpeg_00.jpg"), files->path("begins_01.jpg"));
   EXPECT_THAT(run("lfcamsrc decode=false rig=" +
@@ -273,7 +273,7 @@ TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
                               }) +
                   " ! fakesink"),
               HasSubstr("the picture is 64x48, the rig says 65x48"));
-  for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // nothing to bypass
+  for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // raw frames and PNG have no decoder to bypass
     EXPECT_EQ(run("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false"), "")
         << source;
   }
@@ -298,7 +298,6 @@ TEST_F(CamSrcTest, PropertiesSetInReadyCount) {
 
 // --- Errors ----------------------------------------------------------------------------------------------------------
 
-// Each bad input and what the message says of the place.
 TEST_F(CamSrcTest, ErrorsNameThePlace) {
   const auto write = [&](const std::string& name, const std::string& text) {
     std::ofstream(files->path(name)) << text;
@@ -313,8 +312,8 @@ TEST_F(CamSrcTest, ErrorsNameThePlace) {
   struct Case {
     const char* what;
     std::string properties;
-    const char* source;    // of the camera of a.json, which then is the rig; null: no such rig
-    bool at_state_change;  // else with the data
+    const char* source;
+    bool at_state_change;  // false: with the first data
     std::vector<std::string> words;
     int width = CameraFiles::kWidth;
   };
@@ -353,14 +352,14 @@ TEST_F(CamSrcTest, ErrorsNameThePlace) {
     }
     const std::string text = camera.wait();
     for (const std::string& word : c.words) EXPECT_THAT(text, HasSubstr(word));
-    EXPECT_EQ(camera.wait(GST_MSECOND), "timeout") << "one error is enough";
+    EXPECT_EQ(camera.wait(GST_MSECOND), "timeout") << "a single error";
     camera.set_state(GST_STATE_NULL);
     EXPECT_TRUE(camera.frames.empty());
     EXPECT_EQ(GST_BIN_NUMCHILDREN(camera.camera()), 0);
   }
 }
 
-// All that a pipeline says: messages, and what our categories log at the highest level.
+// Collects all bus messages and our categories' log output at the highest level.
 class Listener {
  public:
   Listener() {
@@ -371,7 +370,7 @@ class Listener {
     gst_debug_remove_log_function_by_data(this);
     gst_debug_set_threshold_from_string("lf*:1", FALSE);
   }
-  // Until an error, or for `patience` in all: a camera that is tried again always has something to say.
+  // Reads until an error, or for `patience` in total: a retrying camera posts messages forever.
   void read(GstElement* pipeline, GstClockTime patience) {
     g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
     const gint64 end = g_get_monotonic_time() + static_cast<gint64>(patience / GST_USECOND);
@@ -440,7 +439,7 @@ TEST_F(CamSrcTest, NeverTellsPasswords) {
       g_object_get(camera.camera(), "stats", &stats, nullptr);
       g_autofree gchar* text = gst_structure_to_string(stats);
       camera.set_state(GST_STATE_NULL);
-      EXPECT_GT(listener.problems(), 0) << "there is something to tell";
+      EXPECT_GT(listener.problems(), 0) << "problems to report";
       EXPECT_THAT(listener.said() + text, ::testing::Not(HasSubstr("Hunter2Secret")));
     }
 }
@@ -454,9 +453,7 @@ TEST_F(CamSrcTest, IsUsableAgainAfterAnError) {
 }
 
 // --- Capture devices by URI ------------------------------------------------------------------------------------------
-//
-// One that speaks like a webcam stands for hardware: a live source that has its pictures in two sizes, the larger one
-// first, in YUY2 and, at a higher rate, in JPEG.
+// A fake webcam replaces hardware: a live source with two sizes, the larger first, in YUY2 and, at a higher rate, JPEG.
 
 struct FakeWebcam {
   GstBin parent;
@@ -494,12 +491,12 @@ void fake_webcam_class_init(FakeWebcamClass* klass) {
   gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(klass), "Webcam", "Source/Video", "Fake", "none");
 }
 
-// Which of its formats it is to give is seen only when somebody asks for caps.
+// The format depends on the downstream caps.
 void choose_format(GstPad* ghost, GstPad*, gpointer data) {
   auto* self = static_cast<GstElement*>(data);
   GstCaps* asked = gst_pad_peer_query_caps(ghost, nullptr);
   GstCaps* mine = gst_static_pad_template_get_caps(&webcam_template);
-  const bool can = gst_caps_can_intersect(mine, asked);  // else it gives what it has, which is refused
+  const bool can = gst_caps_can_intersect(mine, asked);  // otherwise its own format, which downstream refuses
   GstCaps* caps = gst_caps_fixate(can ? gst_caps_intersect(mine, asked) : gst_caps_ref(mine));
   const bool jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
   GstElement* test = gst_element_factory_make("videotestsrc", nullptr);
@@ -536,7 +533,7 @@ class DeviceTest : public CamSrcTest {
 TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
   for (int i = 0; i < 10; i++) {
     CameraPipeline camera("num-frames=3 trusted=true rig=" + rig_with_source("webcam://0"));
-    ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "it is live, said or not";
+    ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "always live";
     ASSERT_EQ(camera.play(), "EOS");
     EXPECT_EQ(camera.info.width, 64);
     EXPECT_EQ(camera.info.fps_n, 15);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// What downstream says: which memory pictures are to be in and which formats it takes.
+// Negotiation with downstream: memory and formats of pictures, and QoS.
 #include <gmock/gmock.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
     gst_clear_object(&pool_);
   }
 
-  // Downstream answers ALLOCATION queries with `pool_`, or not at all where `fails_`.
+  // Downstream answers ALLOCATION queries with `pool_`, or fails the query if `fails_`.
   void answer_allocation() {
     GstPad* src = gst_element_get_static_pad(element_.get(), "src");
     gst_pad_add_probe(src, static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM | GST_PAD_PROBE_TYPE_PUSH),
@@ -32,7 +32,6 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
     return BufferPtr(gst_harness_pull(harness_.get()));
   }
 
-  // A view that cameras do not see to its edges, and what a node has of it, with some texture.
   void ask_and_answer() {
     ViewRequest asked = array_.request(0, 0);
     asked.view.pose.position.x += 0.03;
@@ -127,7 +126,7 @@ TEST_F(LfCompositorDownstreamTest, PartialAnswersHaveCapsAndMemoryOfTheirOwn) {
   EXPECT_EQ(caps_of(harness_->sinkpad), "application/x-lightfield-answer, parsed=(boolean)true");
 }
 
-// The picture's bytes, row by row without padding, with chroma as planes.
+// Returns the picture's bytes without row padding; chroma as planes.
 std::vector<uint8_t> planar(GstBuffer* buffer, const GstVideoInfo& info) {
   GstVideoFrame frame;
   EXPECT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ));
@@ -160,7 +159,6 @@ TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
   EXPECT_NE(std::ranges::min(pictures[0]), std::ranges::max(pictures[0]));
 }
 
-// Of the same sums, within what rounding makes of both.
 TEST_F(LfCompositorDownstreamTest, VideoHasTheRangeThatIsAskedFor) {
   std::vector<uint8_t> pictures[2];
   for (const bool video : {false, true}) {
@@ -190,7 +188,7 @@ TEST_F(LfCompositorDownstreamTest, WhoTakesBothGetsPlanes) {
   EXPECT_EQ(output_format(), "I420");
 }
 
-// Who shows pictures says that they come too late: requests that can't be in time are left out first.
+// QoS events report late pictures.
 
 GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
   return gst_event_new_qos(GST_QOS_TYPE_UNDERFLOW, 2, diff, timestamp);
@@ -207,11 +205,10 @@ class LfCompositorQosTest : public LfCompositorTest {
     start(1, {{"view-id", "3"}});
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
-    gst_harness_query_latency(harness_.get());  // the harness was live at first
+    gst_harness_query_latency(harness_.get());
     tell(late_by(2 * kFrame, timestamp));
   }
   void tell(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
-  // Asked for and answered.
   void one(uint32_t sequence) {
     const ViewRequest asked = array_.request(sequence, sequence * kFrame, 3);
     request(asked);
@@ -221,7 +218,7 @@ class LfCompositorQosTest : public LfCompositorTest {
 };
 
 TEST_F(LfCompositorQosTest, WhatCantBeInTimeIsLeftOutAndSaidSo) {
-  start_two_frames_late(kFrame);  // not live: four frames until it is made up for
+  start_two_frames_late(kFrame);  // skips four frames to catch up: the harness is not live
   for (uint32_t i = 2; i <= 5; i++) one(i);
   pull();
   EXPECT_EQ(last_pts_, 5 * kFrame);
@@ -253,7 +250,7 @@ TEST_F(LfCompositorQosTest, WhatCantBeInTimeIsLeftOutAndSaidSo) {
   }
 }
 
-// The nodes may have left it out already: nothing is shown of it.
+// The nodes may have skipped this request already, so no picture is shown.
 TEST_F(LfCompositorQosTest, TheRequestThatIsBeingAnsweredIsLeftOutToo) {
   start(2, {{"view-id", "3"}});
   const ViewRequest first = array_.request(1, kFrame, 3), second = array_.request(3, 3 * kFrame, 3);
@@ -272,7 +269,7 @@ TEST_F(LfCompositorQosTest, TheRequestThatIsBeingAnsweredIsLeftOutToo) {
 
 TEST_F(LfCompositorQosTest, NodesHearOfWhichView) {
   start(1, {{"view-id", "3"}});
-  one(0);  // GstAggregator tells pads that have buffers
+  one(0);  // GstAggregator forwards events only to pads that have buffers
   pull();
   tell(late_by(kFrame, 0));
   std::optional<guint> view_id;
@@ -310,7 +307,7 @@ TEST_F(LfCompositorQosTest, AFlushForgetsIt) {
   EXPECT_EQ(last_pts_, kFrame);
 }
 
-// From the sink to the nodes: each picture takes five times as long as it is shown.
+// Runs from the sink to the nodes; showing a picture takes five frame intervals.
 TEST(Qos, ASlowSinkSavesTheCamerasWork) {
   const ArrayFixture array;
   const ElementPtr pipeline = launch("lfviewrequest rig=" + array.rig_path() +

@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "common/custom_events.h"
-#include "composite/answer_watch.h"
+#include "composite/camera_health.h"
 #include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
 #include "support/fragments.h"
@@ -25,7 +25,7 @@ using testing::IsEmpty;
 
 constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
 
-// Live, on a clock that stands still unless a test moves it: what comes out without that was not waited for.
+// Live, with a clock that only tests advance: output without an advance did not wait for the deadline.
 class LfCompositorLiveTest : public LfCompositorTest {
  protected:
   void start_live(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}) {
@@ -47,17 +47,16 @@ class LfCompositorLiveTest : public LfCompositorTest {
     return asked;
   }
 
-  // The deadline of the request asked for last passes.
+  // Advances the clock past the deadline of the latest request.
   void pass_deadline() { gst_harness_set_time(harness_.get(), kNow + (sequence_ - 1) * kFrame + kLatency); }
 
-  // What comes out while the clock stands still.
   std::vector<uint8_t> pull() {
     settle(5000);
     return gst_harness_buffers_in_queue(harness_.get()) > 0 ? LfCompositorTest::pull() : std::vector<uint8_t>{};
   }
 
-  // Lets the compositor do what it can for so many milliseconds, or until a picture is out. (A test clock lets nobody
-  // go on by itself, not even from the past.)
+  // Gives the compositor this many milliseconds, or until a picture is out. GstTestClock releases no wait on its own,
+  // not even one in the past.
   void settle(int milliseconds) {
     GstTestClock* clock = gst_harness_get_testclock(harness_.get());
     for (int i = 0; i < milliseconds && gst_harness_buffers_in_queue(harness_.get()) == 0; i++) {
@@ -72,7 +71,6 @@ class LfCompositorLiveTest : public LfCompositorTest {
     gst_object_unref(clock);
   }
 
-  // The sets that were announced since the last call.
   std::vector<CameraSet> announced() {
     std::vector<CameraSet> sets;
     while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
@@ -86,7 +84,7 @@ class LfCompositorLiveTest : public LfCompositorTest {
   uint32_t sequence_ = 0;
 };
 
-// As capture-delay grows, where the application does not heed the message.
+// capture-delay grows and the application ignores the LATENCY message.
 TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
   constexpr uint64_t kDelay = 300 * GST_MSECOND;
   start_live(1, {{"rig", array_.rig_path()}});
@@ -98,7 +96,7 @@ TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
   gst_harness_set_time(harness_.get(), asked.target_time + kDelay);
   request(asked);
   settle(300);
-  EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u) << "its answer is not late yet";
+  EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u) << "not late yet";
   push(0, answer_of(asked, {0, 1, 2, 3}));
   EXPECT_GE(range(pull()).first, 199);
 }
@@ -113,7 +111,6 @@ TEST_F(LfCompositorLiveTest, APictureIsOutAtItsDeadlineWithoutTheSilentNode) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-// Both of the nodes have two cameras; the first one stops after the first picture.
 TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
   start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
   ViewRequest asked = ask();
@@ -130,10 +127,10 @@ TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
   EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
   EXPECT_EQ(stat(element_.get(), "out-of-service"), 2u);
 
-  // From now on nobody waits for it, and the picture has no hole.
+  // The compositor no longer waits for the stopped node, and the picture has no hole.
   for (int i = 0; i < 3; i++) {
     asked = ask({2, 3});
-    if (i > 0) settle(30);  // the answer comes to a compositor that waits for it
+    if (i > 0) settle(30);
     push(1, answer_of(asked, {0, 1}));
     const std::vector<uint8_t> healed = pull();
     ASSERT_FALSE(healed.empty());
@@ -141,9 +138,9 @@ TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
     EXPECT_EQ(stat(element_.get(), "missing-fragments"), 6u);
   }
 
-  // It is back: its first answer comes too late for the picture, but in time.
+  // The node resumes: its first answer is too late for the picture but restores the node.
   wire::Answer nothing;
-  for (unsigned i = 0; i < CameraHealth::kBackAfter + 1 && stat(element_.get(), "out-of-service") > 0; i++) {
+  for (unsigned i = 0; i < CameraHealth::kRecoveryPictures + 1 && stat(element_.get(), "out-of-service") > 0; i++) {
     asked = ask({2, 3});
     nothing = answer_of(asked, {});
     nothing.cameras = CameraRanges(CameraSet{2, 3});
@@ -217,7 +214,6 @@ TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
   }
 }
 
-// An answer in two parts, of its upper half and of its lower one.
 std::vector<std::vector<uint8_t>> in_parts(const wire::Answer& answer) {
   std::vector<std::vector<uint8_t>> parts;
   const std::vector<Fragment> halves = halves_of(answer.fragments.at(0));
@@ -261,7 +257,7 @@ TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
   EXPECT_NEAR(picture[(8 * 16 + 6) * 3], 200, 1);
 }
 
-// Nodes that come and go, and rigs that are replaced, while lfcompositor runs.
+// Changes of nodes and rigs while lfcompositor runs.
 class LfCompositorChangeTest : public LfCompositorLiveTest {
  protected:
   void leave(size_t node) { nodes_[node].reset(); }
@@ -279,7 +275,6 @@ TEST_F(LfCompositorChangeTest, FilesAreNotWaitedForByANodeThatLeft) {
   leave(1);
   LfCompositorTest::pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
-  // Its first answer is to a later request.
   join(1, false);
   asked = array_.request(1, kFrame);
   const ViewRequest next = array_.request(2, 2 * kFrame);
@@ -315,7 +310,7 @@ TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilI
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask();
     push(0, answer_of(asked, {0, 1}));
-    EXPECT_FALSE(pull().empty()) << "nobody is waited for";
+    EXPECT_FALSE(pull().empty()) << "waits for no node";
   }
   EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
   const uint64_t missing = stat(element_.get(), "missing-fragments");
@@ -324,7 +319,7 @@ TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilI
   EXPECT_GE(range(pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
   join(1, true);
-  for (unsigned i = 0; i < CameraHealth::kBackAfter; i++) {
+  for (unsigned i = 0; i < CameraHealth::kRecoveryPictures; i++) {
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask({2, 3});
     wire::Answer nothing = answer_of(asked, {});
@@ -362,11 +357,12 @@ TEST_F(LfCompositorChangeTest, NodesComeAndGoWhilePicturesAreMade) {
 
 // ------------------------------------------------------------------------------------------------------------ rigs
 
-// Pictures of the one rig are dark, of the other one bright; wherever one is wholly lost the picture before shows.
+// Pictures of the two rigs differ in brightness. If all answers of a request are lost, the previous picture is
+// repeated.
 TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigsWhateverIsReplacedFirst) {
-  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15.5, 11.5); });
-  const std::vector<CameraIndex> own[] = {{0}, {1, 2, 3}};  // a triangle is the second one's alone
-  std::vector<size_t> order{0, 1, 2, 3};                    // the viewer, the nodes, the compositor
+  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15.5, 11.5); });
+  const std::vector<CameraIndex> own[] = {{0}, {1, 2, 3}};  // one triangle belongs to the second node alone
+  std::vector<size_t> order{0, 1, 2, 3};                    // the viewer, the two nodes, the compositor
   do {
     SCOPED_TRACE(testing::PrintToString(order));
     start_live(2, {{"rig", array_.rig_path()}});
@@ -378,14 +374,14 @@ TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigsWhateverIsReplacedFirst) {
       ViewRequest asked = array_.request(sequence_, kNow + sequence_ * kFrame);
       sequence_++;
       asked.rig_hash = hash(is_new[0]);
-      asked.view.lens = Lens::pinhole(15, 7.5, 5.5);  // far into both triangles
+      asked.view.lens = Lens::pinhole(15, 7.5, 5.5);
       gst_harness_set_time(harness_.get(), asked.target_time);
       request(asked);
       for (const size_t node : {0u, 1u}) {
         const bool second = is_new[1 + node];
         wire::Answer answer = answer_of(asked, own[node], second ? 220 : 50);
         answer.rig_hash = hash(second);
-        if (second != is_new[0]) {  // the request is for another rig
+        if (second != is_new[0]) {
           answer.fragments.clear();
           answer.cameras = {};
         }
@@ -411,7 +407,7 @@ TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigsWhateverIsReplacedFirst) {
 }
 
 TEST_F(LfCompositorChangeTest, CamerasOutOfServiceAreForgottenWithTheirRig) {
-  const OtherRig smaller(array_.rig(), [](Rig& rig) {
+  const ModifiedRig smaller(array_.rig(), [](Rig& rig) {
     rig.cameras.pop_back();
     rig.topology = {};
   });
@@ -422,7 +418,7 @@ TEST_F(LfCompositorChangeTest, CamerasOutOfServiceAreForgottenWithTheirRig) {
   }
   EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
   set_rig(smaller.path());
-  ask({3});  // which now is nobody: dropped
+  ask({3});
   settle(30);
   EXPECT_THAT(announced(), ElementsAre(CameraSet{}));
   EXPECT_EQ(stat(element_.get(), "out-of-service"), 0u);
@@ -448,10 +444,10 @@ TEST_F(LfCompositorChangeTest, ARigThatCannotBeReadChangesNothing) {
   EXPECT_EQ(kept, array_.rig_path());
 }
 
-// Answers that nobody has asked for, forged or of a viewer that has begun anew since, cost at most one picture.
+// Unsolicited answers, forged or left over from a restarted viewer, cost at most one picture.
 class CompositorLimitsTest : public LfCompositorLiveTest {
  protected:
-  // A request, and what two nodes answer to it; complete?
+  // Sends a request and both nodes' answers. Returns true if the picture is complete.
   bool is_complete() {
     const uint64_t before = stat(element_.get(), "complete");
     const ViewRequest asked = ask();
@@ -466,7 +462,6 @@ class CompositorLimitsTest : public LfCompositorLiveTest {
 TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
   begin();
   EXPECT_TRUE(is_complete());
-  // As far ahead as can be, within reach, and of the request that comes next, with a time that it does not have.
   for (const uint32_t ahead : {uint32_t{1} << 30, 20u, 5u, 1u}) {
     ViewRequest forged = array_.request(sequence_ + ahead - 1, 77);
     push(0, answer_of(forged, {0, 1}, 30));
@@ -474,17 +469,16 @@ TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
     for (int i = 0; i < 8; i++) broken += !is_complete();
     EXPECT_LE(broken, 1) << ahead;
   }
-  EXPECT_GT(stat(element_.get(), "stray-answers"), 0u);
+  EXPECT_GT(stat(element_.get(), "unexpected-answers"), 0u);
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-// Nobody has camera 900 (or 2 to 65534): who missed it would have it named in every request from then on, which every
-// node refuses.
+// Every later request would name these missing cameras, and nodes would refuse the requests.
 TEST_F(CompositorLimitsTest, AForgedAnswerOfCamerasThatNobodyHasCostsNothing) {
   begin();
   for (int i = 0; i < 2; i++) EXPECT_TRUE(is_complete());
   for (const CameraIndex first : {900u, 2u}) {
-    for (const uint32_t behind : {0u, 1u}) {  // to the request that comes next, and to the one before
+    for (const uint32_t behind : {0u, 1u}) {  // requests directly after and before the current request
       const uint32_t number = sequence_ - behind;
       wire::Answer forged = answer_of(array_.request(number, kNow + number * kFrame), {0, 1});
       forged.fragments.clear();
@@ -516,7 +510,6 @@ TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
 TEST_F(CompositorLimitsTest, AViewerThatBeginsAnewIsServedAtOnce) {
   begin();
   for (int i = 0; i < 12; i++) EXPECT_TRUE(is_complete());
-  // Late answers of the one before, whose requests nobody has any more.
   for (uint32_t i = 0; i < 3; i++) push(0, answer_of(array_.request(sequence_ + i, 77), {0, 1}, 30));
   const uint32_t time = sequence_;
   for (uint32_t i = 0; i < 20; i++) {
@@ -573,11 +566,11 @@ TEST_F(CompositorLimitsTest, EachLimitCanBeSetAndIsCounted) {
   map.nearest = 0.3;
   map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
   curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-  curious.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+  curious.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
   set_limits("limits,max-trials=1");
   expect_refused(curious, "refused-trials");
 
-  // Requests of one view that come at once: the first ones are the second's share.
+  // Requests of one view that arrive in a burst: only the first ones fit into the limit per second.
   set_limits("limits,max-requests-per-second=5");
   for (int i = 0; i < 30; i++) {
     const uint64_t before = stat(element_.get(), "refused-rate");

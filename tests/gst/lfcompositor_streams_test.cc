@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// What lfcompositor does with streams that are not as in a picture book: of other views, without times, that end apart.
+// Irregular input streams of lfcompositor: other views, missing timestamps, ends at different times.
 #include <gmock/gmock.h>
 
 #include <atomic>
@@ -16,7 +16,6 @@ namespace {
 
 using testing::HasSubstr;
 
-// Whether `done` comes to be true.
 bool comes(const std::function<bool()>& done, int seconds = 20) {
   for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
   return done();
@@ -24,12 +23,11 @@ bool comes(const std::function<bool()>& done, int seconds = 20) {
 
 class LfCompositorStreamsTest : public LfCompositorTest {
  protected:
-  // Ends who still waits in a push.
   ~LfCompositorStreamsTest() override {
     if (element_) gst_element_set_state(element_.get(), GST_STATE_NULL);
     if (pusher_.joinable()) pusher_.join();
   }
-  // From a thread of its own, because that may have to wait.
+  // Pushes in a separate thread, because the push may block.
   void push_many(const wire::Answer& answer, int count) {
     pusher_ = std::thread([this, bytes = wire::encode_answer(answer), count] {
       for (int i = 0; i < count; i++)
@@ -95,7 +93,7 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   gst_element_set_state(element_.get(), GST_STATE_READY);
   g_object_set(element_.get(), "partial", TRUE, nullptr);
   g_object_get(element_.get(), "partial", &partial, nullptr);
-  EXPECT_TRUE(partial) << "when it does not run it can be";
+  EXPECT_TRUE(partial) << "allowed in READY";
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);
 }
@@ -118,7 +116,6 @@ TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
   }
 }
 
-// A view that has ended costs nothing until it is sought, and then goes on.
 TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   start(1);
   ask_and_answer(0, 0, {0});
@@ -150,7 +147,6 @@ TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   gst_object_unref(src);
 }
 
-// Applications link and unlink while it runs.
 TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
   start(1);
   GstBus* bus = gst_bus_new();
@@ -224,12 +220,11 @@ TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
     for (const std::string& text : all_warnings_on(bus)) warnings.push_back(text);
   }
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_THAT(warnings[0], HasSubstr("Nobody asks for view 3"));
+  EXPECT_THAT(warnings[0], HasSubstr("No client requests view 3"));
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);
 }
 
-// Nothing is missing where there is nothing to be seen, but that is no complete picture either.
 TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
   start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
   GstBus* bus = gst_bus_new();
@@ -269,7 +264,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
   gst_object_unref(bus);
 }
 
-// A node that begins again: what waited on its pad is gone, what it says anew counts, and the others are not disturbed.
+// Data queued on the restarted node's pad is dropped; the pads of other nodes are undisturbed.
 TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
   start(2, {{"rig", array_.rig_path()}});
   for (uint32_t i = 0; i < 20; i++) {
@@ -290,9 +285,8 @@ TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
   EXPECT_EQ(stat(element_.get(), "complete"), 20u);
 }
 
-// A rig that was set while it ran and that no request came to use is forgotten with the run.
 TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
-  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
+  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
   start(1, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2, 3});
   pull();
@@ -306,7 +300,7 @@ TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
                                                                     : "application/x-lightfield-answer");
   }
   asked = array_.request(1, 0);
-  asked.rig_hash = 0;  // it is the compositor's rig that counts
+  asked.rig_hash = 0;  // the compositor's rig applies
   request(asked);
   push(0, answer_of(asked, {0, 1, 2, 3}));
   EXPECT_GE(range(pull()).first, 199);

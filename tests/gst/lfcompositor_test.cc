@@ -6,15 +6,15 @@
 #include <gst/video/navigation.h>
 #include <gtest/gtest.h>
 
-#include "focus/trial_levels.h"
-#include "focus/trial_renderer.h"
+#include "focus/hypothesis_levels.h"
+#include "focus/hypothesis_renderer.h"
 #include "gst/compositor_fixture.h"
 #include "node/camera_access.h"
 #include "node/request_renderer.h"
 #include "wire/answer_codec.h"
 #include "wire/command_codec.h"
+#include "wire/consistency_codec.h"
 #include "wire/fragment_codec.h"
-#include "wire/moments_codec.h"
 
 namespace lf::test {
 namespace {
@@ -66,7 +66,7 @@ TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
   push_sums(1, {1, 3});
   push_sums(0, {0, 2});
   EXPECT_EQ(pull(), together);
-  EXPECT_LT(range(together).first, range(together).second - 50) << "it shows something";
+  EXPECT_LT(range(together).first, range(together).second - 50) << "not uniform";
 }
 
 TEST_F(LfCompositorTest, AnswersComeBeforeTheRequestOrAfterIt) {
@@ -79,10 +79,11 @@ TEST_F(LfCompositorTest, AnswersComeBeforeTheRequestOrAfterIt) {
 
 TEST_F(LfCompositorTest, ComposesBySequenceNotByArrival) {
   start(2);
-  const ViewRequest first = array_.request(UINT32_MAX, 0), second = array_.request(0, kFrame);  // the number wraps
+  // the sequence number wraps around
+  const ViewRequest first = array_.request(UINT32_MAX, 0), second = array_.request(0, kFrame);
   request(first);
   push(0, answer_of(first, {0, 2}, 10));
-  push(1, answer_of(second, {1, 3}, 250));  // this node skipped the first request
+  push(1, answer_of(second, {1, 3}, 250));
   const std::vector<uint8_t> dark = pull();
   EXPECT_LE(range(dark).second, 11);
   request(second);
@@ -136,7 +137,7 @@ TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {
   push(0, answer_of(old, {0, 1, 2, 3}));
   ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({9, 9, 9})), GST_FLOW_OK);
   push(0, other_rig);
-  EXPECT_EQ(range(pull()).second, 0);  // nothing was composed
+  EXPECT_EQ(range(pull()).second, 0);
   EXPECT_EQ(stat(element_.get(), "late-answers"), 1u);
   EXPECT_EQ(stat(element_.get(), "bad-answers"), 1u);
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
@@ -148,7 +149,7 @@ TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
   const std::vector<uint8_t> picture = pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
   EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
-  // Camera 3 is the far corner: towards the middle the other three have most of the weight and restore the grey.
+  // Camera 3 is the far corner: near the centre, cameras 0 to 2 have most of the weight and restore the grey.
   const size_t middle = (6 * 16 + 8) * 3;
   EXPECT_NEAR(picture[middle], 200, 6);
 }
@@ -173,8 +174,7 @@ TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
     nodes_.clear();
     with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);
     request(asked);
-    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_any_request(command))),
-              GST_FLOW_OK);  // for cameras
+    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_any_request(command))), GST_FLOW_OK);
     ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({pixels.begin(), pixels.end()})), GST_FLOW_OK);
     const std::vector<uint8_t> picture = pull();
     EXPECT_EQ(range(picture), with_rig ? std::pair(200, 200) : std::pair(0, 0));
@@ -196,7 +196,7 @@ TEST_F(LfCompositorTest, BackgroundShowsWhereNothingContributes) {
 TEST_F(LfCompositorTest, I420StaysI420AndSizeMayChange) {
   start(1);
   ViewRequest asked = array_.request(0, 0);
-  asked.view.width = 15;  // odd
+  asked.view.width = 15;
   asked.view.height = 11;
   request(asked);
   push(0, answer_of(asked, {0, 1, 2, 3}, 90, PixelFamily::kI420));
@@ -220,8 +220,8 @@ TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
   start(1);
   ask_and_answer(0, 0, {0, 1, 2, 3});
   pull();
-  gst_harness_push_event(harness_.get(), gst_event_new_eos());  // the node does not end
-  EXPECT_TRUE(comes_to_end(harness_.get()));
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  EXPECT_TRUE(reaches_eos(harness_.get()));
 }
 
 TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
@@ -269,7 +269,6 @@ TEST_F(LfCompositorTest, ErrorsNameThePlace) {
 
 class LfCompositorTreeTest : public LfCompositorTest {
  protected:
-  // What a rack's compositor makes of these nodes' answers.
   std::vector<uint8_t> rack(const ViewRequest& asked, const std::vector<wire::Answer>& answers,
                             const std::string& codec = "raw16", guint node = 0) {
     start(static_cast<int>(answers.size()),
@@ -312,7 +311,7 @@ TEST_F(LfCompositorTreeTest, ThePictureIsThatOfOneCompositor) {
           asked, {rack(asked, {answers[0], answers[1]}, codec, 1), rack(asked, {answers[2], answers[3]}, codec, 2)});
       EXPECT_EQ(missing_, 0u);
       ASSERT_EQ(picture.size(), expected.size());
-      // 8 bits a value round each rack's sum once more.
+      // Rounding to 8 bits per value affects each rack's sum.
       for (size_t i = 0; i < picture.size(); i++)
         ASSERT_NEAR(picture[i], expected[i], std::string(codec) == "raw16" ? 0 : 1) << codec << " " << i;
     }
@@ -373,7 +372,7 @@ TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
   }
 }
 
-// Moments that are not what was asked for: counted and dropped, whatever they are, and the picture comes all the same.
+// Malformed photo-consistency sums are counted and dropped; the picture is unaffected.
 class LfCompositorTrialsTest : public LfCompositorTest {
  protected:
   LfCompositorTrialsTest() : asked_(array_.request(0, 0)) {
@@ -381,35 +380,34 @@ class LfCompositorTrialsTest : public LfCompositorTest {
     map.from = {{0, 0, 1}, 0};
     map.farthest = 0.05;
     map.nearest = 0.3;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);  // 10 m
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
     asked_.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-    asked_.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+    asked_.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
     start(1, {{"rig", array_.rig_path()}, {"focus", "surface"}, {"focus-near", "3"}, {"focus-far", "20"}});
   }
 
-  // What camera 0 sees: grey.
-  std::vector<Moments> seen() const {
-    const RenderJob job(array_.rig(), build_mesh(array_.rig()), trial_view(asked_.view), {{0}});
+  std::vector<PhotoConsistency> seen() const {
+    const RenderJob job(array_.rig(), build_mesh(array_.rig()), hypothesis_view(asked_.view), {{0}});
     Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::ranges::fill(grey.data(), uint8_t{200});
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : asked_.trials) levels.push_back(trial_levels(asked_.view, trial));
-    std::vector<Moments> sums(levels.size());
-    for (Moments& sum : sums) sum.reset(asked_.view.focus.map->columns, asked_.view.focus.map->rows);
-    add_moments(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels, sums);
+    for (const DepthHypothesis& trial : asked_.trials) levels.push_back(hypothesis_levels(asked_.view, trial));
+    std::vector<PhotoConsistency> sums(levels.size());
+    for (PhotoConsistency& sum : sums) sum.reset(asked_.view.focus.map->columns, asked_.view.focus.map->rows);
+    add_consistency(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels, sums);
     return sums;
   }
-  std::vector<uint8_t> unit(const std::vector<Moments>& sums, bool small = true) const {
+  std::vector<uint8_t> unit(const std::vector<PhotoConsistency>& sums, bool small = true) const {
     return unit(sums, header(), small);
   }
-  std::vector<uint8_t> unit(const std::vector<Moments>& sums, const wire::MomentsHeader& header,
+  std::vector<uint8_t> unit(const std::vector<PhotoConsistency>& sums, const wire::ConsistencyHeader& header,
                             bool small = true) const {
-    const ByteBuffer bytes = wire::encode_moments(header, sums, small);
+    const ByteBuffer bytes = wire::encode_consistency(header, sums, small);
     return {bytes.begin(), bytes.end()};
   }
-  wire::MomentsHeader header() const { return {asked_.view_id, asked_.sequence, array_.rig().hash(), 0, {}}; }
+  wire::ConsistencyHeader header() const { return {asked_.view_id, asked_.sequence, array_.rig().hash(), 0, {}}; }
 
-  // The picture of an answer that this unit goes before, and how many bad units were counted on the way.
+  // Returns the picture of an answer that follows `unit`, and how many bad units were counted.
   std::pair<std::vector<uint8_t>, uint64_t> picture_after(const std::vector<uint8_t>& unit) {
     const uint64_t before = stat(element_.get(), "bad-answers");
     request(asked_);
@@ -424,7 +422,7 @@ class LfCompositorTrialsTest : public LfCompositorTest {
   ViewRequest asked_;
 };
 
-// Where nobody takes the surface none is looked for, but for once in a while.
+// If no element uses the focal surface, the search runs only occasionally.
 TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
   static int told = 0;
   asked_.view.focus.map.reset();
@@ -466,19 +464,19 @@ TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
   } cases[] = {
       {"of another size",
        [&] {
-         Moments wide;
+         PhotoConsistency wide;
          wide.reset(seen()[0].columns + 1, seen()[0].rows);
          return unit({wide, wide});
        }},
-      {"of one trial too few",
+      {"one hypothesis too few",
        [&] {
-         std::vector<Moments> sums = seen();
+         std::vector<PhotoConsistency> sums = seen();
          sums.pop_back();
          return unit(sums);
        }},
       {"of another rig",
        [&] {
-         wire::MomentsHeader other = header();
+         wire::ConsistencyHeader other = header();
          other.rig_hash ^= 1;
          return unit(seen(), other);
        }},
@@ -522,7 +520,7 @@ TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
   set("focus-far", 2);
   EXPECT_THAT(warnings_on(bus), testing::HasSubstr("focus-near is 3 m and focus-far 2 m: the near end must be nearer"));
   g_object_set(element_.get(), "post-messages", TRUE, nullptr);
-  EXPECT_EQ(warnings_on(bus), "") << "said once";
+  EXPECT_EQ(warnings_on(bus), "") << "warns once";
   set("focus-near", 1);
   EXPECT_EQ(warnings_on(bus), "");
   gst_element_set_bus(element_.get(), nullptr);

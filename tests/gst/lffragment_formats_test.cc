@@ -11,8 +11,8 @@
 
 #include "composite/accumulator.h"
 #include "gst/fragment_fixture.h"
-#include "image/correction.h"
 #include "image/image.h"
+#include "image/image_filters.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "support/answers.h"
@@ -29,7 +29,6 @@ TEST_F(LfFragmentTest, I420StaysI420) {
   EXPECT_EQ(seeing(answer).size(), 4u);
 }
 
-// The same pictures in another layout give the same answers, to the bit.
 TEST_F(LfFragmentTest, Nv12AndGreyAreTakenAsTheyAre) {
   constexpr size_t kLuma = 32 * 24, kChroma = 16 * 12;
   for (const char* colorimetry : {"1:4:0:0", "bt601", "bt709"}) {
@@ -83,12 +82,12 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_0", nullptr));
   gst_harness_set_src_caps_str(cameras_[0].get(),
                                "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601");
-  gst_harness_push(cameras_[0].get(), ArrayFixture::frame("I420", 235, 0));  // white of the limited range
+  gst_harness_push(cameras_[0].get(), ArrayFixture::frame("I420", 235, 0));  // white in limited range
   const ViewRequest asked = array_.request(0, 0);
   ASSERT_EQ(request(asked), GST_FLOW_OK);
   const wire::Answer answer = pull();
   ASSERT_EQ(answer.fragments.size(), 1u);
-  // Where camera 0 has its largest weight its luma is that weight of 255, not of 235.
+  // At the largest weight of camera 0, its luma is that weight times 255, not 235.
   Rig rig = array_.rig();
   const RenderJob job(rig, build_mesh(rig), asked.view, std::vector<CameraIndex>{0});
   const Rect rect = answer.fragments[0].rect;
@@ -97,7 +96,7 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   EXPECT_NEAR(answer.fragments[0].pixels[peak], 255 * own[peak], 1.5);
 }
 
-// Frames that came before all cameras were known are converted as if they had come later.
+// Frames may arrive before all cameras have caps.
 TEST_F(LfFragmentTest, AnswersDoNotDependOnWhichCameraComesFirst) {
   const std::string i420 = ArrayFixture::caps("I420"), rgb = ArrayFixture::caps("RGB");
   const std::string limited = "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601";
@@ -133,7 +132,6 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnWhichCameraComesFirst) {
   }
 }
 
-// A grey JPEG of the cameras' size.
 std::vector<uint8_t> grey_jpeg(uint8_t value) {
   Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
   std::fill(image.data().begin(), image.data().end(), value);
@@ -220,8 +218,7 @@ TEST_F(LfFragmentJpegTest, BesideRgbCamerasTheyBecomeRgb) {
 }
 
 // --- Sampling and renderers ------------------------------------------------------------------------------------------
-//
-// How cameras' images are sampled, and what renders, from the property's nick to the picture.
+// Resampling of camera images, and renderers, from the property's nick to the picture.
 
 class LfFragmentResamplingTest : public LfFragmentTest {
  protected:
@@ -244,7 +241,6 @@ class LfFragmentResamplingTest : public LfFragmentTest {
     }
   }
 
-  // What the library makes of these images.
   Image rendered(const ViewRequest& asked, Resampling resampling) const {
     const Rect whole{0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight};
     std::vector<CameraIndex> all(4);
@@ -262,12 +258,12 @@ class LfFragmentResamplingTest : public LfFragmentTest {
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
     std::vector<int16_t> samples(3 * area);
     std::vector<uint16_t> lost(area);
-    const bool any_lost =
+    const bool any_missing =
         renderer.render_rows(rect.y0, rect.y1, packed_sums(PixelFamily::kRgb, rect, samples.data(), lost.data()));
     Accumulator sum;
     sum.reset(PixelFamily::kRgb, asked.view.width, asked.view.height);
     sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
-                                                       any_lost ? lost.data() : nullptr));
+                                                       any_missing ? lost.data() : nullptr));
     return sum.resolve();
   }
 
@@ -294,7 +290,6 @@ TEST_F(LfFragmentResamplingTest, ThePictureIsTheLibrarysWhateverIsChosen) {
   }
 }
 
-// What is coarser than the images is sampled as they are.
 TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
   start_with_images();
   ViewRequest asked = array_.request(0, 0);
@@ -311,7 +306,6 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
   }
 }
 
-// Switched while requests come: nothing is lost on the way.
 TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
   start_with_images();
   ViewRequest asked = array_.request(0, 0);
@@ -329,7 +323,7 @@ TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
     Assembly assembly;
     assembly.begin(asked);
     EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
-    if (std::string(renderer) != "auto") {  // which depends on the machine
+    if (std::string(renderer) != "auto") {  // "auto" depends on the machine
       EXPECT_EQ(stat(element_.get(), "drawn"), drawn + (std::string(renderer) == "gl" ? 1 : 0));
     }
     EXPECT_THAT(says(), testing::StartsWith(renderer));

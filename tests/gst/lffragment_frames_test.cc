@@ -13,7 +13,7 @@
 
 #include "base/schedule.h"
 #include "common/custom_events.h"
-#include "common/day_clock.h"
+#include "common/wall_clock.h"
 #include "gst/array_fixture.h"
 #include "gst/fragment_fixture.h"
 #include "support/answers.h"
@@ -25,7 +25,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Which frame of each camera an answer shows, and how long it is waited for.
 TEST_F(LfFragmentTest, TakesTheFrameNearestToTheRequestedTime) {
   start(4);
   push_frames(10, 0);
@@ -99,11 +98,11 @@ TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
   for (int i = 0; i < 20; i++) push_frames(static_cast<uint8_t>(i), static_cast<uint64_t>(i) * kFrame);
   ASSERT_EQ(request(array_.request(0, 100 * kFrame)), GST_FLOW_OK);
   EXPECT_EQ(pull().actual_time, 19 * kFrame);
-  ASSERT_EQ(request(array_.request(1, 18 * kFrame)), GST_FLOW_OK);  // the latest few are kept
+  ASSERT_EQ(request(array_.request(1, 18 * kFrame)), GST_FLOW_OK);
   EXPECT_EQ(pull().actual_time, 18 * kFrame);
 }
 
-// As V4L2 has it: a camera whose few buffers are all held elsewhere stands still.
+// V4L2 cameras stall if downstream holds all of their few buffers.
 TEST_F(LfFragmentTest, ACameraWithAFixedPoolNeverRunsOutOfBuffers) {
   for (const guint size : {3u, 4u, 8u, 32u}) {
     cameras_.clear();
@@ -129,7 +128,7 @@ TEST_F(LfFragmentTest, ACameraWithAFixedPoolNeverRunsOutOfBuffers) {
     const ViewRequest asked = array_.request(0, 37 * kFrame);
     ASSERT_EQ(request(asked), GST_FLOW_OK);
     const wire::Answer answer = pull();
-    EXPECT_EQ(answer.actual_time, 37 * kFrame) << "frames are what they were, copied or not";
+    EXPECT_EQ(answer.actual_time, 37 * kFrame) << "frames unchanged by copying";
     gst_buffer_pool_set_active(pool, FALSE);
     gst_object_unref(pool);
   }
@@ -164,10 +163,9 @@ TEST_F(LfFragmentTest, ShutsDownWhileARequestWaits) {
 
 // --- Live frames -----------------------------------------------------------------------------------------------------
 
-// A request and live frames in clock time, in a pipeline that started at `base` on that clock.
 class LfFragmentClockTest : public LfFragmentTest {
  protected:
-  static constexpr uint64_t kEpoch = 1'700'000'000ull * GST_SECOND;  // as a realtime clock shows
+  static constexpr uint64_t kEpoch = 1'700'000'000ull * GST_SECOND;  // a realtime clock's reading
 
   void start_at(uint64_t base, int cameras) {
     start(cameras, "RGB", true);
@@ -202,15 +200,15 @@ TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
   }
 }
 
-// Somebody has set the time of day back by 40 s since the frames' pipeline began: requests name the new time.
+// A time server has set the time of day back by 40 s since the frames' pipeline started: requests carry the new time.
 TEST_F(LfFragmentClockTest, RequestsNameTheTimeOfDayThatWasSet) {
-  g_autoptr(GstClock) clock = new_day_clock();
+  g_autoptr(GstClock) clock = new_wall_clock();
   GstClockTime internal, external, numerator, denominator;
   gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
   gst_clock_set_calibration(clock, internal, external + 40 * GST_SECOND, numerator, denominator);
   start_at(kEpoch - 3 * GST_SECOND, 4);
   gst_element_set_clock(element_.get(), clock);
-  const GstClockTimeDiff offset = day_offset(clock);
+  const GstClockTimeDiff offset = wall_offset(clock);
   ASSERT_NEAR(static_cast<double>(offset), -40e9, 1e7);
   for (uint64_t k = 0; k < 4; k++)
     for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 7 * GST_MSECOND);
@@ -220,12 +218,12 @@ TEST_F(LfFragmentClockTest, RequestsNameTheTimeOfDayThatWasSet) {
   EXPECT_EQ(seeing(answer).size(), 4u);
 }
 
-// Cameras that nothing holds to the schedule: each has a rate, a phase and a latency of its own and loses frames. The
-// nearest frame is used: within half of the distance between the two frames taken around the time asked for, which is
-// half a frame time, and a whole one where the nearest was lost.
+// Unsynchronised cameras: each has its own rate, phase and latency and loses frames. The nearest frame is at most half
+// a frame interval away, or a whole one next to a lost frame.
 TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
   const double rates[] = {29.7, 29.9, 30.1, 30.3};
-  constexpr uint64_t kDelay = 110 * GST_MSECOND;  // request after the time it asks for; frames take up to 70 ms
+  // delay from the requested time to the request; frames take up to 70 ms
+  constexpr uint64_t kDelay = 110 * GST_MSECOND;
   std::mt19937 random(5);
   const auto chance = [&random] { return std::uniform_real_distribution<>(0, 1)(random); };
   for (const double loss : {0.0, 0.03}) {
@@ -234,8 +232,8 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
     start_at(kEpoch - 1234567891, 4);
     struct Event {
       uint64_t when;
-      size_t camera;  // 4: a request
-      uint64_t time;  // taken or wanted
+      size_t camera;
+      uint64_t time;
     };
     std::vector<Event> events;
     std::vector<uint64_t> taken[4];
@@ -287,11 +285,11 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
       EXPECT_EQ(within_half, requests);
     }
     EXPECT_LT(worst, 3 * slowest);
-    EXPECT_TRUE(warnings().empty()) << "lost frames are no reason for one";
+    EXPECT_TRUE(warnings().empty()) << "no warning about lost frames";
   }
 }
 
-// A live viewer is told what the slowest camera needs: what its frames take, and half a frame.
+// The reported capture delay is the latency of the slowest camera plus half a frame interval.
 TEST_F(LfFragmentClockTest, TellsTheCaptureDelayThatCamerasNeed) {
   start_at(kEpoch, 2);
   gst_harness_set_live(harness_.get(), TRUE);
@@ -319,10 +317,10 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
   const auto at = [](uint64_t k) { return kEpoch + k * kFrame; };
   for (uint64_t k = 0; k < 5; k++)
     for (size_t i = 0; i < 4; i++) push_taken(i, at(k));
-  for (uint64_t k = 5; k < 20; k++) {  // camera 2 has stopped
+  for (uint64_t k = 5; k < 20; k++) {
     for (const size_t i : {0, 1, 3}) push_taken(i, at(k));
     const wire::Answer answer = ask(static_cast<uint32_t>(k), at(k));
-    const bool stale = k > 4 + 5;  // 500 ms
+    const bool stale = k > 4 + 5;
     EXPECT_EQ(answer.cameras.size(), 4u) << k;
     EXPECT_EQ(answer.blind.contains(2), stale) << k;
     EXPECT_EQ(answer.actual_time, stale ? at(k) : at(4)) << k;
@@ -335,9 +333,9 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
   without.absolute_time = true;
   without.out_of_service = {2};
   ASSERT_EQ(request(without), GST_FLOW_OK);
-  EXPECT_EQ(pull().blind, CameraRanges(CameraSet{2})) << "nor may it come back before it has frames";
+  EXPECT_EQ(pull().blind, CameraRanges(CameraSet{2})) << "back in service only with frames";
   set("max-skew", "0");
-  EXPECT_TRUE(ask(20, at(20)).blind.empty()) << "any frame is good enough";
+  EXPECT_TRUE(ask(20, at(20)).blind.empty()) << "any frame is accepted";
 }
 
 TEST_F(LfFragmentClockTest, ANodeThatIsOffIsNamedOnce) {
@@ -350,7 +348,7 @@ TEST_F(LfFragmentClockTest, ANodeThatIsOffIsNamedOnce) {
                                                               HasSubstr("camera 0, 1, 2, 3 "), HasSubstr("too new"))));
 }
 
-// --- Cameras and requesters that come and go, and rigs that are replaced ---------------------------------------------
+// --- Cameras and clients that come and go, and rigs that are replaced ------------------------------------------------
 
 class LfFragmentChangeTest : public LfFragmentTest {
  protected:
@@ -387,7 +385,8 @@ TEST_F(LfFragmentChangeTest, ACameraJoinsWithItsFirstFrame) {
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));  // of a live stream: nobody is waited for
+  // live stream: the element waits for no camera
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
   cameras_.push_back(join(3));
   EXPECT_THAT(cameras_in(array_.request(0, 0)), ElementsAre(0, 1, 2));
   gst_harness_push(cameras_[3].get(), ArrayFixture::frame("RGB", 60, 0));
@@ -479,13 +478,11 @@ TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
 
 class LfFragmentRigTest : public LfFragmentChangeTest {
  protected:
-  // Cameras of unlike brightness, at time 0.
   void push_unlike_frames() {
     for (size_t i = 0; i < cameras_.size(); i++)
       ASSERT_EQ(gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", static_cast<uint8_t>(50 + 60 * i), 0)),
                 GST_FLOW_OK);
   }
-  // The bytes of the answer to a request that is for any rig.
   std::vector<uint8_t> ask() {
     ViewRequest asked = array_.request(0, 0);
     asked.rig_hash = 0;
@@ -493,7 +490,6 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
     const BufferPtr buffer(gst_harness_pull(harness_.get()));
     return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>{};
   }
-  // What a node answers that was started with this rig.
   std::vector<uint8_t> answer_with(const std::string& rig) {
     LfFragmentRigTest::start(4);
     gst_element_set_state(element_.get(), GST_STATE_READY);
@@ -510,13 +506,13 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
 };
 
 TEST_F(LfFragmentRigTest, AReplacedRigServesFromTheNextRequestOn) {
-  const OtherRig longer(array_.rig(), [](Rig& rig) {
+  const ModifiedRig longer(array_.rig(), [](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.lens = Lens::pinhole(33, 15, 12);
   });
-  const OtherRig turned(array_.rig(), [](Rig& rig) {  // the same ids, in another order
+  const ModifiedRig turned(array_.rig(), [](Rig& rig) {  // the same ids in another order
     std::swap(rig.cameras[0].id, rig.cameras[3].id);
   });
-  for (const OtherRig* other : {&longer, &turned}) {
+  for (const ModifiedRig* other : {&longer, &turned}) {
     const std::vector<uint8_t> before = answer_with(array_.rig_path()), after = answer_with(other->path());
     ASSERT_NE(before, after);
     start(4);
@@ -533,7 +529,7 @@ TEST_F(LfFragmentRigTest, AReplacedRigServesFromTheNextRequestOn) {
 }
 
 TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndSaidOnce) {
-  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
+  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
   start(4);
   push_frames(60, 0);
   set("rig", other.path().c_str());
@@ -546,7 +542,7 @@ TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndSaidOnce) {
 }
 
 TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
-  const OtherRig without(array_.rig(), [](Rig& rig) {
+  const ModifiedRig without(array_.rig(), [](Rig& rig) {
     rig.cameras.erase(rig.cameras.begin() + 1);
     rig.topology = {};
   });
@@ -556,7 +552,7 @@ TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("no camera 1,")));
   ViewRequest asked = array_.request(0, 0);
   asked.rig_hash = without.hash();
-  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2));  // its places
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2));
   EXPECT_EQ(gst_harness_push(cameras_[1].get(), ArrayFixture::frame("RGB", 60, kFrame)), GST_FLOW_OK);
   set("rig", array_.rig_path().c_str());
   EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
@@ -564,7 +560,7 @@ TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
 }
 
 TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVideoFits) {
-  const OtherRig larger(array_.rig(), [](Rig& rig) {
+  const ModifiedRig larger(array_.rig(), [](Rig& rig) {
     rig.cameras[2].width = 48;
     rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
   });
@@ -586,9 +582,9 @@ TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVid
   EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2, 3));
 }
 
-// Its stream begins anew, as after a loss: that it does not fit has been told, and the other cameras go on.
+// The camera's stream restarts after a loss: the mismatch was reported already.
 TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
-  const OtherRig larger(array_.rig(), [](Rig& rig) {
+  const ModifiedRig larger(array_.rig(), [](Rig& rig) {
     rig.cameras[2].width = 48;
     rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
   });
@@ -627,7 +623,7 @@ TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
 }
 
 TEST_F(LfFragmentRigTest, AFileThatHasChangedIsReadAgain) {
-  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
+  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
   start(4);
   push_frames(60, 0);
   std::filesystem::copy_file(other.path(), array_.rig_path(), std::filesystem::copy_options::overwrite_existing);
@@ -638,7 +634,7 @@ TEST_F(LfFragmentRigTest, AFileThatHasChangedIsReadAgain) {
 }
 
 TEST_F(LfFragmentRigTest, EveryAnswerIsOfOneRig) {
-  const OtherRig other(array_.rig(), [](Rig& rig) {
+  const ModifiedRig other(array_.rig(), [](Rig& rig) {
     std::swap(rig.cameras[0].id, rig.cameras[3].id);
     rig.cameras[1].lens = Lens::pinhole(33, 15, 12);
   });

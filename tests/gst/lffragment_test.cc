@@ -136,7 +136,7 @@ TEST_F(LfFragmentTest, InASumACameraWithoutAFrameIsLost) {
   const wire::Answer answer = pull();
   EXPECT_TRUE(std::ranges::any_of(answer.fragments, [](const Fragment& f) { return !f.lost.empty(); }));
   EXPECT_EQ(seeing(answer), (std::vector<CameraIndex>{1, 2, 3}));
-  EXPECT_GE(picture_range(asked, answer).first, 195) << "the others make up for it";
+  EXPECT_GE(picture_range(asked, answer).first, 195) << "other cameras fill in";
 }
 
 TEST_F(LfFragmentTest, JpegIsOfTheQualityAskedFor) {
@@ -277,7 +277,7 @@ TEST_F(LfFragmentTest, ErrorsNameThePlace) {
 }
 
 TEST_F(LfFragmentTest, TheStreamSaysWhichCameraItIs) {
-  start(1);  // on sink_0
+  start(1);
   GstStructure* name = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, 3u, nullptr);
   gst_harness_push_event(cameras_[0].get(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, name));
   push_frames(60, 0);
@@ -288,9 +288,7 @@ TEST_F(LfFragmentTest, TheStreamSaysWhichCameraItIs) {
 }
 
 // --- Limits ----------------------------------------------------------------------------------------------------------
-//
-// What a message asks for is bounded before anything is done for it: requests beyond a limit are dropped, counted and
-// told of.
+// Requests beyond a limit are dropped, counted and reported before they cost anything.
 
 class FragmentLimitsTest : public LfFragmentTest {
  protected:
@@ -328,7 +326,7 @@ TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
   EXPECT_EQ(stat(element_.get(), "refused-aperture"), 2u);
   EXPECT_EQ(stat(element_.get(), "refused"), 4u);
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
-  // Once a second.
+  // At most once a second.
   const std::vector<std::string> told = warnings();
   ASSERT_GE(told.size(), 1u);
   EXPECT_THAT(told[0], HasSubstr("View 2 asks for 16384x16384 pixels"));
@@ -344,7 +342,7 @@ TEST_F(FragmentLimitsTest, MoreTrialsThanAllowedAreRefused) {
   map.nearest = 0.3;
   map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
   curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-  curious.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+  curious.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
   set("limits", "limits,max-trials=1");
   EXPECT_FALSE(is_answered(curious));
   EXPECT_EQ(stat(element_.get(), "refused-trials"), 1u);
@@ -357,14 +355,14 @@ TEST_F(FragmentLimitsTest, WrongLimitsAreToldOfAndLeaveTheOthers) {
   set("limits", "limits,max-pixels=0,max-views=1,max-cameras=4");
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("limits: max-pixels: must be a whole number of 1 to 268435456, not 0"),
                                       HasSubstr("limits: max-cameras: there is no such limit")));
-  EXPECT_TRUE(is_answered(asked(1))) << "max-pixels has its default";
+  EXPECT_TRUE(is_answered(asked(1))) << "max-pixels is at its default";
   EXPECT_FALSE(is_answered(asked(2)));
   set("limits", "limits");
   EXPECT_TRUE(is_answered(asked(2)));
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("max-views")));
 }
 
-// Before there is a bus nobody would hear of it.
+// Without a bus the message would be lost.
 TEST_F(LfFragmentTest, WrongLimitsAreToldOfAtTheStart) {
   const ElementPtr fragment = launch("lffragment rig=" + array_.rig_path() + " limits=limits,max-views=none");
   ASSERT_TRUE(fragment);
@@ -376,7 +374,6 @@ TEST_F(LfFragmentTest, WrongLimitsAreToldOfAtTheStart) {
   gst_element_set_bus(fragment.get(), nullptr);
 }
 
-// "lightfield-answer" has what an answer is and what it took.
 TEST_F(FragmentLimitsTest, AnswersArePostedWhereThatIsAskedFor) {
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -400,7 +397,7 @@ TEST_F(FragmentLimitsTest, AnswersArePostedWhereThatIsAskedFor) {
   gst_element_set_bus(element_.get(), nullptr);
 }
 
-// Smaller strips lose less with a lost packet; 16 rows are the least.
+// Smaller strips lose less with a lost packet; the minimum is 16 rows.
 TEST_F(FragmentLimitsTest, StripsAreOfAsManyPixelsAsAllowed) {
   ViewRequest large = asked(1);
   large.view.width = large.view.height = 128;
@@ -424,21 +421,22 @@ TEST_F(FragmentLimitsTest, LensesThatTakeTooLongAreRefused) {
   strange.view.lens = Lens(LensModel::kOpenCv, {1, 1, 45, 45, 1e12, -1e12, 1e9, 1e9});
   EXPECT_FALSE(is_answered(strange));
   strange.view.width = strange.view.height = 20;
-  EXPECT_TRUE(is_answered(strange)) << "few pixels take little, whatever their lens is";
+  EXPECT_TRUE(is_answered(strange)) << "few pixels are cheap with any lens";
   EXPECT_EQ(stat(element_.get(), "refused-lens"), 1u);
   const std::vector<std::string> told = warnings();
   ASSERT_EQ(told.size(), 1u);
   EXPECT_THAT(told[0], HasSubstr("distortion"));
 }
 
-// Where another view takes long to plan, as of a strange lens, an ordinary one goes before the rest of the plan.
+// An ordinary view is served between the steps of planning a view with an extreme lens.
 TEST_F(FragmentLimitsTest, OthersGoBeforeTheRestOfAStrangeLens) {
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
   gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
-  set("max-delay", "60000000000");  // once the node knows what the lens takes it would skip it
-  for (int i = 0; i < 5; i++) {     // the node learns how long answers of this view take
+  // a shorter limit would skip the view as soon as its rendering time is measured
+  set("max-delay", "60000000000");
+  for (int i = 0; i < 5; i++) {
     EXPECT_EQ(request(asked(1)), GST_FLOW_OK);
     pull();
   }
@@ -458,7 +456,7 @@ TEST_F(FragmentLimitsTest, MoreViewsThanAllowedAreRefused) {
   set("limits", "limits,max-views=3");
   for (const uint32_t view : {5, 6, 7}) EXPECT_TRUE(is_answered(asked(view)));
   EXPECT_FALSE(is_answered(asked(8)));
-  EXPECT_TRUE(is_answered(asked(6))) << "who is there stays";
+  EXPECT_TRUE(is_answered(asked(6))) << "existing views stay";
   EXPECT_EQ(stat(element_.get(), "refused-views"), 1u);
 }
 
@@ -467,8 +465,8 @@ TEST_F(FragmentLimitsTest, FilesAreAskedForAsFastAsTheyCanBeMade) {
   for (int i = 0; i < 10; i++) EXPECT_TRUE(is_answered(asked(1)));
 }
 
-// What few pixels, or none that show anything, took tells nothing of another view's: a second for each pixel would end
-// all pictures.
+// The rendering time of a view with few or no visible pixels must not predict other views: a second per pixel would
+// stop all pictures.
 TEST_F(FragmentLimitsTest, RequestsOfOnePixelTakeNobodysPictures) {
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
@@ -553,8 +551,7 @@ TEST(RtpLfDepayLimits, AnswersOfLargerViewsGoNoFurther) {
 }
 
 // --- Quality of service ----------------------------------------------------------------------------------------------
-//
-// Who shows pictures says that they come too late: requests that can't be in time are left out first.
+// QoS events report late pictures; the node skips requests that would be late.
 
 GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
   return gst_event_new_qos(GST_QOS_TYPE_UNDERFLOW, 2, diff, timestamp);
@@ -576,8 +573,7 @@ TEST_F(LfFragmentQosTest, LateRequestsAreAnsweredWithoutFragments) {
     return pull();
   };
   EXPECT_FALSE(answer_to(0, 3).fragments.empty());
-  gst_harness_push_upstream_event(harness_.get(),
-                                  for_view(late_by(kFrame, 0), 3));  // two frames until it is made up for
+  gst_harness_push_upstream_event(harness_.get(), for_view(late_by(kFrame, 0), 3));  // skips two frames to catch up
   const wire::Answer skipped = answer_to(1, 3);
   EXPECT_TRUE(skipped.fragments.empty());
   EXPECT_EQ(skipped.sequence, 1u);

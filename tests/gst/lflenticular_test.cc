@@ -12,10 +12,9 @@ namespace {
 
 using testing::HasSubstr;
 
-// A quilt of 3 x 2 views of 16x12 pixels.
 constexpr int kColumns = 3, kRows = 2, kWidth = 48, kHeight = 24;
-const LensDisplay kDisplay{.lens_width = 5.5, .slant = -11, .centre = 0.25};
-const LensDisplay kReversed{.lens_width = 5.5, .slant = -11, .centre = 0.25, .reversed = true};
+const LenticularDisplay kDisplay{.lens_pitch = 5.5, .slant = -11, .centre = 0.25};
+const LenticularDisplay kReversed{.lens_pitch = 5.5, .slant = -11, .centre = 0.25, .reversed = true};
 
 GstCaps* rgb(int width, int height) {
   return gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "RGB", "width", G_TYPE_INT, width, "height",
@@ -26,7 +25,7 @@ class LfLenticular : public testing::Test {
  protected:
   void SetUp() override {
     harness_ = gst_harness_new("lflenticular");
-    g_object_set(harness_->element, "columns", kColumns, "rows", kRows, "lens-width", kDisplay.lens_width, "slant",
+    g_object_set(harness_->element, "columns", kColumns, "rows", kRows, "lens-pitch", kDisplay.lens_pitch, "slant",
                  kDisplay.slant, "centre", kDisplay.centre, nullptr);
     quilt_ = Image(PixelFamily::kRgb, kWidth, kHeight);
     for (size_t i = 0; i < quilt_.data().size(); i++) quilt_.data()[i] = static_cast<uint8_t>(i * 37 + i / 144 * 11);
@@ -39,8 +38,7 @@ class LfLenticular : public testing::Test {
     GST_BUFFER_PTS(buffer) = 5 * GST_SECOND;
     return gst_harness_push(harness_, buffer);
   }
-  // What comes out of a display of this size.
-  void expect_picture(int width, int height, const LensDisplay& display = kDisplay) {
+  void expect_picture(int width, int height, const LenticularDisplay& display = kDisplay) {
     GstBuffer* out = gst_harness_pull(harness_);
     ASSERT_TRUE(out);
     EXPECT_EQ(GST_BUFFER_PTS(out), 5 * GST_SECOND);
@@ -49,7 +47,7 @@ class LfLenticular : public testing::Test {
     ASSERT_EQ(gst_buffer_get_size(out), GST_VIDEO_INFO_SIZE(&info));
     const ptrdiff_t stride = GST_VIDEO_INFO_PLANE_STRIDE(&info, 0);
     std::vector<uint8_t> expected(GST_VIDEO_INFO_SIZE(&info));
-    interleave(display, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
+    interleave_views(display, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
     GstMapInfo map;
     ASSERT_TRUE(gst_buffer_map(out, &map, GST_MAP_READ));
     for (int y = 0; y < height; y++)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// lfnodesink, and lfviewsrc at the other end.
+// lfnodesink, connected to lfviewsrc.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -13,7 +13,6 @@ namespace {
 
 using testing::HasSubstr;
 
-// Two hosts with half of the cameras each, in pipelines of their own.
 class LfViewSrcOnHostsTest : public LfViewSrcTest {
  protected:
   ElementPtr start_host(int number) {
@@ -74,7 +73,6 @@ TEST_F(LfViewSrcOnHostsTest, ShowsTheirCamerasToEachViewer) {
   const uint64_t before = complete("compositor");
   EXPECT_TRUE(comes([&] { return complete("compositor") > before + 5; }));
 
-  // A host that goes and comes.
   stop_host(hosts[1]);
   EXPECT_TRUE(more("s", 20));
   hosts[1] = start_host(1);
@@ -120,7 +118,6 @@ TEST_F(LfViewSrcOnHostsTest, AHostThatNeverAnswersIsNamed) {
   stop_host(host);
 }
 
-// Of requester `index`, what its gate counts.
 uint64_t requests(GstElement* host, int index, const char* field) {
   GstStructure* whole = nullptr;
   g_object_get(host, "stats", &whole, nullptr);
@@ -146,14 +143,14 @@ TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
   play(nodes());
   EXPECT_TRUE(comes([&] {
     return requests(child_of(hosts[0]).get(), 0, "passed") > 5 &&
-           requests(child_of(hosts[1]).get(), 0, "strangers") > 5;
+           requests(child_of(hosts[1]).get(), 0, "unknown-senders") > 5;
   }));
   EXPECT_EQ(requests(child_of(hosts[0]).get(), 1, "passed"), 0u);
   EXPECT_EQ(requests(child_of(hosts[1]).get(), 0, "passed"), 0u);
   stop();
   for (ElementPtr& host : hosts) stop_host(host);
 
-  // With the same key on both sides both answer.
+  // Hosts answer if the keys are equal.
   for (int i : {0, 1}) {
     hosts[i] = start_host(i);
     EXPECT_EQ(gst_element_set_state(hosts[i].get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
@@ -171,7 +168,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
   struct Case {
     std::string line, words;
   };
-  for (const Case& c : {Case{rig, "listen: not set"}, Case{rig + " listen=5000", "as many items"},
+  for (const Case& c : {Case{rig, "listen: not set"}, Case{rig + " listen=5000", "same number of items"},
                         Case{rig + " listen=5000 answers=6000", "answers: 6000: must be HOST:PORT"},
                         Case{rig + " listen=here answers=a:6000", "here: must be PORT"},
                         Case{rig + " listen=5000 answers=nobody.invalid:6000", "nobody.invalid"},
@@ -184,7 +181,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
   }
 }
 
-// What is told to take more than by default gets it, and who refuses a request is counted where one looks.
+// Raised limits apply inside the bins, and the stats count refused requests.
 TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   const auto pixels_of = [](GstElement* bin, const char* depay) {
     const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
@@ -214,7 +211,7 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
   g_object_set(viewer.get(), "nodes", nullptr, nullptr);
   ASSERT_EQ(gst_element_set_state(viewer.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
-  EXPECT_EQ(pixels_of(viewer.get(), "node"), 33'177'600u) << "the cameras here take what the compositor does";
+  EXPECT_EQ(pixels_of(viewer.get(), "node"), 33'177'600u) << "these cameras accept the compositor's limits";
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
 }
 

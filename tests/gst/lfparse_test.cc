@@ -13,7 +13,7 @@
 namespace lf::test {
 namespace lfparse_test {
 
-// Says in failures what it is instead of printing itself.
+// Prints a short description instead of all bytes when a test fails.
 struct Bytes : std::vector<uint8_t> {
   using vector::vector;
   Bytes(vector bytes) : vector(std::move(bytes)) {}
@@ -51,7 +51,6 @@ Bytes join(const Units& parts) {
   return out;
 }
 
-// Bytes in, units out.
 class Parser {
  public:
   explicit Parser(const char* sink_caps = nullptr) : harness_(gst_harness_new("lfparse")) {
@@ -93,7 +92,7 @@ class Parser {
   HarnessPtr harness_;
 };
 
-// Caps say whether buffers are units: bytes that are not don't link with who wants units.
+// Caps state whether buffers hold whole units: unparsed bytes do not link to elements that need units.
 TEST(LfParse, BytesThatAreNotParsedLinkWithNobodyElse) {
   for (const char* kind : {"request", "answer"}) {
     const std::string caps = std::string("application/x-lightfield-") + kind;
@@ -147,7 +146,7 @@ TEST(LfParse, AUnitLeavesAsSoonAsItIsComplete) {
 }
 
 TEST(LfParse, SkipsGarbageBetweenUnits) {
-  // Among it what looks like the beginning of a unit: parts of the magic, and a magic with an impossible header.
+  // The garbage contains apparent unit starts: parts of the magic, and a magic with an impossible header.
   const Bytes plain(1000, 'x'), part = {0x8f, 'L', 0x8f, 0x8f, 'L', 'F'};
   const Bytes header = {0x8f, 'L', 'F', 'A', 0, 1, 0, 0, 0, 0, 0, 80, 5, 5};
   for (const size_t chunk : {1, 5, 64, 100000}) {
@@ -174,7 +173,7 @@ TEST(LfParse, DropsATruncatedTail) {
 
 TEST(LfParse, KeepsToOneKind) {
   const Bytes mixed = join({request(1), answer(2), request(3), answer(4), request(5)});
-  Parser first;  // the first unit decides
+  Parser first;
   first.push(mixed);
   first.end();
   EXPECT_EQ(first.take(), (Units{request(1), request(3), request(5)}));
@@ -199,17 +198,17 @@ TEST(LfParse, HugeLengthsDoNotStopTheStream) {
     for (int i = 0; i < 4; i++) unit[8 + i] = static_cast<uint8_t>(length >> (24 - 8 * i));
     return unit;
   };
-  Parser impossible;  // beyond the format's limit: skipped at once
+  Parser impossible;  // above the format's limit: skipped immediately
   impossible.push(join({with_length(answer(1), 0xffffffff), answer(2)}));
   EXPECT_EQ(impossible.take(), Units{answer(2)});
 
   Parser limited;
-  g_object_set(limited.h()->element, "max-unit-size", 5000, nullptr);
+  g_object_set(limited.h()->element, "max-size-bytes", 5000, nullptr);
   limited.push(join({with_length(answer(1), 5001), answer(2), answer(3, 50)}));
   limited.push(answer(4));
   EXPECT_EQ(limited.take(), (Units{answer(2), answer(4)}));
 
-  Parser plausible;  // waits for it, and looks inside when it never comes
+  Parser plausible;  // waits for the rest, and searches inside if it never arrives
   plausible.push(join({with_length(answer(1), 50'000'000), answer(2), answer(3)}));
   EXPECT_TRUE(plausible.take().empty());
   plausible.end();
@@ -265,7 +264,6 @@ TEST(LfParse, NothingButGarbageIsAnError) {
   EXPECT_NE(run("filesrc location=" + file.path() + " ! lfparse ! fakesink"), "");
 }
 
-// What arrives behind `line` in a pipeline that ends in a fakesink.
 Units units_of(const std::string& line) {
   Units units;
   const ElementPtr pipeline = launch(line + " ! fakesink name=sink signal-handoffs=true");
@@ -314,7 +312,7 @@ TEST(LfTypeFind, TellsTheKinds) {
   };
   EXPECT_EQ(type_of(join({request(1), request(2)})), Found("application/x-lightfield-request", GST_TYPE_FIND_MAXIMUM));
   EXPECT_EQ(type_of(join({answer(1), answer(2)})), Found("application/x-lightfield-answer", GST_TYPE_FIND_MAXIMUM));
-  // Nothing to see of a second unit.
+  // Too short to contain a second unit.
   Bytes cut = answer(1, 100);
   cut.resize(4096);
   EXPECT_EQ(type_of(cut), Found("application/x-lightfield-answer", GST_TYPE_FIND_LIKELY));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// lfrtpseal and lfrtpgate, one against the other and against those who have no key.
+// lfrtpseal and lfrtpgate, with and without the shared key.
 #include <gmock/gmock.h>
 #include <gst/net/gstnetaddressmeta.h>
 #include <sys/stat.h>
@@ -38,7 +38,6 @@ Bytes payload_of(const Bytes& packet) { return {packet.begin() + kHeader, packet
 
 class LfRtpGateTest : public testing::Test {
  protected:
-  // What is sealed comes out one by one.
   Bytes sealed(const Bytes& packet) {
     EXPECT_EQ(seal_.push(packet), GST_FLOW_OK);
     std::vector<Bytes> out = seal_.units();
@@ -60,7 +59,7 @@ TEST_F(LfRtpGateTest, PassesWhatIsSealedWithItsKey) {
   EXPECT_THAT(seal_.caps(), HasSubstr("application/x-srtp, "));
   for (uint16_t i = 0; i < 20; i++) {
     const Bytes packet = rtp_packet(i, 10 * i), on_the_way = sealed(packet);
-    EXPECT_EQ(on_the_way.size(), packet.size() + lf::rtp::kSealBytes);
+    EXPECT_EQ(on_the_way.size(), packet.size() + lf::rtp::kSrtpOverheadBytes);
     if (i > 1) {
       EXPECT_NE(Bytes(on_the_way.begin() + kHeader, on_the_way.begin() + packet.size()), payload_of(packet));
     }
@@ -86,7 +85,7 @@ TEST_F(LfRtpGateTest, ListsStayLists) {
   for (const Bytes& packet : out) EXPECT_EQ(passed(gate_, packet), 1u);
 }
 
-// Whoever starts late has not seen the sequence numbers go round.
+// A receiver that starts late has missed sequence number wrap-arounds.
 TEST_F(LfRtpGateTest, LetsInWhoeverHasSentForLong) {
   Bytes latest;
   std::vector<uint32_t> senders;
@@ -96,7 +95,7 @@ TEST_F(LfRtpGateTest, LetsInWhoeverHasSentForLong) {
     if (senders.empty() || senders.back() != ssrc) senders.push_back(ssrc);
   }
   EXPECT_GE(senders.size(), 2u);
-  EXPECT_LE(senders.size(), 3u) << "a stream for 65536 packets, or for a minute";
+  EXPECT_LE(senders.size(), 3u) << "one stream per 65536 packets or minute";
   EXPECT_EQ(passed(gate_, latest), 1u);
 }
 
@@ -105,8 +104,8 @@ TEST_F(LfRtpGateTest, OthersHaveNoKey) {
   for (uint16_t i = 0; i < 10; i++) {
     const Bytes packet = sealed(rtp_packet(i, 100));
     EXPECT_EQ(passed(stranger, packet), 0u);
-    EXPECT_EQ(passed(requests, packet), 0u) << "an answer is no request";
-    EXPECT_EQ(passed(gate_, rtp_packet(i, 100)), 0u) << "not sealed";
+    EXPECT_EQ(passed(requests, packet), 0u) << "an answer, not a request";
+    EXPECT_EQ(passed(gate_, rtp_packet(i, 100)), 0u) << "not encrypted";
   }
   for (RtpElement* each : {&stranger, &requests}) {
     EXPECT_EQ(stat(each->element(), "forged"), 10u);
@@ -116,7 +115,7 @@ TEST_F(LfRtpGateTest, OthersHaveNoKey) {
   EXPECT_EQ(stat(gate_.element(), "passed"), 0u);
 }
 
-// Whoever builds a pipeline may set caps behind the gate in place of before it.
+// The caps may be set after the gate.
 TEST_F(LfRtpGateTest, WithoutCapsNothingPasses) {
   RtpElement uncapped(gate(key_).c_str(), nullptr);
   gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_stream_start("packets"));
@@ -132,14 +131,13 @@ TEST_F(LfRtpGateTest, WithoutCapsNothingPasses) {
 TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
   std::vector<Bytes> sent;
   for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));
-  std::swap(sent[10], sent[40]);  // they may overtake each other
+  std::swap(sent[10], sent[40]);
   for (const Bytes& packet : sent) EXPECT_EQ(passed(gate_, packet), 1u);
   for (const Bytes& packet : sent) EXPECT_EQ(passed(gate_, packet), 0u);
   EXPECT_EQ(stat(gate_.element(), "replayed"), 50u);
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(50, 30))), 1u);
 }
 
-// What was sent to one gate is of no use at another one of this process, nor after a gate has been started again.
 TEST_F(LfRtpGateTest, APacketPassesOneGateOfAProcess) {
   std::vector<Bytes> sent;
   for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));
@@ -161,7 +159,7 @@ TEST_F(LfRtpGateTest, APacketPassesOneGateOfAProcess) {
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(51, 30))), 1u);
 }
 
-// A request is sealed once and sent to many hosts, whose gates may be in one process.
+// A request is encrypted once for several hosts, and their gates may run in one process.
 TEST_F(LfRtpGateTest, CopiesPassEachGateOnce) {
   const std::string with_copies = gate(key_) + " copies=true";
   RtpElement first(with_copies.c_str(), kRtpAnswerCaps), second(with_copies.c_str(), kRtpAnswerCaps);
@@ -190,17 +188,17 @@ TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
       EXPECT_EQ(passed(gate_, damaged), 0u) << "bit " << bit;
     }
     EXPECT_EQ(stat(gate_.element(), "passed"), before);
-    EXPECT_LE(stat(gate_.element(), "streams"), 1u) << "none for what is not sound";
+    EXPECT_LE(stat(gate_.element(), "streams"), 1u) << "none for invalid packets";
   }
   uint64_t dropped = 0;
   for (const char* fate : {"malformed", "unsealed", "stale", "replayed", "forged"})
     dropped += stat(gate_.element(), fate);
   EXPECT_EQ(dropped, 2 * 9 * whole.size());
-  EXPECT_GT(stat(gate_.element(), "malformed"), 2 * (kHeader + lf::rtp::kSealBytes) - 1);
+  EXPECT_GT(stat(gate_.element(), "malformed"), 2 * (kHeader + lf::rtp::kSrtpOverheadBytes) - 1);
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(2, 40))), 1u);
 }
 
-// A packet of plain SRTP with the key of that minute, as lib/rtp/spec.md has it.
+// Returns a plain SRTP packet with the key of that minute, as in lib/rtp/spec.md.
 Bytes sealed_by_others(const std::string& path, uint32_t minute) {
   const lf::rtp::SessionKey session = lf::rtp::RtpKey(path).session("X-LIGHTFIELD-ANSWER", {7, minute, g_random_int()});
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
@@ -208,7 +206,7 @@ Bytes sealed_by_others(const std::string& path, uint32_t minute) {
       mki(gst_buffer_new_memdup(session.mki.data(), session.mki.size()));
   g_object_set(srtpenc, "key", key.get(), "mki", mki.get(), nullptr);
   Bytes out;
-  rtp::HiddenElement hidden(srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp", [&](GstBuffer* packet) {
+  rtp::StandaloneElement hidden(srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp", [&](GstBuffer* packet) {
     out = to_bytes(packet);
     gst_buffer_unref(packet);
     return GST_FLOW_OK;
@@ -218,11 +216,11 @@ Bytes sealed_by_others(const std::string& path, uint32_t minute) {
 }
 
 TEST_F(LfRtpGateTest, WhatWasRecordedIsWorthNothingLater) {
-  const uint32_t now = lf::rtp::this_minute();
+  const uint32_t now = lf::rtp::current_minute();
   for (const uint32_t minute : {now - 100000, now - 3, now + 3, 0u, 0xffffffffu})
     EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), minute)), 0u) << minute;
   EXPECT_EQ(stat(gate_.element(), "stale"), 5u);
-  EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), lf::rtp::this_minute())), 1u);
+  EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), lf::rtp::current_minute())), 1u);
 }
 
 TEST_F(LfRtpGateTest, NobodySeesTheKey) {
@@ -258,7 +256,6 @@ TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
   }
 }
 
-// Pushes a packet often; what the gate warns of.
 std::vector<std::string> warnings(RtpElement& gate, const Bytes& packet) {
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(gate.element(), bus);
@@ -276,12 +273,13 @@ TEST_F(LfRtpGateTest, SaysOnceWhyPacketsAreDropped) {
   };
   RtpElement others(("lfrtpseal key-file=" + other_.path()).c_str(), kRtpAnswerCaps);
   others.push(rtp_packet(0, 100));
-  const uint32_t now = lf::rtp::this_minute();
-  for (const Case& c : {Case{rtp_packet(0, 100), "unsealed", "not sealed: the sender has no key-file"},
-                        Case{sealed_by_others(other_.path(), now - 100), "unsealed", "another one and a clock"},
-                        Case{others.units().at(0), "forged", "sealed with another key"},
-                        Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks of the two hosts differ"},
-                        Case{rtp_packet(0, 1), "malformed", "too short to be sealed"}}) {
+  const uint32_t now = lf::rtp::current_minute();
+  for (const Case& c :
+       {Case{rtp_packet(0, 100), "unsealed", "not encrypted: the sender has no key-file"},
+        Case{sealed_by_others(other_.path(), now - 100), "unsealed", "another key-file and a wrong clock"},
+        Case{others.units().at(0), "forged", "encrypted with another key"},
+        Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks of the two hosts differ"},
+        Case{rtp_packet(0, 1), "malformed", "too short for SRTP"}}) {
     RtpElement fresh(gate(key_).c_str(), kRtpAnswerCaps);
     EXPECT_THAT(warnings(fresh, c.packet), testing::ElementsAre(HasSubstr(c.words)));
     EXPECT_EQ(stat(fresh.element(), c.fate), 100u) << c.words;
@@ -304,17 +302,17 @@ TEST_F(LfRtpGateTest, WithoutAKeyAddressesCount) {
   EXPECT_EQ(passes_from(peers, "::ffff:10.1.2.3"), 1u);
   for (const char* stranger : {"10.0.0.8", "127.0.0.1", "::1"}) EXPECT_EQ(passes_from(peers, stranger), 0u);
   EXPECT_EQ(passes_from(peers, nullptr), 0u);
-  EXPECT_EQ(stat(peers.element(), "strangers"), 4u);
+  EXPECT_EQ(stat(peers.element(), "unknown-senders"), 4u);
   EXPECT_EQ(passes_from(none, "10.0.0.7"), 0u);
   EXPECT_EQ(passes_from(none, "127.0.0.1"), 1u);
   EXPECT_EQ(passes_from(none, "127.0.0.2"), 0u);
   EXPECT_EQ(passes_from(none, "127.0.0.1"), 1u);
 
-  // With a key anybody who has it, unless somebody is named.
+  // The key admits every sender, unless `peers` lists addresses.
   RtpElement both((gate(key_) + " peers=10.0.0.7").c_str(), kRtpAnswerCaps);
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(0, 30))), 1u);
   EXPECT_EQ(passed(both, sealed(rtp_packet(1, 30))), 0u);
-  EXPECT_EQ(stat(both.element(), "strangers"), 1u);
+  EXPECT_EQ(stat(both.element(), "unknown-senders"), 1u);
 }
 
 TEST_F(LfRtpGateTest, WithoutAKeyPacketsAreNotSealed) {

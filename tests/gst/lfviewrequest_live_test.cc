@@ -13,17 +13,17 @@ namespace {
 TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
   Source source;
   source.set("framerate", 15, 1, "capture-delay", 50 * kMs);
-  const GstClockTime second = 1'700'000'000ull * GST_SECOND;  // as a realtime clock shows
+  const GstClockTime second = 1'700'000'000ull * GST_SECOND;  // a realtime clock's reading
   gst_element_set_base_time(source.element(), second + 10 * kMs);
   source.play_live(second + 10 * kMs);
   for (int i = 0; i < 40; i++) {
     const Unit unit = source.next_live();
-    // The first instant that is not before the start, and 50 ms old when it is asked for.
+    // The first capture instants after the start; each is requested 50 ms later.
     const GstClockTime instant = second + gst_util_uint64_scale(i + 1, GST_SECOND, 15);
     EXPECT_EQ(unit.request.target_time, instant) << i;
     EXPECT_TRUE(unit.request.absolute_time);
     EXPECT_EQ(source.clock_time(), instant + 50 * kMs) << i;
-    EXPECT_EQ(unit.pts, instant - second - 10 * kMs) << "its running time";
+    EXPECT_EQ(unit.pts, instant - second - 10 * kMs) << "running time of the request";
     EXPECT_EQ(unit.request.sequence, static_cast<uint32_t>(i));
   }
 }
@@ -32,14 +32,14 @@ TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs, "eager", TRUE);
   source.play_live();
-  // It waits until it may leave, then until its turn.
+  // First the wait until a request may leave, then the wait for the next scheduled request.
   const auto pass_wait = [&source] {
     EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
     EXPECT_TRUE(gst_harness_crank_single_clock_wait(source.harness()));
   };
   pass_wait();
   pass_wait();
-  EXPECT_EQ(source.pull().pts, 0u) << "nothing has changed";
+  EXPECT_EQ(source.pull().pts, 0u) << "unchanged";
   EXPECT_EQ(source.clock_time(), 30 * kMs);
   pass_wait();
   EXPECT_EQ(source.clock_time(), 55 * kMs);
@@ -47,9 +47,9 @@ TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
   gst_harness_set_time(source.harness(), 80 * kMs);
   source.set("yaw", 7.0);
   const Unit early = source.pull();
-  EXPECT_EQ(early.pts, 50 * kMs) << "its turn would have been at 130";
-  EXPECT_EQ(early.request.target_time, 0u) << "the newest that is old enough";
-  // The turn is used up; the next one may leave from 155 on.
+  EXPECT_EQ(early.pts, 50 * kMs) << "scheduled for 130";
+  EXPECT_EQ(early.request.target_time, 0u) << "newest time that is old enough";
+  // This request replaces the scheduled one; the next may leave at 155.
   source.set("yaw", 8.0);
   pass_wait();
   const Unit soon = source.pull();
@@ -65,8 +65,8 @@ TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
 }
 
 TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
-  const OtherRig first(test_rig(), [](Rig&) {});
-  const OtherRig second(test_rig(), [](Rig& rig) {
+  const ModifiedRig first(test_rig(), [](Rig&) {});
+  const ModifiedRig second(test_rig(), [](Rig& rig) {
     rig.cameras.pop_back();
     rig.topology = {};
     for (Camera& camera : rig.cameras) camera.width = 96;
@@ -77,21 +77,20 @@ TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
   EXPECT_EQ(source.next_live().request.rig_hash, first.hash());
   source.send(view_feedback_event({.view_id = 0, .out_of_service = CameraSet{5}}));
   Unit unit = source.next_live();
-  unit = source.next_live();  // one may have been waiting
+  unit = source.next_live();
   EXPECT_EQ(unit.request.out_of_service, (CameraSet{1, 5}));
 
   source.set("rig", second.path().c_str());
   source.next_live();
   unit = source.next_live();
   EXPECT_EQ(unit.request.rig_hash, second.hash());
-  EXPECT_EQ(unit.request.out_of_service, CameraSet{1}) << "what was announced is of the other rig";
+  EXPECT_EQ(unit.request.out_of_service, CameraSet{1}) << "announced for the other rig";
   EXPECT_EQ(unit.request.view.width, 96);
   EXPECT_EQ(source.pop_message(GST_MESSAGE_WARNING), "");
 
-  // What can't be taken changes nothing.
   source.set("rig", first.path().c_str(), "out-of-service", "15");
   source.set("rig", second.path().c_str());
-  EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("the rig stays"), std::string::npos);
+  EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("rig stays in use"), std::string::npos);
   source.set("rig", "/nowhere/rig.json");
   EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("/nowhere/rig.json"), std::string::npos);
   source.next_live();
@@ -102,7 +101,7 @@ TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
 
 TEST(LfViewRequestLive, CamerasThatTheRigDoesNotHaveAreNotNamed) {
   Source source;
-  const OtherRig rig(test_rig(), [](Rig&) {});
+  const ModifiedRig rig(test_rig(), [](Rig&) {});
   source.set("rig", rig.path().c_str());
   source.play_live();
   source.next_live();
@@ -116,7 +115,7 @@ TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
   source.play_live();
   EXPECT_EQ(source.next_live().request.target_time, 0u);
-  // The clock jumps over five requests: the one that waits leaves, the next is the newest.
+  // The clock skips five requests: the waiting one leaves, the next one is the newest.
   EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
   gst_harness_set_time(source.harness(), 655 * kMs);
   EXPECT_EQ(source.next_live().request.target_time, 100 * kMs);
@@ -164,8 +163,8 @@ TEST(LfViewRequestLive, LeftToItselfTheCaptureDelayIsWhatNodesNeed) {
   EXPECT_GE(delay, 250 * kMs);
   EXPECT_LE(delay, 260 * kMs);
   EXPECT_TRUE(source.send(capture_delay_event(249 * kMs)));
-  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY)) << "that is enough for it";
-  source.next_live();  // may have been waiting
+  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY)) << "the latency already covers the delay";
+  source.next_live();
   for (int i = 0; i < 3; i++) {
     const Unit unit = source.next_live();
     EXPECT_EQ(unit.pts, unit.request.target_time);
@@ -194,7 +193,7 @@ TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksLater) {
   for (int i = 0; i < 3; i++) shrunk |= delay.take(20 * kMs, now += GST_SECOND);
   EXPECT_TRUE(shrunk);
   EXPECT_LE(delay.delay(), 25 * kMs);
-  EXPECT_TRUE(delay.take(GST_SECOND * 30, now)) << "not more than frames are kept for";
+  EXPECT_TRUE(delay.take(GST_SECOND * 30, now)) << "limited by the frame history";
   EXPECT_EQ(delay.delay(), AutoCaptureDelay::kMost);
   delay.clear();
   EXPECT_EQ(delay.delay(), 0u);
@@ -203,7 +202,7 @@ TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksLater) {
 TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {
   for (const bool eos : {true, false}) {
     Source source;
-    source.set("framerate", 1, 3600);  // an hour to the next request
+    source.set("framerate", 1, 3600);
     source.play_live();
     source.next_live();
     EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
@@ -218,7 +217,6 @@ TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {
   }
 }
 
-// A pipeline on the system clock that notes the stamps that reach its "sink".
 class Pipeline {
  public:
   explicit Pipeline(const std::string& line) : pipeline_(launch(line)) {
@@ -234,7 +232,6 @@ class Pipeline {
     g_cond_clear(&cond_);
   }
   GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_.get(), state); }
-  // The stamps of all buffers once there are `count` of them.
   std::vector<GstClockTime> wait(size_t count) {
     g_mutex_lock(&mutex_);
     const gint64 deadline = g_get_monotonic_time() + 30 * G_TIME_SPAN_SECOND;
@@ -305,7 +302,6 @@ TEST(LfViewRequestStates, SequencesAndTimesStartAnew) {
   }
 }
 
-// lfviewrequest with requests of other viewers coming in.
 class LfViewRequestRelay : public testing::Test {
  protected:
   void start(bool live = false) {
@@ -359,7 +355,7 @@ TEST_F(LfViewRequestRelay, PassesRequestsOnAsTheyAre) {
   const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
   EXPECT_TRUE(gst_structure_has_field(gst_caps_get_structure(caps.get(), 0), "framerate"));
   gst_harness_push_event(harness_.get(), gst_event_new_eos());
-  EXPECT_TRUE(comes_to_end(harness_.get()));
+  EXPECT_TRUE(reaches_eos(harness_.get()));
 }
 
 TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
@@ -390,7 +386,8 @@ TEST_F(LfViewRequestRelay, TellsTheLatencyOfWhatItRelays) {
   }
 }
 
-// The viewer does not know what is out of service here: its commands end, new ones are made.
+// The viewer does not know which cameras are out of service here: the relay removes the viewer's commands and creates
+// new ones.
 TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
   TempDir files;
   const Rig rig = test_rig();
@@ -415,11 +412,11 @@ TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
             CameraAccess::of(Access::kPixels)->command(rig, build_mesh(rig, {5}), asked));
   asked.sequence++;
   push(asked);
-  EXPECT_EQ(pull(), asked) << "the viewer's command has ended";
+  EXPECT_EQ(pull(), asked) << "the viewer's command is over";
 }
 
-// A viewer behind a network hears nothing of compositors: the relay gives its requests the surface that was found.
-// Where somebody before the relay takes it, or where requests come from a file, they stay as they are.
+// A viewer behind a network receives no feedback from compositors: the relay adds the focal surface to its requests.
+// Requests stay unchanged if an upstream element handles the surface, or if they come from a file.
 TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
   const struct {
     bool live, taken, changes;
@@ -440,21 +437,21 @@ TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
     map.farthest = 0.05;
     map.nearest = 0.3;
     map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-    FocusControl::Plan plan{asked.view, {{Trial::Kind::kPlane, 200}}};
+    DepthEstimator::Plan plan{asked.view, {{DepthHypothesis::Kind::kPlane, 200}}};
     plan.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-    const ViewFeedback feedback{.view_id = asked.view_id, .focus = FoundFocus{asked.sequence, plan, asked.gains}};
+    const ViewFeedback feedback{.view_id = asked.view_id, .focus = DepthEstimate{asked.sequence, plan, asked.gains}};
     EXPECT_EQ(gst_harness_push_upstream_event(harness_.get(), view_feedback_event(feedback)), live);
 
     ViewRequest other = asked;
     other.view_id = 2;
     push(other);
-    EXPECT_EQ(pull(), other) << "of another view";
+    EXPECT_EQ(pull(), other) << "for another view";
     for (uint32_t i = 1; i < 3; i++) {
       asked.sequence = i;
       push(asked);
       const ViewRequest sent = pull();
       EXPECT_EQ(sent.view.focus.map != nullptr, changes);
-      EXPECT_EQ(sent.trials.size(), changes && i == 1 ? 1u : 0u) << "trials are for one request";
+      EXPECT_EQ(sent.trials.size(), changes && i == 1 ? 1u : 0u) << "hypotheses are sent once";
     }
   }
 }

@@ -13,8 +13,6 @@
 namespace lf::test {
 namespace {
 
-// Files.
-
 TEST(LfViewRequestFile, AListIsStampedFrameByFrameAndEnds) {
   const std::vector<NamedView> views = test_views({2, 2, 2});
   FileSource source(views);
@@ -59,10 +57,10 @@ TEST(LfViewRequestFile, OfASetEachViewIsAskedForAtOneMoment) {
   gst_util_set_object_arg(G_OBJECT(source.element()), "views", "quilt");
   source.set("columns", 3, "rows", 2, "eye-distance", 0.01, "num-buffers", 2);
   source.play();
-  const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.01};
+  const ViewSet set{.layout = ViewSetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.01};
   uint32_t sequence = 0;
   for (const NamedView& named : even)
-    for (const PlaceInSet& place : set.places()) {
+    for (const ViewSetPosition& place : set.places()) {
       const Unit unit = source.pull();
       EXPECT_EQ(unit.request.place, place);
       EXPECT_EQ(unit.request.view, set.view(named.view, place)) << place.index;
@@ -120,7 +118,6 @@ TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
   EXPECT_TRUE(source.wait_eos());
 }
 
-// What every function that GStreamer calls with data does.
 TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
   Source source;
   const auto call = [&source](bool fails) {
@@ -135,6 +132,17 @@ TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
   EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "what is wrong");
 }
 
+TEST(LfViewRequest, TheCaptureDelayIsAutomaticOrAtMostAMinute) {
+  GstElement* element = gst_element_factory_make("lfviewrequest", nullptr);
+  gst_object_ref_sink(element);
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), "capture-delay");
+  ASSERT_TRUE(G_IS_PARAM_SPEC_INT64(spec));
+  EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->minimum, -1);
+  EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->maximum, gint64{60} * GST_SECOND);
+  EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->default_value, -1);
+  gst_object_unref(element);
+}
+
 TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   FileSource source(test_views({0.25, 0.5}));
   source.set("framerate", 10, 1, "capture-delay", 20 * kMs);
@@ -142,7 +150,7 @@ TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   const Unit first = source.next_live();
   EXPECT_EQ(first.pts, 250 * kMs);
   EXPECT_EQ(source.clock_time(), 270 * kMs);
-  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms then
+  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms at that time
   EXPECT_EQ(source.next_live().request.target_time, 500 * kMs);
 }
 
@@ -183,15 +191,12 @@ TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
     Source source;
     source.set(property, (files / "none.json").c_str());
     EXPECT_NE(error_of(source).find("none.json"), std::string::npos) << property;
-    // A source that failed once starts when its files are right.
     gst_element_set_state(source.element(), GST_STATE_NULL);
     source.set(property, nullptr, "num-buffers", 1);
     source.play();
     source.pull();
   }
 }
-
-// Properties.
 
 TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
   Source source;
@@ -204,7 +209,6 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     controllable += (pspecs[i]->flags & GST_PARAM_CONTROLLABLE) != 0;
     EXPECT_GT(strlen(g_param_spec_get_blurb(pspecs[i])), 10u) << pspecs[i]->name;
     EXPECT_TRUE(pspecs[i]->flags & (GST_PARAM_MUTABLE_READY | GST_PARAM_MUTABLE_PLAYING)) << pspecs[i]->name;
-    // A fresh element has the defaults it documents.
     GValue value = G_VALUE_INIT;
     g_value_init(&value, pspecs[i]->value_type);
     g_object_get_property(G_OBJECT(source.element()), pspecs[i]->name, &value);
@@ -218,7 +222,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
 
 TEST(LfViewRequestProperties, ApertureAndNearestCamerasBlendTheVeryNextRequest) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.set("num-buffers", 5);
   source.set("nearest-cameras", 3);
   source.play();
@@ -227,7 +231,7 @@ TEST(LfViewRequestProperties, ApertureAndNearestCamerasBlendTheVeryNextRequest) 
 
 TEST(LfViewRequestProperties, AnApertureIsSetLikeTheRestOfTheView) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   gboolean done = FALSE;
   GstStructure* view = gst_structure_new("view", "aperture", G_TYPE_DOUBLE, 0.25, nullptr);
   g_signal_emit_by_name(source.element(), "set-view", view, &done);
@@ -248,12 +252,12 @@ TEST(LfViewRequestFile, IsBlendedAsThePropertiesSay) {
 
 TEST(LfViewRequestProperties, MakeTheView) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.set("view-id", 3u, "quality", 80u, "framerate", 30000, 1001, "num-buffers", 3);
   source.play();
   for (uint32_t i = 0; i < 3; i++) {
     const Unit unit = source.pull();
-    expect_near(unit.request.view, make_view(somewhere(), 320, 200));
+    expect_near(unit.request.view, make_view(test_viewpoint(), 320, 200));
     EXPECT_EQ(unit.request.view_id, 3u);
     EXPECT_EQ(unit.request.quality, 80);
     EXPECT_EQ(unit.request.sequence, i);
@@ -290,7 +294,7 @@ TEST(LfViewRequestProperties, WhatIsNotSetSuitsTheRig) {
   source.set("rig", (files / "rig.json").c_str(), "x", 1.25, "focus-distance", 9.0, "num-buffers", 1);
   source.play();
   const ViewRequest request = source.pull().request;
-  Viewpoint expected = VisibleShare(rig).home(64.0 / 48);
+  Viewpoint expected = VisibleFraction(rig).home(64.0 / 48);
   const double y = expected.pose.position.y;
   expected.pose.position.x = 1.25;
   expected.focus_distance = 9;
@@ -343,11 +347,12 @@ TEST(LfViewRequestProperties, WhatHasNoEffectIsSaid) {
   };
   for (const Case& c :
        {Case{"", ""}, Case{views + " loop=true", ""}, Case{"is-live=true eager=true capture-delay=1000", ""},
-        Case{"eager=true", "eager: nothing waits"}, Case{views + " is-live=true eager=true", "eager: views of a file"},
+        Case{"eager=true", "eager: has an effect on live requests only"},
+        Case{views + " is-live=true eager=true", "eager: views of a file"},
         Case{"capture-delay=1000", "capture-delay: "}, Case{views + " width=64", "width and height: "},
-        Case{"loop=true", "loop: "}, Case{"view-cone=7", "view-cone: one view"}, Case{"columns=3", "columns and rows"},
-        Case{"views=row columns=3 eye-distance=0.01", ""}, Case{"views=quilt columns=3 rows=2 view-cone=7", ""},
-        Case{"views=row rows=2", "columns and rows"}}) {
+        Case{"loop=true", "loop: "}, Case{"view-cone=7", "view-cone: have no effect"},
+        Case{"columns=3", "columns and rows"}, Case{"views=row columns=3 eye-distance=0.01", ""},
+        Case{"views=quilt columns=3 rows=2 view-cone=7", ""}, Case{"views=row rows=2", "columns and rows"}}) {
     const ElementPtr pipeline = launch("lfviewrequest name=v " + c.properties + " ! fakesink async=false");
     ASSERT_TRUE(pipeline);
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
@@ -357,7 +362,7 @@ TEST(LfViewRequestProperties, WhatHasNoEffectIsSaid) {
     EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
     const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
     g_object_set(view.get(), "quality", 80, nullptr);
-    EXPECT_EQ(warnings_on(bus), "") << "said once";
+    EXPECT_EQ(warnings_on(bus), "") << "warns once";
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
 }
@@ -368,7 +373,7 @@ TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
   Source source;
   source.set("out-of-service", "1");
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  EXPECT_NE(source.pop_message(GST_MESSAGE_ERROR).find("out-of-service: needs"), std::string::npos);
+  EXPECT_NE(source.pop_message(GST_MESSAGE_ERROR).find("out-of-service: requires"), std::string::npos);
   gst_element_set_state(source.element(), GST_STATE_NULL);
   source.set("rig", (files / "rig.json").c_str());
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
@@ -376,7 +381,6 @@ TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
   EXPECT_NE(error.find("camera list \"1\""), std::string::npos) << error;
 }
 
-// One view's request and the command that follows it.
 std::pair<ViewRequest, wire::AnyRequest> request_and_command(const char* access, const CameraSet& out = {}) {
   RigSource source;
   source.set("view-id", 7u, "num-buffers", 1);
@@ -411,7 +415,7 @@ TEST(LfViewRequest, CommandsNeedARig) {
   Source source;
   gst_util_set_object_arg(G_OBJECT(source.element()), "access", "warp");
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(source.pop_message(GST_MESSAGE_ERROR), testing::HasSubstr("access: needs the property rig"));
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_ERROR), testing::HasSubstr("access: requires the property rig"));
 }
 
 GstEvent* tagged(GstEvent* event, guint view_id) {
@@ -432,9 +436,9 @@ constexpr auto kControl = GST_NAVIGATION_MODIFIER_CONTROL_MASK;
 
 TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.play_live();
-  Navigator expected(somewhere());
+  Navigator expected(test_viewpoint());
   expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200));
   const auto check = [&](const std::string& what) {
     expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200), what);
@@ -457,7 +461,7 @@ TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
   expected.pan(0, 20 / 200.0);
   check("drag with another button");
   EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_scroll(1, 1, 0, 1, kPlain)));
-  const Vec2 place((1.5 - 160) / 200, (1.5 - 100) / 200);  // pixel (1, 1) from the middle, in heights
+  const Vec2 place((1.5 - 160) / 200, (1.5 - 100) / 200);  // pixel (1, 1) from the centre, in units of the height
   expected.zoom(1, place);
   check("wheel");
   EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_scroll(1, 1, 0, -2, kControl)));
@@ -485,17 +489,17 @@ TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
   check("r");
 }
 
-// Pixels are those of the whole picture, and what is under the pointer is in one of its views.
+// Pointer coordinates are relative to the whole picture; the pointer selects one view of the set.
 TEST(LfViewRequestNavigation, ThePointerIsInOneOfASetsViews) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   gst_util_set_object_arg(G_OBJECT(source.element()), "views", "top-bottom");
   source.set("eye-distance", 0.0);
   source.play_live();
-  Navigator expected(somewhere());
+  Navigator expected(test_viewpoint());
   source.next_live();
   const auto check = [&](const std::string& what) {
-    source.pull();  // the other view of the set
+    source.pull();
     expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200), what);
   };
   EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_scroll(1, 201, 0, 1, kPlain)));
@@ -512,7 +516,7 @@ TEST(LfViewRequestNavigation, ThePointerIsInOneOfASetsViews) {
   }
 }
 
-// How far a drag over twice the height takes the eye, metres.
+// Returns how far a drag over twice the picture height moves the viewpoint, metres.
 double drag_far(Source& source, GstNavigationModifierType state) {
   const Vec3 before = source.next_live().request.view.pose.position;
   EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_button_press(1, 0, 20, state)));
@@ -528,18 +532,18 @@ TEST(LfViewRequestNavigation, StaysWhereTheArrayIsSeen) {
   source.play_live();
   EXPECT_LT(drag_far(source, kPlain), 0.16) << "half of the array's width is 0.1 m";
   EXPECT_LT(drag_far(source, kShift), 0.16);
-  source.set("keep-visible", FALSE);
+  source.set("constrain-view", FALSE);
   EXPECT_GT(drag_far(source, kPlain), 0.3);
-  source.set("keep-visible", TRUE);
+  source.set("constrain-view", TRUE);
   for (int i = 0; i < 50; i++) source.send(gst_navigation_event_new_key_press("d", kPlain));
   EXPECT_LT(source.get("x"), 1.22);
   source.set("rig", nullptr);
-  EXPECT_GT(drag_far(source, kPlain), 0.3) << "without a rig nobody knows what is seen";
+  EXPECT_GT(drag_far(source, kPlain), 0.3) << "unlimited without a rig";
 }
 
 TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.set("view-id", 2u);
   source.play_live();
   const View view = source.next_live().request.view;
@@ -558,7 +562,7 @@ TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
 
   source.set("navigation", TRUE);
   EXPECT_TRUE(source.send(tagged(gst_navigation_event_new_key_press("w", kPlain), 2)));
-  Navigator expected(somewhere());
+  Navigator expected(test_viewpoint());
   expected.key("w");
   expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200));
 }
@@ -575,11 +579,11 @@ TEST(LfViewRequestNavigation, AFileIsNotSteered) {
 
 TEST(LfViewRequestNavigation, CustomEventsSetTheView) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.play_live();
   source.next_live();
   EXPECT_TRUE(source.send(tagged(view_event(", x=(double)7, yaw=(int)90, focus-distance=(double)0.5"), 0)));
-  Viewpoint expected = somewhere();
+  Viewpoint expected = test_viewpoint();
   expected.pose = {{7, -2, 0.5}, quat_from_euler({90, -20, 10})};
   expected.focus_distance = 0.5;
   expect_near(source.next_live().request.view, make_view(expected, 320, 200));
@@ -595,7 +599,7 @@ TEST(LfViewRequestNavigation, CustomEventsSetTheView) {
 
 TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
   Source source;
-  set_somewhere(source);
+  set_test_viewpoint(source);
   source.play_live();
   source.next_live();
   std::string notified;
@@ -611,12 +615,12 @@ TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
   };
   EXPECT_TRUE(set_view(gst_structure_new("view", "z", G_TYPE_DOUBLE, 4.0, "roll", G_TYPE_DOUBLE, 0.0, "x",
                                          G_TYPE_DOUBLE, 1.0, nullptr)));
-  EXPECT_EQ(notified, "z roll ");  // x is what it was
+  EXPECT_EQ(notified, "z roll ");
   EXPECT_FALSE(set_view(gst_structure_new("view", "size", G_TYPE_INT, 4, nullptr)));
   EXPECT_FALSE(set_view(gst_structure_new("view", "z", G_TYPE_DOUBLE, 9.0, "yawn", G_TYPE_DOUBLE, 1.0, nullptr)))
-      << "one that is unknown is no field of a view";
+      << "unknown field";
   EXPECT_FALSE(set_view(gst_structure_new("view", "z", G_TYPE_BOOLEAN, TRUE, nullptr)));
-  Viewpoint expected = somewhere();
+  Viewpoint expected = test_viewpoint();
   expected.pose = {{1, -2, 4}, quat_from_euler({35, -20, 0})};
   expect_near(source.next_live().request.view, make_view(expected, 320, 200));
   notified.clear();
@@ -624,10 +628,10 @@ TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
   EXPECT_NE(notified.find("fov"), std::string::npos) << notified;
 }
 
-// Pictures of another host: what their window says never comes to the source by itself.
+// Navigation events of a window that shows pictures of another host do not reach this source upstream.
 TEST(LfViewRequestNavigation, AWindowInAnotherBranchSteers) {
   const ElementPtr pipeline = launch(
-      "lfviewrequest name=v is-live=true navigation-from=pictures ! fakesink  videotestsrc is-live=true ! "
+      "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink name=window");
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND);
@@ -645,7 +649,7 @@ TEST(LfViewRequestNavigation, AWindowInAnotherBranchSteers) {
   gst_object_unref(pad);
   gst_object_unref(window);
   gst_object_unref(view);
-  EXPECT_THAT(run(launch("lfviewrequest navigation-from=nobody ! fakesink").get(), 5),
+  EXPECT_THAT(run(launch("lfviewrequest navigation-element=nobody ! fakesink").get(), 5),
               testing::HasSubstr("no element \"nobody\""));
 }
 

@@ -12,16 +12,15 @@
 #include "gst/array_fixture.h"
 #include "gst/gst_test.h"
 
-// What the tests of lfviewsrc share.
 namespace lf::test {
 
 using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
 
-inline constexpr double kPatience = 30;  // seconds; loaded machines are slow
+inline constexpr double kTimeoutSeconds = 30;  // seconds; loaded machines are slow
 
-// Whether it comes true.
+// Returns true if `what` becomes true in time.
 inline bool comes(const std::function<bool()>& what) {
-  for (double t = 0; t < kPatience; t += 0.01) {
+  for (double t = 0; t < kTimeoutSeconds; t += 0.01) {
     if (what()) return true;
     g_usleep(10000);
   }
@@ -32,7 +31,6 @@ inline ElementPtr make(const char* factory) {
   return ElementPtr(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
 }
 
-// A pipeline also of one element.
 inline ElementPtr launch_pipeline(const std::string& line) {
   ElementPtr launched = launch(line);
   if (!launched || GST_IS_PIPELINE(launched.get())) return launched;
@@ -41,10 +39,9 @@ inline ElementPtr launch_pipeline(const std::string& line) {
   return ElementPtr(pipeline);
 }
 
-// The small array, of the built-in scene.
 class LfViewSrcTest : public testing::Test {
  protected:
-  // A pipeline with an lfviewsrc, "v". `properties` are of it, `behind` is what comes then.
+  // Plays a pipeline with an lfviewsrc "v" with these properties, followed by `behind`.
   void play(const std::string& properties, const std::string& behind = "v.src ! fakesink name=s sync=false") {
     pipeline_ = launch("lfviewsrc name=v rig=" + array_.rig_path() + " framerate=30/1 " + properties + " " + behind);
     ASSERT_TRUE(pipeline_);
@@ -60,7 +57,6 @@ class LfViewSrcTest : public testing::Test {
     pipeline_.reset();
   }
 
-  // A pipeline that never started keeps what is on its bus.
   void drop() {
     gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
     GstBus* bus = gst_element_get_bus(pipeline_.get());
@@ -69,7 +65,6 @@ class LfViewSrcTest : public testing::Test {
     pipeline_.reset();
   }
 
-  // The first error on the bus, or "".
   std::string error() {
     GstBus* bus = gst_element_get_bus(pipeline_.get());
     GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
@@ -97,12 +92,11 @@ class LfViewSrcTest : public testing::Test {
     };
     gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, probe, &shown_[name], nullptr);
   }
-  // Whether so many more pictures come there.
   bool more(const std::string& sink, int pictures = 5) {
     const int before = shown_[sink];
     return comes([&] { return shown_[sink] >= before + pictures; });
   }
-  // One more viewer and its sink, while everything plays: the pad.
+  // Adds a viewer and its sink while playing. Returns the viewer's pad.
   PadPtr add_viewer(const std::string& sink_name) {
     const ElementPtr v = child("v");
     PadPtr pad(gst_element_request_pad_simple(v.get(), "src_%u"));

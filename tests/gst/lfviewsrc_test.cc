@@ -8,7 +8,7 @@
 
 #include "gst/array_fixture.h"
 #include "gst/lfviewsrc_fixture.h"
-#include "node/card.h"
+#include "node/renderer_selector.h"
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 
@@ -43,7 +43,7 @@ TEST_F(LfViewSrcTest, PropertiesAreThoseOfItsChildren) {
       constexpr int kMutable = GST_PARAM_MUTABLE_READY | GST_PARAM_MUTABLE_PAUSED | GST_PARAM_MUTABLE_PLAYING;
       EXPECT_EQ(own->flags & kMutable, of_child->flags & kMutable) << own->name;
       if (G_IS_PARAM_SPEC_BOXED(own)) continue;
-      // Of "latency" another one than its class says.
+      // The bin's default of "latency" differs from the class default.
       GValue at_first = G_VALUE_INIT;
       g_object_get_property(G_OBJECT(element.get()), own->name, &at_first);
       EXPECT_EQ(g_param_values_cmp(own, g_param_spec_get_default_value(own), &at_first), 0) << own->name;
@@ -82,7 +82,6 @@ TEST_F(LfViewSrcTest, PropertiesReachTheChildrenAndBack) {
   g_object_get(bin.get(), "max-missed", &missed, nullptr);
   EXPECT_EQ(missed, 9u);
 
-  // A further viewer has the settings, but a view of its own.
   GstPad* pad = gst_element_request_pad_simple(bin.get(), "src_7");
   ASSERT_TRUE(pad);
   EXPECT_STREQ(GST_PAD_NAME(pad), "src_7");
@@ -115,60 +114,60 @@ TEST_F(LfViewSrcTest, EndsWithItsViews) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=20 name=v ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
-  for (int i = 0; i < 2; i++) EXPECT_EQ(run(pipeline.get(), kPatience), "") << i;
+  for (int i = 0; i < 2; i++) EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "") << i;
 }
 
-// Nothing compresses what stays here: of a quilt's processor time that would be a tenth.
+// Compression would cost a tenth of the CPU time of a quilt.
 TEST_F(LfViewSrcTest, RequestsAreNotCompressedForCamerasOfThisMachine) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=3 quality=90 name=v ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
   const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "view"));
   const PadPtr requests(gst_element_get_static_pad(view.get(), "src"));
-  std::atomic<int> qualities[101] = {};  // of requests
+  std::atomic<int> qualities[101] = {};
   const auto count = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
     const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
     static_cast<std::atomic<int>*>(of)[request.value().quality]++;
     return GST_PAD_PROBE_OK;
   };
   gst_pad_add_probe(requests.get(), GST_PAD_PROBE_TYPE_BUFFER, count, qualities, nullptr);
-  EXPECT_EQ(run(pipeline.get(), kPatience), "");
+  EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   EXPECT_GE(qualities[0], 3);
   EXPECT_EQ(qualities[90], 0);
 }
 
-// The eye looks away from the array: nobody makes anything of that.
+// The camera looks away from the array, so only the marking colours the picture.
 TEST_F(LfViewSrcTest, ShowsWhoMakesThePicture) {
   const auto red_of = [&](const std::string& show) {
     const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
-                                       " is-live=false num-buffers=2 width=64 height=48 yaw=180 keep-visible=false " +
+                                       " is-live=false num-buffers=2 width=64 height=48 yaw=180 constrain-view=false " +
                                        show + " ! video/x-raw,format=RGB ! fakesink name=s sync=false");
     EXPECT_TRUE(pipeline);
     const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
     const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
-    std::atomic<int> red = -1;  // of the latest picture's first pixel
+    std::atomic<int> red = -1;  // first pixel of the latest picture
     const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
       *static_cast<std::atomic<int>*>(of) = to_bytes(GST_PAD_PROBE_INFO_BUFFER(info))[0];
       return GST_PAD_PROBE_OK;
     };
     gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &red, nullptr);
-    EXPECT_EQ(run(pipeline.get(), kPatience), "");
+    EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
     return red.load();
   };
   const int black = red_of("background=0xff000000");
   EXPECT_EQ(black, 0);
   EXPECT_EQ(red_of("show=contributions background=0xffffffff"), black);
   EXPECT_GT(red_of("show=picture background=0xffffffff"), 200);
-  EXPECT_NEAR(red_of("show=coverage background=0xffffffff"), 96, 3) << "the grey of what has no weight";
+  EXPECT_NEAR(red_of("show=coverage background=0xffffffff"), 96, 3) << "grey of missing weight";
 }
 
 TEST_F(LfViewSrcTest, FliesByNavigation) {
-  play("width=64 height=48 keep-visible=false v.src ! videoconvert ! fakesink name=s sync=false",
+  play("width=64 height=48 constrain-view=false v.src ! videoconvert ! fakesink name=s sync=false",
        "v.src_0 ! queue ! fakesink name=t sync=false");
   ASSERT_TRUE(more("s"));
   ASSERT_TRUE(more("t"));
   const double x = get("v", "x"), x0 = get("view_0", "x");
-  EXPECT_EQ(x, x0) << "both stand in the middle";
+  EXPECT_EQ(x, x0) << "both in the middle";
   std::atomic<int> notified = 0;
   g_signal_connect(child("v").get(), "notify::x",
                    G_CALLBACK(+[](GObject*, GParamSpec*, gpointer n) { ++*static_cast<std::atomic<int>*>(n); }),
@@ -180,7 +179,7 @@ TEST_F(LfViewSrcTest, FliesByNavigation) {
   const double flown = get("v", "x");
   EXPECT_TRUE(
       gst_element_send_event(child("v").get(), gst_navigation_event_new_key_press("a", GST_NAVIGATION_MODIFIER_NONE)));
-  EXPECT_LT(get("v", "x"), flown) << "by the application itself";
+  EXPECT_LT(get("v", "x"), flown) << "moved by the application";
   press(child("t").get(), "a");
   EXPECT_LT(get("view_0", "x"), x0);
 }
@@ -198,19 +197,18 @@ TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
   };
   EXPECT_THAT(caps("s"), HasSubstr("width=(int)128, height=(int)48"));
   EXPECT_THAT(caps("s"), HasSubstr("multiview-mode=(string)side-by-side"));
-  EXPECT_THAT(caps("t"), HasSubstr("width=(int)128")) << "a further viewer has the settings";
+  EXPECT_THAT(caps("t"), HasSubstr("width=(int)128")) << "a new viewer gets the settings";
   const double x = get("v", "x");
   press(child("s").get(), "d");
   EXPECT_GT(get("v", "x"), x);
   ASSERT_TRUE(more("s"));
 
-  // Another set while it runs.
   gst_util_set_object_arg(G_OBJECT(child("v").get()), "views", "quilt");
   g_object_set(child("v").get(), "columns", 4, "rows", 3, nullptr);
   EXPECT_TRUE(comes([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
   EXPECT_EQ(caps("s").find("multiview-mode=(string)side-by-side"), std::string::npos);
   ASSERT_TRUE(more("s"));
-  EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "as many moments have room";
+  EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "room for as many capture times";
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)128"));
 }
 
@@ -221,12 +219,12 @@ TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
   EXPECT_THAT(warnings_on(bus), HasSubstr("some of the 8 views of view 0: their eyes are outside"));
 }
 
-// Who writes pictures to a file has to learn that there are none.
+// An application that writes a file must learn that it will get no pictures.
 TEST_F(LfViewSrcTest, ThatAllIsRefusedIsAnError) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=3 limits=limits,max-pixels=100 ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
-  EXPECT_THAT(run(pipeline.get(), kPatience), HasSubstr("There is no picture"));
+  EXPECT_THAT(run(pipeline.get(), kTimeoutSeconds), HasSubstr("There is no picture"));
 }
 
 TEST_F(LfViewSrcTest, ActionsSetTheView) {
@@ -273,7 +271,7 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
                         Case{rig + " location=none.json", "none.json"}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
-    // (Not in the line: gst_parse_launch() of 1.22 forgets a reference to the child.)
+    // gst_parse_launch() of GStreamer 1.22 leaks a reference to a child set in the launch line.
     if (c.cameras[0]) gst_child_proxy_set(GST_CHILD_PROXY(child("v").get()), "node::cameras", c.cameras, nullptr);
     EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
     EXPECT_THAT(error(), HasSubstr(c.words));
@@ -282,8 +280,8 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
 }
 
 TEST_F(LfViewSrcTest, ARigIsTakenWhileRunningByAllOrNobody) {
-  const OtherRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
-  const OtherRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
+  const ModifiedRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
+  const ModifiedRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
   play("", "v.src ! fakesink name=s  v.src_0 ! fakesink name=t");
   ASSERT_TRUE(more("t"));
   const auto expect_rig = [&](const std::string& path) {
@@ -315,9 +313,9 @@ TEST_F(LfViewSrcTest, AUriNamesTheRig) {
   g_clear_error(&error);
 }
 
-// A player may be given a URI by anybody, and elements may run any program.
+// Players open URIs from untrusted sources, and elements may run any program.
 TEST_F(LfViewSrcTest, AUriOpensNoElementsThatARigDescribes) {
-  const OtherRig described(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "videotestsrc ! identity"; });
+  const ModifiedRig described(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "videotestsrc ! identity"; });
   const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + described.path()).c_str(), nullptr, nullptr));
   gst_object_ref_sink(bin.get());
   GstBus* bus = gst_bus_new();
@@ -337,13 +335,12 @@ TEST_F(LfViewSrcTest, AUriOpensNoElementsThatARigDescribes) {
   gst_object_unref(bus);
 }
 
-// Sizes and rates that follow downstream caps, and metas that say which view a picture shows.
+// Sizes and rates negotiated with downstream, and metas that identify the view of a picture.
 class LfViewSrcCapsTest : public LfViewSrcTest {
  protected:
   std::string view_source(const std::string& properties) const {
     return "lfviewsrc name=v rig=" + array_.rig_path() + " " + properties;
   }
-  // Three pictures of a film: the error, or the caps of the pictures.
   std::string film(const std::string& properties, const std::string& caps, const std::string& behind = "") {
     const ElementPtr pipeline = launch(view_source("is-live=false num-buffers=3 " + properties) + " ! " + behind +
                                        caps + " ! fakesink name=s sync=false");
@@ -356,7 +353,7 @@ class LfViewSrcCapsTest : public LfViewSrcTest {
       return GST_PAD_PROBE_OK;
     };
     gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &seen, nullptr);
-    const std::string error = run(pipeline.get(), kPatience);
+    const std::string error = run(pipeline.get(), kTimeoutSeconds);
     return error.empty() ? seen : error;
   }
   std::string caps_at(const std::string& sink) {
@@ -413,12 +410,12 @@ TEST_F(LfViewSrcCapsTest, APadThatRunsOffersWhatItHas) {
   EXPECT_THAT(text, testing::Not(HasSubstr("lightfield-answer")));
 }
 
-// Rehearsals find the surface before the first picture, however seldom pictures have trials.
+// Warm-up requests find the surface before the first picture, even if depth hypotheses are rare.
 TEST_F(LfViewSrcCapsTest, TheFirstPictureOfAFilmIsOnItsSurface) {
   std::string shown[2];
   for (const int interval : {1, 5}) {
     const ElementPtr pipeline =
-        launch(view_source("is-live=false num-buffers=1 focus=surface width=128 height=96 trial-interval=") +
+        launch(view_source("is-live=false num-buffers=1 focus=surface width=128 height=96 depth-interval=") +
                std::to_string(interval) + " ! fakesink name=s sync=false");
     ASSERT_TRUE(pipeline);
     const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
@@ -431,7 +428,7 @@ TEST_F(LfViewSrcCapsTest, TheFirstPictureOfAFilmIsOnItsSurface) {
       return GST_PAD_PROBE_OK;
     };
     gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &shown[interval == 1 ? 0 : 1], nullptr);
-    ASSERT_EQ(run(pipeline.get(), kPatience), "");
+    ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   }
   EXPECT_THAT(shown[0], HasSubstr("surface"));
   EXPECT_EQ(shown[0], shown[1]);
@@ -473,7 +470,7 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
   }
   filter("f", "video/x-raw");
   EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); })) << caps_at("s") << error();
-  EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1")) << "another viewer's caps are its own";
+  EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1")) << "caps are per viewer";
   EXPECT_TRUE(more("t"));
 }
 
@@ -492,7 +489,7 @@ TEST_F(LfViewSrcCapsTest, APictureSaysWhichViewItShows) {
     return GST_PAD_PROBE_OK;
   };
   gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &metas, nullptr);
-  ASSERT_EQ(run(pipeline.get(), kPatience), "");
+  ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   ASSERT_EQ(metas.size(), 2u);
   const GstStructure* meta = metas[1].get();
   guint sequence = 0;
@@ -548,13 +545,12 @@ TEST_F(LfViewSrcCapsTest, AQuiltNamesAllOfItsViews) {
     return GST_PAD_PROBE_OK;
   };
   gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &x, nullptr);
-  ASSERT_EQ(run(pipeline.get(), kPatience), "");
+  ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   ASSERT_EQ(x.size(), 3u);
   EXPECT_NEAR(x[1] - x[0], 0.01, 1e-9);
   EXPECT_NEAR(x[2] - x[1], 0.01, 1e-9);
 }
 
-// Partial answers are no video: who expects some is told.
 TEST_F(LfViewSrcCapsTest, PartialAnswersIntoAFilterOfVideoAreAnError) {
   EXPECT_THAT(film("partial=true", "videoconvert"), HasSubstr("partial=true"));
 }
@@ -564,7 +560,7 @@ TEST_F(LfViewSrcCapsTest, TheViewSendsTheCommandsThatItsCamerasNeed) {
     const ElementPtr pipeline =
         launch(view_source("is-live=false num-buffers=2") + " node::access=" + access + " ! fakesink sync=false");
     ASSERT_TRUE(pipeline);
-    EXPECT_EQ(run(pipeline.get(), kPatience), "") << access;
+    EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "") << access;
     const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), "compositor"));
     EXPECT_EQ(stat(compositor.get(), "complete"), 2u) << access;
   }
@@ -579,7 +575,8 @@ TEST_F(LfViewSrcCapsTest, TheReasonForDarkPicturesIsTheRightOne) {
   std::string warnings;
   for (bool ended = false; !ended;) {
     constexpr auto kAny = GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
-    GstMessage* message = gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(kPatience) * GST_SECOND, kAny);
+    GstMessage* message =
+        gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(kTimeoutSeconds) * GST_SECOND, kAny);
     ended = !message || GST_MESSAGE_TYPE(message) != GST_MESSAGE_WARNING;
     if (!ended) {
       g_autoptr(GError) warning = nullptr;
@@ -590,7 +587,7 @@ TEST_F(LfViewSrcCapsTest, TheReasonForDarkPicturesIsTheRightOne) {
   }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   gst_object_unref(bus);
-  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), testing::Not(HasSubstr("outside of the array"))));
+  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), testing::Not(HasSubstr("outside the array"))));
 }
 
 TEST_F(LfViewSrcCapsTest, TheActionSetsContinuousFocus) {

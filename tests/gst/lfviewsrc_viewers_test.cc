@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Viewers of an lfviewsrc that come, go, stall and are left unlinked while others play.
+// Viewers of an lfviewsrc that are added, removed, stalled and left unlinked while others play.
 #include <algorithm>
 #include <fstream>
 #include <set>
@@ -36,7 +36,7 @@ TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
   for (int i = 0; i < 10; i++) {
     const PadPtr pad = add_viewer("t");
     EXPECT_STREQ(GST_PAD_NAME(pad.get()), "src_0");
-    EXPECT_TRUE(i % 3 == 2 || more("t")) << i;  // or it is closed before its first picture
+    EXPECT_TRUE(i % 3 == 2 || more("t")) << i;
     close_viewer(pad.get(), "t");
     EXPECT_EQ(child_names(child("v").get()), before) << i;
     EXPECT_TRUE(more("s", 2)) << i;
@@ -46,7 +46,7 @@ TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
     GST_OBJECT_LOCK(fragment.get());
     const guint pads = fragment->numsinkpads;
     GST_OBJECT_UNLOCK(fragment.get());
-    return pads == 5;  // of its cameras and of the viewer that is left
+    return pads == 5;
   }));
 }
 
@@ -61,17 +61,16 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
                            PadPtr(gst_element_request_pad_simple(v.get(), "src_%u"))};
     g_usleep(static_cast<gulong>(10000 * (i % 4)));
     for (const PadPtr& pad : pads) gst_element_release_request_pad(v.get(), pad.get());
-    // What is on the bus keeps those that said it.
+    // Messages on the bus hold references to their sources.
     while (GstMessage* message = gst_bus_pop(bus)) gst_message_unref(message);
   }
   gst_object_unref(bus);
   EXPECT_TRUE(more("s"));
   if (!kKeepsFreedMemory) {
-    EXPECT_LT(resident_kib() - warm, 8 * 1024) << "150 viewers came and went";
+    EXPECT_LT(resident_kib() - warm, 8 * 1024) << "after 150 viewers";
   }
 }
 
-// The cameras film for whoever comes later, even if nobody is left in between.
 TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
   play("num-buffers=3");
   const PadPtr last = add_viewer("l");
@@ -79,9 +78,9 @@ TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
   ASSERT_TRUE(comes([&] { return GST_PAD_IS_EOS(end.get()); }));
   ASSERT_TRUE(more("l"));
   close_viewer(last.get(), "l");
-  g_usleep(1000000);  // of frames that nobody asks for
+  g_usleep(1000000);
   const PadPtr later = add_viewer("t");
-  EXPECT_TRUE(more("t", 45));  // frames of before are shown for a while
+  EXPECT_TRUE(more("t", 45));  // old frames are shown for a while
   g_autoptr(GstSample) sample = get<GstSample*>("t", "last-sample");
   ASSERT_TRUE(sample);
   GstMapInfo map;
@@ -91,9 +90,9 @@ TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
   gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
 }
 
-// Who is in the middle of the array is not at its border because the host of one half is gone.
+// The home view of half of the array must not be at the edge that the missing host leaves.
 TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
-  const OtherRig half(scene_rig(4, 4, 64, 48), [](Rig& rig) {
+  const ModifiedRig half(scene_rig(4, 4, 64, 48), [](Rig& rig) {
     for (size_t i = 8; i < 16; i++) rig.cameras[i].source = "nowhere.mkv";
   });
   play("rig=" + half.path() + " width=64 height=48 framerate=15/1 focus=plane",
@@ -110,7 +109,7 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   ASSERT_TRUE(comes([&] { return stat("coverage", 0) > 0.5 && stat("coverage", 1) < 0.95; })) << stat("coverage", -1);
   const double incomplete = stat("incomplete", -1);
   ASSERT_TRUE(more("s", 10));
-  EXPECT_EQ(stat("incomplete", -1), incomplete) << "it is known that they give nothing";
+  EXPECT_EQ(stat("incomplete", -1), incomplete) << "known to be out of service";
   g_autoptr(GstSample) sample = get<GstSample*>("s", "last-sample");
   ASSERT_TRUE(sample);
   GstMapInfo map;
@@ -120,7 +119,6 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
 }
 
-// An application that has blocked a pad closes it in the callback, in a thread of that viewer.
 TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   play("");
   const PadPtr pad = add_viewer("t");
@@ -139,7 +137,6 @@ TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   EXPECT_EQ(gst_element_get_static_pad(child("v").get(), "src_0"), nullptr);
 }
 
-// The bin starts while another thread makes a viewer.
 TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
   play("");
   ASSERT_TRUE(more("s"));
@@ -186,7 +183,7 @@ TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
       &blocked, nullptr);
   ASSERT_TRUE(comes([&] { return blocked.load(); }));
   EXPECT_TRUE(more("s", 30));
-  // Nor does it stall what is found out for itself by the time that its sink goes on.
+  // Feedback of the stalled viewer must not stall others either when its sink resumes.
   EXPECT_TRUE(comes([&, from = stat(child("compositor_0").get(), "pictures")] {
     return stat(child("compositor_0").get(), "pictures") > from + 20;
   }));
@@ -194,11 +191,10 @@ TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
   EXPECT_TRUE(more("t"));
 }
 
-// lfviewsrc listen=..., the views of which are those that others ask for, and the keys of both sides.
+// lfviewsrc listen=...: shows the views that remote viewers request, with keys on both sides.
 class LfViewSrcListenTest : public LfViewSrcTest {
  protected:
   LfViewSrcListenTest() { chmod(key_.path().c_str(), 0600); }
-  // A viewer that takes no pictures here: requests of a view of this many pixels across.
   ElementPtr ask(guint view_id, int width, const std::string& with = "") {
     ElementPtr viewer = launch("lfviewrequest is-live=true framerate=30/1 rig=" + array_.rig_path() +
                                " view-id=" + std::to_string(view_id) + " width=" + std::to_string(width) +
@@ -208,7 +204,6 @@ class LfViewSrcListenTest : public LfViewSrcTest {
     EXPECT_NE(gst_element_set_state(viewer.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
     return viewer;
   }
-  // What lfviewsrc does by itself.
   static void use_realtime(GstElement* pipeline) {
     g_autoptr(GstClock) clock = GST_CLOCK(
         gst_object_ref_sink(g_object_new(GST_TYPE_SYSTEM_CLOCK, "clock-type", GST_CLOCK_TYPE_REALTIME, nullptr)));
@@ -232,17 +227,16 @@ class LfViewSrcListenTest : public LfViewSrcTest {
 };
 
 TEST_F(LfViewSrcListenTest, EachPadShowsTheViewThatOthersAskFor) {
-  // Sinks that wait for nobody, because a view may never be asked for.
+  // Sinks with async=false, because a view may never be requested.
   play(listen(), "v.src ! fakesink name=s sync=false async=false  v.src_6 ! fakesink name=t sync=false async=false");
   ElementPtr seventh = ask(7, 36), nobody = ask(3, 48);
   EXPECT_TRUE(more("t"));
   EXPECT_TRUE(comes([&] { return complete("compositor_6") > 5; }));
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)36"));
-  EXPECT_EQ(shown_["s"], 0) << "nobody asks for view 0";
+  EXPECT_EQ(shown_["s"], 0) << "no requests for view 0";
   ElementPtr first = ask(0, 30);
   EXPECT_TRUE(more("s"));
   EXPECT_THAT(caps("s"), HasSubstr("width=(int)30"));
-  // A viewer that goes and comes, and a pad that does.
   end(seventh);
   EXPECT_TRUE(more("s"));
   seventh = ask(7, 36);
@@ -273,13 +267,13 @@ TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
   play(listen());
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
   ElementPtr viewer = ask(0, 36, with_key());
-  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("key-file, and this end none") != std::string::npos; }));
+  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("key-file set on the sender only") != std::string::npos; }));
   EXPECT_EQ(shown_["s"], 0);
   stop();
   end(viewer);
 }
 
-// What a host of a rack sends is an answer.
+// A partial compositor sends answers, like a node.
 TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
   play(listen() + "partial=true node=5", "v.src ! application/x-lightfield-answer ! fakesink name=s sync=false");
   ElementPtr viewer = ask(0, 30);
@@ -293,7 +287,7 @@ TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
   ASSERT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   g_object_set(child("v").get(), "listen", nullptr, nullptr);
   ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  EXPECT_TRUE(more("s")) << "a view of its own";
+  EXPECT_TRUE(more("s")) << "separate view";
   EXPECT_FALSE(child("listen_gate"));
 }
 
@@ -308,7 +302,7 @@ TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
   drop();
   std::swap(pipeline_, other);
   ElementPtr viewer = ask(0, 30);
-  EXPECT_TRUE(more("s")) << "the first one goes on";
+  EXPECT_TRUE(more("s")) << "the first viewer continues";
   stop();
   end(viewer);
 }
@@ -321,8 +315,8 @@ TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
        {Case{"listen=here", "listen: here: must be PORT"}, Case{"listen=1,2", "listen: must be one port"},
         Case{"listen=7 is-live=false", "is-live must be true"},
         Case{"listen=7 key-file=/nobody", "key-file: /nobody: can't be read"},
-        Case{"key-file=/nobody", "key-file: nothing goes over the network without nodes or listen"},
-        Case{"peers=localhost", "peers: nobody sends requests without listen"},
+        Case{"key-file=/nobody", "key-file: has no effect without nodes or listen"},
+        Case{"peers=localhost", "peers: has no effect without listen"},
         Case{"listen=7 peers=nobody.invalid", "peers: nobody.invalid: "}}) {
     pipeline_ = launch("lfviewsrc name=v rig=" + array_.rig_path() + " " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);

@@ -19,13 +19,13 @@
 
 namespace lf::test {
 
-// A capture device that fails when it is told to: failing://0 to failing://63, live grey pictures of 64x48 in I420 at
-// 30 frames/s. It stands for v4l2:// cameras with loose cables.
+// A fake capture device that fails on command: failing://0 to failing://63, live grey pictures of 64x48 in I420 at 30
+// frames/s. Replaces v4l2:// cameras with loose cables.
 struct FailingDevice {
-  std::atomic<bool> broken = false;     // an error with the next frame, or when it is opened
+  std::atomic<bool> broken = false;     // error with the next frame, or when opened
   std::atomic<bool> ends = false;       // EOS with the next frame
-  std::atomic<bool> stalls = false;     // no more frames, and not a word
-  std::atomic<int> frames_at_most = 0;  // each time it is opened, then an error; 0: any number
+  std::atomic<bool> stalls = false;     // no more frames and no error
+  std::atomic<int> frames_at_most = 0;  // frames each time the device is opened, before an error; 0: unlimited
   std::atomic<int> opened = 0;
 };
 
@@ -42,21 +42,20 @@ inline void reset_failing_devices() {
   }
 }
 
-// Once, after gst_init().
+// Call once, after gst_init().
 void register_failing_camera();
 
-// What a pipeline says, as it says it.
-class Said {
+class BusLog {
  public:
-  explicit Said(GstElement* pipeline) : pipeline_(pipeline), bus_(gst_element_get_bus(pipeline)) {
+  explicit BusLog(GstElement* pipeline) : pipeline_(pipeline), bus_(gst_element_get_bus(pipeline)) {
     gst_bus_set_sync_handler(bus_, on_message, this, nullptr);
   }
-  ~Said() {
+  ~BusLog() {
     gst_bus_set_sync_handler(bus_, nullptr, nullptr, nullptr);
     gst_object_unref(bus_);
   }
-  Said(const Said&) = delete;
-  Said& operator=(const Said&) = delete;
+  BusLog(const BusLog&) = delete;
+  BusLog& operator=(const BusLog&) = delete;
 
   int lost(guint camera) const { return count(lost_, camera); }
   int found(guint camera) const { return count(found_, camera); }
@@ -66,7 +65,7 @@ class Said {
     return found == reasons_.end() ? "" : found->second;
   }
   std::vector<std::string> warnings() const { return copy(warnings_); }
-  // Those of them that tell a loss: a slow machine gives reason for others.
+  // Returns the warnings about losses: slow machines cause other warnings.
   std::vector<std::string> losses() const {
     std::vector<std::string> texts = warnings();
     std::erase_if(texts, [](const std::string& text) { return text.find("out of service") == std::string::npos; });
@@ -74,13 +73,12 @@ class Said {
   }
   std::vector<std::string> errors() const { return copy(errors_); }
   bool has_ended() const { return ended_; }
-  // How often it was said that no camera works any more, and why at last.
-  int none_works() const { return none_works_; }
-  std::string none_works_because() const {
+  // How often all cameras were reported lost, and the latest reason.
+  int no_camera_count() const { return no_camera_count_; }
+  std::string no_camera_reason() const {
     std::lock_guard lock(mutex_);
-    return none_works_because_;
+    return no_camera_reason_;
   }
-  // By the latest message of the compositor.
   size_t out_of_service() const { return out_of_service_; }
 
  private:
@@ -99,7 +97,7 @@ class Said {
     return error->message;
   }
   static GstBusSyncReply on_message(GstBus*, GstMessage* message, gpointer data) {
-    auto* self = static_cast<Said*>(data);
+    auto* self = static_cast<BusLog*>(data);
     std::lock_guard lock(self->mutex_);
     if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
       self->warnings_.push_back(text_of(message, gst_message_parse_warning));
@@ -115,13 +113,13 @@ class Said {
       }
       if (gst_structure_has_name(structure, "lightfield-camera-found")) self->found_[camera]++;
     }
-    if (structure && gst_structure_has_name(structure, "lightfield-no-camera")) {
-      self->none_works_because_ = gst_structure_get_string(structure, "reason");
-      self->none_works_++;
+    if (structure && gst_structure_has_name(structure, "lightfield-all-cameras-lost")) {
+      self->no_camera_reason_ = gst_structure_get_string(structure, "reason");
+      self->no_camera_count_++;
     }
     if (structure && gst_structure_has_name(structure, "lightfield-out-of-service"))
       self->out_of_service_ = gst_value_array_get_size(gst_structure_get_value(structure, "cameras"));
-    // As every application does.
+    // Applications recalculate the latency.
     if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_LATENCY)
       gst_element_call_async(
           self->pipeline_, [](GstElement* bin, gpointer) { gst_bin_recalculate_latency(GST_BIN(bin)); }, nullptr,
@@ -137,8 +135,8 @@ class Said {
   std::map<guint, int> lost_, found_;
   std::map<guint, std::string> reasons_;
   std::vector<std::string> warnings_, errors_;
-  std::string none_works_because_;
-  std::atomic<int> none_works_ = 0;
+  std::string no_camera_reason_;
+  std::atomic<int> no_camera_count_ = 0;
   std::atomic<size_t> out_of_service_ = 0;
   std::atomic<bool> ended_ = false;
 };
@@ -147,12 +145,10 @@ struct OwnPipeline {
   ElementPtr pipeline;
 };
 
-// A pipeline and what it says. It stops with the object.
-class WatchedPipeline : OwnPipeline, public Said {
+class WatchedPipeline : OwnPipeline, public BusLog {
  public:
-  // From a launch line. Throws where there is none.
   explicit WatchedPipeline(const std::string& line, GstState state = GST_STATE_PLAYING)
-      : OwnPipeline{launch(line)}, Said(get() ? get() : throw std::runtime_error("no pipeline")) {
+      : OwnPipeline{launch(line)}, BusLog(get() ? get() : throw std::runtime_error("no pipeline")) {
     if (state != GST_STATE_NULL) set_state(state);
   }
   ~WatchedPipeline() { set_state(GST_STATE_NULL); }
@@ -162,14 +158,13 @@ class WatchedPipeline : OwnPipeline, public Said {
     return ElementPtr(gst_bin_get_by_name(GST_BIN(get()), name.c_str()));
   }
   GstStateChangeReturn set_state(GstState state) const { return gst_element_set_state(get(), state); }
-  // Stops it, and expects that it has said no error.
   void stop() const {
     set_state(GST_STATE_NULL);
     EXPECT_EQ(errors(), std::vector<std::string>());
   }
 };
 
-// Polls; false after 40 seconds.
+// Polls; returns false after 40 seconds.
 inline bool eventually(const std::function<bool()>& done) {
   for (const gint64 end = g_get_monotonic_time() + 40 * G_USEC_PER_SEC; g_get_monotonic_time() < end;) {
     if (done()) return true;
@@ -178,7 +173,7 @@ inline bool eventually(const std::function<bool()>& done) {
   return false;
 }
 
-// One of the `cameras` in a node's or (without an id) the whole of lfcamsrc's stats.
+// Stats of a camera: an entry of `cameras` in a node's stats, or (without an id) all of lfcamsrc's stats.
 struct CameraStats {
   std::string state, reason;
   uint64_t losses = 0, retries = 0, dropped = 0;
@@ -209,7 +204,6 @@ inline CameraStats camera_stats(GstElement* element, int id = -1) {
   return stats;
 }
 
-// Arrays of cameras some of which fail, and what viewers see of it.
 class LossTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -222,15 +216,15 @@ class LossTest : public testing::Test {
   }
   void SetUp() override { reset_failing_devices(); }
 
-  // A rig of `count` cameras; `source` names that of each.
+  // Saves a rig of `count` cameras; `source` returns the source of each camera.
   static std::string rig(int count, const std::function<std::string(guint)>& source) {
     return files->save("loss.json", count, [&](Camera& camera) { camera.source = source(camera.id); });
   }
-  // Sources of a scheme that only trusted rigs may have.
+  // Untrusted rigs must not use this URI scheme.
   static std::string devices(int count) {
     return rig(count, [](guint id) { return "failing://" + std::to_string(id); });
   }
-  // A live node and `viewers` of it.
+  // Returns a launch line with a live node and `viewers` viewers.
   static std::string line(const std::string& rig, int viewers = 1, const std::string& node = "is-live=true loop=true") {
     std::string text =
         "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n trusted=true rig=" +
@@ -252,7 +246,7 @@ class LossTest : public testing::Test {
   static inline CameraFiles* files = nullptr;
 };
 
-// When pictures come to a sink: how many, and the longest time between two.
+// Counts the pictures of a sink and measures the longest interval between two.
 class Pictures {
  public:
   explicit Pictures(GstElement* sink) : pad_(gst_element_get_static_pad(sink, "sink")) {
@@ -275,7 +269,6 @@ class Pictures {
   Pictures& operator=(const Pictures&) = delete;
 
   int count() const { return count_; }
-  // Milliseconds.
   int longest_pause() const { return static_cast<int>(pause_ / 1000); }
   void forget_pause() { pause_ = 0; }
 

@@ -8,15 +8,14 @@
 namespace lf::test {
 namespace {
 
-using Taken = NodeInput::Taken;
+using UnitResult = NodeInput::UnitResult;
 
-// The units of this test are of 24 bytes: the number of their request where answers have it, which part they are, and
-// of how many.
+// Units of 24 bytes with the request number where answers have it, the part's index, and the number of parts.
 class NodeInputTest : public testing::Test {
  protected:
   NodeInputTest() {
-    g_object_set(element_, "latency", 10 * GST_SECOND, nullptr);  // as many buffers wait on a pad, not one alone
-    // As long as this one has no buffer GstAggregator does nothing.
+    g_object_set(element_, "latency", 10 * GST_SECOND, nullptr);  // allows several buffers to wait on a pad
+    // GstAggregator waits as long as this pad has no buffer.
     gst_object_unref(gst_element_request_pad_simple(element_, "sink_%u"));
     harness_.reset(gst_harness_new_with_element(element_, "sink_%u", nullptr));
     gst_harness_set_src_caps_str(harness_.get(), "answers");
@@ -37,53 +36,52 @@ class NodeInputTest : public testing::Test {
     GstBuffer* unit = to_buffer(bytes);
     GST_BUFFER_PTS(unit) = 0;
     ASSERT_EQ(gst_harness_push(harness_.get(), unit), GST_FLOW_OK);
-    // Caps and segment wait in the same queue in front of the first buffer, until GstAggregator's thread takes them.
+    // GstAggregator's thread takes the caps and the segment from the queue before the first buffer.
     for (int i = 0; i < 5000 && !has_buffer(); i++) g_usleep(1000);
     ASSERT_TRUE(has_buffer());
   }
-  // What is given to the current request, by its parts.
   std::vector<int> take(uint8_t sequence, bool live = false) {
     std::vector<int> parts;
     node().take(sequence, live, [&](GstBuffer* unit) {
       const std::vector<uint8_t> bytes = to_bytes(unit);
-      if (bytes[19] > sequence) return Taken::kAhead;
-      if (bytes[19] < sequence) return Taken::kDone;
+      if (bytes[19] > sequence) return UnitResult::kEarly;
+      if (bytes[19] < sequence) return UnitResult::kDone;
       parts.push_back(bytes[20]);
       return node().add_part({.first = bytes[20], .count = 1, .total = bytes[21]}) ? node().part_added(true)
-                                                                                   : Taken::kDone;
+                                                                                   : UnitResult::kDone;
     });
     return parts;
   }
   bool has_buffer() { return gst_aggregator_pad_has_buffer(pad_); }
 
   Hooks hooks_;
-  GstElement* element_ = GST_ELEMENT(gst_object_ref_sink(new_hooked_aggregator(&hooks_)));
+  GstElement* element_ = GST_ELEMENT(gst_object_ref_sink(new_test_aggregator(&hooks_)));
   HarnessPtr harness_;
   GstAggregatorPad* pad_ = nullptr;
 };
 
 TEST_F(NodeInputTest, TheLastPartStaysOnItsPadUntilThePictureIsDone) {
   come(1, 0, 2);
-  EXPECT_TRUE(node().has_news());
+  EXPECT_TRUE(node().has_unread());
   EXPECT_EQ(take(1), std::vector({0}));
   EXPECT_TRUE(node().is_awaited(false, 0));
   EXPECT_FALSE(has_buffer());
   come(1, 1, 2);
   EXPECT_EQ(take(1), std::vector({1}));
   EXPECT_FALSE(node().is_awaited(false, 0));
-  EXPECT_TRUE(has_buffer()) << "GstAggregator sees that the node has answered";
-  EXPECT_FALSE(node().has_news());
+  EXPECT_TRUE(has_buffer()) << "visible to GstAggregator";
+  EXPECT_FALSE(node().has_unread());
   EXPECT_EQ(take(1), std::vector<int>());
   node().close(true);
   EXPECT_FALSE(has_buffer());
-  EXPECT_TRUE(node().is_awaited(false, 0)) << "the next request's answer";
+  EXPECT_TRUE(node().is_awaited(false, 0)) << "answer to the next request";
 }
 
 TEST_F(NodeInputTest, AnAnswerToALaterRequestWaitsOnThePad) {
   come(3);
   EXPECT_EQ(take(1), std::vector<int>());
   EXPECT_FALSE(node().is_awaited(false, 0)) << "the node has skipped this request";
-  EXPECT_FALSE(node().has_news());
+  EXPECT_FALSE(node().has_unread());
   node().close(true);
   node().forget();
   EXPECT_EQ(take(3), std::vector({0}));
@@ -92,7 +90,7 @@ TEST_F(NodeInputTest, AnAnswerToALaterRequestWaitsOnThePad) {
 TEST_F(NodeInputTest, LiveItIsKeptAside) {
   come(3);
   come(1);
-  EXPECT_EQ(take(1, true), std::vector({0})) << "what came behind it is not held up";
+  EXPECT_EQ(take(1, true), std::vector({0})) << "later answers are not delayed";
   node().close(true);
   EXPECT_FALSE(has_buffer());
   node().forget();
@@ -108,12 +106,12 @@ TEST_F(NodeInputTest, WhoHasMissedPicturesIsNotWaitedForLive) {
     node().close(true);
   }
   EXPECT_FALSE(node().is_awaited(true, 2));
-  EXPECT_TRUE(node().is_awaited(true, 0)) << "for ever";
+  EXPECT_TRUE(node().is_awaited(true, 0)) << "without limit";
   EXPECT_TRUE(node().is_awaited(false, 2)) << "from files";
   node().was_in_time();
   EXPECT_TRUE(node().is_awaited(true, 2));
   for (int i = 0; i < 3; i++) node().close(false);
-  EXPECT_TRUE(node().is_awaited(true, 2)) << "pictures that say nothing of the node";
+  EXPECT_TRUE(node().is_awaited(true, 2)) << "pictures without information about the node";
 }
 
 TEST_F(NodeInputTest, WhatCameBeforeAFlushIsNotSeenAgain) {
@@ -139,7 +137,7 @@ TEST_F(NodeInputTest, ARepeatedPartIsNotAnotherOne) {
   come(1, 0, 2);
   come(1, 0, 2);
   EXPECT_EQ(take(1), std::vector({0, 0}));
-  EXPECT_TRUE(node().is_awaited(false, 0)) << "the other part has not come";
+  EXPECT_TRUE(node().is_awaited(false, 0)) << "the other part is missing";
 }
 
 }  // namespace

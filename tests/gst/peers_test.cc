@@ -43,7 +43,7 @@ TEST(Peers, WithoutAnyTheFirstOnLoopback) {
   EXPECT_TRUE(peers.admits(address("127.0.0.1")));
 }
 
-// A resolver without a name server that answers: as GLib's own, it ends when it is cancelled.
+// A resolver without a responding name server: like GLib's own, it returns when cancelled.
 G_DECLARE_FINAL_TYPE(SilentResolver, silent_resolver, SILENT, RESOLVER, GResolver)
 struct _SilentResolver {
   GResolver parent;
@@ -55,7 +55,7 @@ static void silent_resolver_class_init(SilentResolverClass* klass) {
                                                GError** error) -> GList* {
     for (int i = 0; i < 100 && !g_cancellable_is_cancelled(cancellable); i++) g_usleep(100'000);
     if (!g_cancellable_set_error_if_cancelled(cancellable, error))
-      g_set_error_literal(error, G_RESOLVER_ERROR, G_RESOLVER_ERROR_TEMPORARY_FAILURE, "nobody answers");
+      g_set_error_literal(error, G_RESOLVER_ERROR, G_RESOLVER_ERROR_TEMPORARY_FAILURE, "no answer");
     return nullptr;
   };
 }
@@ -64,8 +64,8 @@ TEST(HostLookup, ANameServerThatIsSilentIsNotWaitedFor) {
   g_autoptr(GResolver) before = g_resolver_get_default();
   g_autoptr(GResolver) silent = G_RESOLVER(g_object_new(silent_resolver_get_type(), nullptr));
   g_resolver_set_default(silent);
-  EXPECT_ERROR(addresses_of("node1"), "node1: no name server has answered within 2 s");
-  EXPECT_EQ(addresses_of("10.0.0.7"), std::vector<std::string>{"10.0.0.7"}) << "asks nobody";
+  EXPECT_ERROR(addresses_of("node1"), "node1: no answer from a name server within 2 s");
+  EXPECT_EQ(addresses_of("10.0.0.7"), std::vector<std::string>{"10.0.0.7"}) << "no query";
   EXPECT_EQ(addresses_of("fd00::7"), std::vector<std::string>{"fd00::7"});
   g_resolver_set_default(before);
 }

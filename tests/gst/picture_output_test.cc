@@ -15,7 +15,7 @@
 namespace lf::test {
 namespace {
 
-using Shown = PictureOutput::Shown;
+using OutputAction = PictureOutput::OutputAction;
 using testing::HasSubstr;
 
 class PictureOutputTest : public testing::Test {
@@ -31,7 +31,7 @@ class PictureOutputTest : public testing::Test {
     };
     hooks_.negotiated = [this](GstCaps* caps) { return output_->negotiated_src_caps(caps); };
     hooks_.allocation = [this](GstQuery* query) { return output_->decide_allocation(query); };
-    element_ = GST_ELEMENT(gst_object_ref_sink(new_hooked_aggregator(&hooks_)));
+    element_ = GST_ELEMENT(gst_object_ref_sink(new_test_aggregator(&hooks_)));
     output_.emplace(GST_AGGREGATOR(element_));
     request_pad_ = gst_pad_new("request", GST_PAD_SINK);
     request_.view = make_view(default_viewpoint(rig_), 32, 16);
@@ -53,13 +53,12 @@ class PictureOutputTest : public testing::Test {
     gst_segment_init(&segment, GST_FORMAT_TIME);
     in_stream([&] { output_->follow_segment(segment); });
   }
-  // GstAggregator's thread holds its lock while it waits: who would negotiate or push in another thread waits for ever.
+  // GstAggregator's thread holds its lock while waiting: negotiating or pushing from another thread would deadlock.
   void in_stream(std::function<void()> turn) {
     turn_ = std::move(turn);
     ASSERT_EQ(gst_harness_push(harness_.get(), gst_buffer_new()), GST_FLOW_OK);
     done_.acquire();
   }
-  // The answers of these cameras, in one colour.
   void answer(const std::vector<CameraIndex>& cameras, uint8_t grey) {
     assembly_.begin(request_);
     if (cameras.empty()) return;
@@ -70,7 +69,7 @@ class PictureOutputTest : public testing::Test {
     const ByteBuffer bytes = node_answer_bytes(rig_, request_, cameras, image);
     ASSERT_EQ(assembly_.add(*wire::parse_answer(bytes)), Assembly::Verdict::kAdded);
   }
-  // The picture of what was added; null, and `flow_` says why, if there is none.
+  // Returns the picture of the added answers; null if there is none (`flow_` has the reason).
   GstBuffer* make() {
     GstBuffer* picture = nullptr;
     bool dropped = false;
@@ -78,7 +77,7 @@ class PictureOutputTest : public testing::Test {
     dropped_ += dropped;
     return picture;
   }
-  // The error where downstream accepts these caps; "": there is a picture.
+  // Returns the error if downstream accepts only these caps, or "".
   std::string refusal(const char* sink_caps) {
     begin(false, sink_caps);
     GstBus* bus = gst_bus_new();
@@ -94,7 +93,7 @@ class PictureOutputTest : public testing::Test {
     gst_object_unref(bus);
     return error ? error->message : "";
   }
-  // The picture that view `index` of a set completes, in one colour; null: others are still to come.
+  // Returns the uniform picture that view `index` completes; null while views of the set are missing.
   GstBuffer* add_view(const ViewSet& set, int index, uint32_t first, uint8_t grey) {
     request_.place = set.place(index);
     request_.sequence = first + static_cast<uint32_t>(request_.place.turn());
@@ -109,8 +108,7 @@ class PictureOutputTest : public testing::Test {
     in_stream([&] { flow = output_->push(picture, pts, true); });
     return flow;
   }
-  // The red of the pixel in the middle of a view.
-  static int middle(GstBuffer* picture, const PlaceInSet& place = {}) {
+  static int middle(GstBuffer* picture, const ViewSetPosition& place = {}) {
     const int x = place.column() * 32 + 16, y = place.row() * 16 + 8;
     return to_bytes(picture)[3 * static_cast<size_t>(y * place.columns * 32 + x)];
   }
@@ -127,7 +125,7 @@ class PictureOutputTest : public testing::Test {
   Assembly assembly_;
   GstFlowReturn flow_ = GST_FLOW_OK;
   int dropped_ = 0;
-  bool follows_ = false;  // the view's next requests are for pictures that are accepted
+  bool follows_ = false;  // the view's next requests have an accepted size
   PixelFamily family_ = PixelFamily::kRgb;
 };
 
@@ -178,7 +176,7 @@ TEST_F(PictureOutputTest, AnErrorNamesTheRateThatIsRefused) {
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
-// Those that were asked for before the size changed.
+// The old pictures were requested before the size changed.
 TEST_F(PictureOutputTest, PicturesOfTheOldSizeAreDroppedWhereTheNextOnesFit) {
   follows_ = true;
   EXPECT_EQ(refusal("video/x-raw, width=64, height=48"), "");
@@ -200,16 +198,16 @@ TEST_F(PictureOutputTest, ThePictureBeforeStandsInForAnIncompleteOne) {
   begin(false, "video/x-raw, format=RGB");
   answer({0, 1, 2, 3}, 100);
   GstBuffer* whole = make();
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), Shown::kPicture);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), OutputAction::kPicture);
   ASSERT_EQ(push(whole), GST_FLOW_OK);
 
   answer({0}, 200);
   GstBuffer* part = make();
   ASSERT_FALSE(assembly_.complete());
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_CONCEAL, &part), Shown::kPicture);
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &part), Shown::kRepeated);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_CONCEAL, &part), OutputAction::kPicture);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &part), OutputAction::kRepeated);
   EXPECT_EQ(middle(part), 100);
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &part), Shown::kDropped);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &part), OutputAction::kDropped);
   EXPECT_FALSE(part);
 }
 
@@ -217,7 +215,7 @@ TEST_F(PictureOutputTest, WithoutAnyAnswerThePictureBeforeIsShown) {
   begin(false, "video/x-raw, format=RGB");
   answer({}, 0);
   const BufferPtr dark(make());
-  EXPECT_EQ(middle(dark.get()), 0) << "there is none before";
+  EXPECT_EQ(middle(dark.get()), 0) << "no earlier picture";
   answer({0, 1, 2, 3}, 100);
   ASSERT_EQ(push(make()), GST_FLOW_OK);
   answer({}, 0);
@@ -225,15 +223,15 @@ TEST_F(PictureOutputTest, WithoutAnyAnswerThePictureBeforeIsShown) {
   EXPECT_EQ(middle(again.get()), 100);
 }
 
-// A quilt has its first view at the bottom left.
+// The first view of a quilt is at the bottom left.
 class PictureOutputQuilt : public PictureOutputTest {
  protected:
   void check(const std::string& format, PixelFamily family) {
     begin(false, ("video/x-raw, format=" + format).c_str());
     family_ = family;
-    const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2};
+    const ViewSet set{.layout = ViewSetLayout::kQuilt, .columns = 3, .rows = 2};
     GstBuffer* picture = nullptr;
-    for (const PlaceInSet& place : set.places()) {
+    for (const ViewSetPosition& place : set.places()) {
       EXPECT_FALSE(picture);
       picture = add_view(set, place.index, 10, static_cast<uint8_t>(40 * (place.index + 1)));
     }
@@ -248,7 +246,7 @@ class PictureOutputQuilt : public PictureOutputTest {
     EXPECT_EQ(GST_VIDEO_INFO_MULTIVIEW_MODE(&info), GST_VIDEO_MULTIVIEW_MODE_NONE);
     GstVideoFrame frame;
     ASSERT_TRUE(gst_video_frame_map(&frame, &info, out.get(), GST_MAP_READ));
-    // From the middles, as the array does not see all of a view.
+    // Samples the centres, because the array does not cover the whole view.
     for (int y = 8; y < 32; y += 16)
       for (int x = 16; x < 96; x += 32) {
         const int index = (1 - y / 16) * 3 + x / 32;
@@ -266,9 +264,10 @@ TEST_F(PictureOutputQuilt, OfYCbCr) { check("I420", PixelFamily::kI420); }
 TEST_F(PictureOutputQuilt, OfYCbCrWithItsChromaTogether) { check("NV12", PixelFamily::kI420); }
 
 TEST_F(PictureOutputTest, PairsSayHowTheyStandInGStreamersWords) {
-  const std::pair<SetLayout, const char*> layouts[] = {{SetLayout::kStereo, "multiview-mode=(string)side-by-side"},
-                                                       {SetLayout::kTopBottom, "multiview-mode=(string)top-bottom"},
-                                                       {SetLayout::kCrossEyed, "right-view-first"}};
+  const std::pair<ViewSetLayout, const char*> layouts[] = {
+      {ViewSetLayout::kStereo, "multiview-mode=(string)side-by-side"},
+      {ViewSetLayout::kTopBottom, "multiview-mode=(string)top-bottom"},
+      {ViewSetLayout::kCrossEyed, "right-view-first"}};
   begin(false, "video/x-raw, format=RGB");
   uint32_t first = 10;
   for (const auto& [layout, words] : layouts) {
@@ -286,12 +285,11 @@ TEST_F(PictureOutputTest, PairsSayHowTheyStandInGStreamersWords) {
   }
 }
 
-// What is put out is of one moment.
 TEST_F(PictureOutputTest, ASetThatLacksAViewIsDropped) {
   begin(false, "video/x-raw, format=RGB");
-  const ViewSet set{.layout = SetLayout::kStereo};
+  const ViewSet set{.layout = ViewSetLayout::kStereo};
   EXPECT_FALSE(add_view(set, 0, 10, 100));
-  EXPECT_FALSE(add_view(set, 1, 12, 150)) << "of the next moment";
+  EXPECT_FALSE(add_view(set, 1, 12, 150)) << "next capture time";
   EXPECT_EQ(dropped_, 1);
   const BufferPtr picture(add_view(set, 0, 12, 50));
   ASSERT_TRUE(picture);
@@ -302,10 +300,10 @@ TEST_F(PictureOutputTest, ASetThatLacksAViewIsDropped) {
 
 TEST_F(PictureOutputTest, WhatIsLostOfAViewIsTakenFromThePictureBefore) {
   begin(false, "video/x-raw, format=RGB");
-  const ViewSet set{.layout = SetLayout::kStereo};
+  const ViewSet set{.layout = ViewSetLayout::kStereo};
   add_view(set, 0, 10, 100);
   GstBuffer* whole = add_view(set, 1, 10, 200);
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), Shown::kPicture);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), OutputAction::kPicture);
   ASSERT_EQ(push(whole), GST_FLOW_OK);
   request_.place = set.place(0);
   request_.sequence = 12;
@@ -315,7 +313,7 @@ TEST_F(PictureOutputTest, WhatIsLostOfAViewIsTakenFromThePictureBefore) {
   ASSERT_TRUE(mended);
   EXPECT_EQ(middle(mended, set.place(0)), 100);
   EXPECT_EQ(middle(mended, set.place(1)), 220);
-  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &mended), Shown::kDropped)
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &mended), OutputAction::kDropped)
       << "one of its views was incomplete";
 }
 

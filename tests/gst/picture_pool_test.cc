@@ -19,7 +19,7 @@ CapsPtr picture_caps() {
   return CapsPtr(gst_caps_from_string("video/x-raw,format=RGBx,width=16,height=8,framerate=10/1"));
 }
 
-// A pool of memory that is somebody's own.
+// A custom buffer pool, as a downstream element may offer.
 struct OwnPool {
   GstBufferPool parent;
 };
@@ -38,7 +38,6 @@ class PicturePoolTest : public testing::Test {
     gst_clear_object(&chosen_);
     gst_clear_object(&offered_);
   }
-  // What GstAggregator does with downstream's answer, which offers `offered_` if there is one.
   bool decide() {
     GstQuery* query = gst_query_new_allocation(picture_caps().get(), TRUE);
     if (offered_) gst_query_add_allocation_pool(query, offered_, kSize, least_, most_);
@@ -83,7 +82,6 @@ TEST_F(PicturePoolTest, WhatABurstNeededIsGivenBack) {
   burst.clear();
   constexpr int kIdle = PicturePool::kMostIdle;
   EXPECT_EQ(freed, 50 - kIdle);
-  // As many as lie idle serve again.
   for (int i = 0; i < kIdle; i++) burst.push_back(take());
   EXPECT_EQ(freed, 50 - kIdle);
   burst.clear();
@@ -104,7 +102,7 @@ TEST_F(PicturePoolTest, SoIsItsPlainMemory) {
   EXPECT_EQ(take()->pool, offered_);
 }
 
-// What a burst needs beyond a few is not kept there for ever.
+// The pool keeps only a few of the buffers that a burst needed.
 TEST_F(PicturePoolTest, APoolWithoutAnEndIsGivenOne) {
   offer(GST_TYPE_VIDEO_BUFFER_POOL);
   least_ = 2;
@@ -124,7 +122,7 @@ TEST_F(PicturePoolTest, NobodyWaitsForAPoolThatHasRunOut) {
   for (const BufferPtr& picture : pictures) ASSERT_TRUE(picture);
   EXPECT_EQ(std::ranges::count_if(pictures, [&](const BufferPtr& b) { return b->pool == offered_; }), 3);
   pictures.clear();
-  EXPECT_EQ(take()->pool, offered_) << "there is room again";
+  EXPECT_EQ(take()->pool, offered_) << "room again";
 }
 
 TEST_F(PicturePoolTest, APoolThatCantBeConfiguredIsPassedOver) {
@@ -132,7 +130,7 @@ TEST_F(PicturePoolTest, APoolThatCantBeConfiguredIsPassedOver) {
   GstStructure* config = gst_buffer_pool_get_config(offered_);
   gst_buffer_pool_config_set_params(config, picture_caps().get(), kSize / 2, 0, 0);
   ASSERT_TRUE(gst_buffer_pool_set_config(offered_, config));
-  ASSERT_TRUE(gst_buffer_pool_set_active(offered_, TRUE));  // in use by somebody else
+  ASSERT_TRUE(gst_buffer_pool_set_active(offered_, TRUE));
   ASSERT_TRUE(decide());
   const BufferPtr picture = take();
   ASSERT_TRUE(picture);

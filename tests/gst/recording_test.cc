@@ -32,8 +32,8 @@ class CaptureTimelineTest : public testing::Test {
 TEST_F(CaptureTimelineTest, TimesCountFromTheBeginning) {
   for (const uint32_t camera : {0, 1})
     for (gint64 i = 0; i < 5; i++) EXPECT_EQ(time(camera, i * kPeriod + camera), i * kPeriod + camera);
-  EXPECT_EQ(time(2, -kPeriod), -kPeriod) << "before it";
-  EXPECT_EQ(time(0, 60 * GST_SECOND), gint64{60 * GST_SECOND}) << "it was away";
+  EXPECT_EQ(time(2, -kPeriod), -kPeriod) << "before the start";
+  EXPECT_EQ(time(0, 60 * GST_SECOND), gint64{60 * GST_SECOND}) << "the camera was lost";
   EXPECT_EQ(time(0, 59 * GST_SECOND + kPeriod), gint64{59 * GST_SECOND + kPeriod}) << "less than a second late";
 }
 
@@ -46,7 +46,7 @@ TEST_F(CaptureTimelineTest, OneThatHasStrayedMovesNothing) {
   }
 }
 
-// Frames of before are still on their way when the first one of afterwards comes.
+// Frames from before the change may arrive after the first frame from after the change.
 TEST_F(CaptureTimelineTest, CamerasStayInStepWhereTheClockIsSetBack) {
   constexpr gint64 kHour = 3600 * GST_SECOND;
   for (const gint64 back : {gint64{2 * GST_SECOND}, kHour}) {
@@ -55,7 +55,7 @@ TEST_F(CaptureTimelineTest, CamerasStayInStepWhereTheClockIsSetBack) {
     const auto clock = [&](gint64 i) { return i * kPeriod - (i < 100 ? 0 : back); };
     for (gint64 i = 0; i < 200; i++) {
       const CaptureTimeline::Place first = at(0, clock(i));
-      EXPECT_EQ(first.time, i * kPeriod - (i == 100 ? back : 0)) << "the first one may have strayed";
+      EXPECT_EQ(first.time, i * kPeriod - (i == 100 ? back : 0)) << "only the first may deviate";
       EXPECT_EQ(first.set_back, i == 101 ? back : 0);
       for (const gint64 behind : {1, 5})
         if (i >= behind) {
@@ -64,7 +64,7 @@ TEST_F(CaptureTimelineTest, CamerasStayInStepWhereTheClockIsSetBack) {
           EXPECT_EQ(other.set_back, 0);
         }
     }
-    EXPECT_EQ(time(9, clock(200)), 200 * kPeriod) << "one that comes only now";
+    EXPECT_EQ(time(9, clock(200)), 200 * kPeriod) << "late camera";
   }
 }
 
@@ -79,13 +79,13 @@ TEST_F(CaptureTimelineTest, ACameraThatWasAwayMeanwhileIsInStepAgain) {
   };
   for (gint64 i = 0; i < 1000; i++) see(i, i < 100 ? 0 : kBack);
   EXPECT_EQ(time(1, 1000 * kPeriod - kBack), 1000 * kPeriod);
-  EXPECT_EQ(time(2, 1000 * kPeriod - kBack), 1000 * kPeriod) << "its first";
-  // Set back again, twice while camera 1 gives nothing.
+  EXPECT_EQ(time(2, 1000 * kPeriod - kBack), 1000 * kPeriod) << "first frame";
+  // The clock is set back twice more while camera 1 is silent.
   for (gint64 i = 1000; i < 2000; i++) see(i, kBack * (1 + i / 1500 + i / 1700));
   EXPECT_EQ(time(1, 2000 * kPeriod - 3 * kBack), 2000 * kPeriod);
 }
 
-// Whose clock alone is wrong is put behind what it has given, and no other camera is.
+// If only one camera's clock is wrong, only that camera's frames are moved behind its earlier ones.
 TEST_F(CaptureTimelineTest, OthersStayWhereTheClockOfOneCameraIsSetBack) {
   for (gint64 i = 0; i < 200; i++) {
     EXPECT_EQ(time(0, i * kPeriod), i * kPeriod);
@@ -94,7 +94,7 @@ TEST_F(CaptureTimelineTest, OthersStayWhereTheClockOfOneCameraIsSetBack) {
     EXPECT_EQ(seen, i * kPeriod);
   }
   EXPECT_EQ(time(0, 1000 * kPeriod), 1000 * kPeriod) << "after a gap";
-  EXPECT_EQ(time(2, 1000 * kPeriod), 1000 * kPeriod) << "its first";
+  EXPECT_EQ(time(2, 1000 * kPeriod), 1000 * kPeriod) << "first frame";
 }
 
 // --- The files of a recording, fed without cameras -------------------------------------------------------------------
@@ -113,7 +113,6 @@ class RecordingTest : public testing::Test {
     return std::make_unique<Recording>(owner_.get(), dir_ / folder, rig_, dir_ / "rig.json",
                                        std::vector<CameraIndex>{0, 1, 2});
   }
-  // Bytes that look like JPEG to nobody: the files keep what they are given.
   BufferPtr frame(size_t bytes = 1000) const { return BufferPtr(to_buffer(std::vector<uint8_t>(bytes, 7))); }
   GstCaps* jpeg() const { return jpeg_.get(); }
   std::string text_of(GstMessageType type) const {
@@ -125,7 +124,7 @@ class RecordingTest : public testing::Test {
     return error->message;
   }
 
-  // Calls add() with the times of frames until it returns true, for 20 seconds at most.
+  // Calls add() with frame times until it returns true, for at most 20 seconds.
   static void add_until(const std::function<bool(GstClockTime)>& add) {
     const gint64 end = g_get_monotonic_time() + 20 * G_USEC_PER_SEC;
     for (GstClockTime time = GST_SECOND; !add(time) && g_get_monotonic_time() < end; time += kPeriod) g_usleep(10000);
@@ -142,7 +141,7 @@ class RecordingTest : public testing::Test {
   CapsPtr jpeg_{gst_caps_from_string("image/jpeg,width=64,height=48,framerate=30/1")};
 };
 
-// Live: the first frame of all begins the recording.
+// Live: the first frame of any camera starts the recording.
 TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
   const auto recording = record("r");
   constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND + 123'456'789;
@@ -151,10 +150,10 @@ TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
   };
   add(0, 0);
   for (GstClockTime i = 1; i < 90; i++) add(0, i * kPeriod);
-  for (GstClockTime i = 0; i < 30; i++) add(1, 7 * GST_SECOND + i * kPeriod);  // comes late
-  for (const GstClockTime gap : {0, 5})                                        // goes, and is back
+  for (GstClockTime i = 0; i < 30; i++) add(1, 7 * GST_SECOND + i * kPeriod);
+  for (const GstClockTime gap : {0, 5})
     for (GstClockTime i = 0; i < 10; i++) add(2, gap * GST_SECOND + i * kPeriod + 3 * GST_MSECOND);
-  add(2, 0);  // from before
+  add(2, 0);  // before the start of the recording
   const StructurePtr stats(recording->stats());
   guint64 begin = 0;
   EXPECT_TRUE(gst_structure_get_uint64(stats.get(), "begin", &begin));
@@ -168,11 +167,11 @@ TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
     ASSERT_EQ(file.times.size(), camera == 0 ? 90u : camera == 1 ? 30u : 20u);
     expect_near(file.times.front(), camera == 0 ? 0 : camera == 1 ? 7 * GST_SECOND : 3 * GST_MSECOND);
     if (camera == 2) expect_near(file.times[10], 5 * GST_SECOND + 3 * GST_MSECOND);
-    expect_near(file.end, end);  // all begin again together in a loop
+    expect_near(file.end, end);  // all loop together
   }
 }
 
-// Frames of before may come behind the first one of afterwards.
+// Frames from before the change may arrive after the first frame from after the change.
 TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
   const auto recording = record("r");
   constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND, kHour = 3600 * GST_SECOND;
@@ -182,16 +181,16 @@ TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
   for (GstClockTime i = 0; i < 20; i++) {
     add(0, i);
     if (i > 0) add(1, i - 1);
-    if (i > 14) add(2, i);  // is there only now
+    if (i > 14) add(2, i);
   }
   add(1, 19);
-  recording->add(0, frame().get(), jpeg(), kBegin + 19 * kPeriod - kHour, true);  // once more
+  recording->add(0, frame().get(), jpeg(), kBegin + 19 * kPeriod - kHour, true);
   EXPECT_EQ(recording->counts(0).frames, 19u);
-  EXPECT_EQ(recording->counts(0).dropped, 2u) << "the first one of afterwards, and that";
+  EXPECT_EQ(recording->counts(0).dropped, 2u) << "the first frame after the change, and the next";
   EXPECT_EQ(recording->counts(1).dropped, 0u);
   const std::string told = text_of(GST_MESSAGE_WARNING);
-  EXPECT_NE(told.find("/r: the clock was set back by 3600.0 s: the recording goes on"), std::string::npos) << told;
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  EXPECT_NE(told.find("/r: the clock was set back by 3600.0 s: the recording continues"), std::string::npos) << told;
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
   recording->finish();
   for (int camera = 0; camera < 3; camera++) {
     const std::vector<GstClockTime> times = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv").times;
@@ -218,10 +217,10 @@ TEST_F(RecordingTest, ItsRigIsThatOfTheFiles) {
   const Rig recorded = load_rig(dir_ / "deep/down/rig.json");
   EXPECT_EQ(recorded.hash(), rig_.hash());
   EXPECT_EQ(recorded.cameras[2].source, "camera2.mkv");
-  EXPECT_EQ(recorded.cameras[1].image, "") << "a still is of another time, and stays where it is";
-  EXPECT_EQ(recorded.cameras[1].time_offset, 0) << "it is in the files' times";
+  EXPECT_EQ(recorded.cameras[1].image, "") << "stills are not copied";
+  EXPECT_EQ(recorded.cameras[1].time_offset, 0) << "included in the files' times";
   rig_.cameras[0].lens = Lens::pinhole(77, 31.5, 23.5);
-  recording->take_rig(rig_, dir_ / "rig.json");
+  recording->update_rig(rig_, dir_ / "rig.json");
   EXPECT_EQ(load_rig(dir_ / "deep/down/rig.json").hash(), rig_.hash());
 }
 
@@ -235,18 +234,18 @@ TEST_F(RecordingTest, NothingIsOverwritten) {
     }
   };
   dir_.write("a/rig.json", "mine");
-  EXPECT_NE(problem("a").find("/a: there is a recording in it already (rig.json)"), std::string::npos) << problem("a");
+  EXPECT_NE(problem("a").find("/a: contains a recording already (rig.json)"), std::string::npos) << problem("a");
   EXPECT_EQ(std::filesystem::file_size(dir_ / "a/rig.json"), 4u);
   dir_.write("b/camera1.mkv", "mine, too");
   EXPECT_NE(problem("b").find("(camera1.mkv)"), std::string::npos) << problem("b");
   EXPECT_FALSE(std::filesystem::exists(dir_ / "b/rig.json"));
   dir_.write("file", "");
-  EXPECT_NE(problem("file/r").find("can't be made"), std::string::npos) << problem("file/r");
+  EXPECT_NE(problem("file/r").find("can't create the folder"), std::string::npos) << problem("file/r");
   EXPECT_EQ(problem("c"), "");
-  EXPECT_EQ(problem("c"), "") << "what has recorded nothing is no recording";
+  EXPECT_EQ(problem("c"), "") << "an empty recording can be replaced";
 }
 
-// A pipe that nobody reads is a disk that hangs.
+// A pipe without a reader acts as a disk that hangs.
 TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
   auto recording = record("r");
   ASSERT_EQ(mkfifo((dir_ / "r/camera1.mkv").c_str(), 0600), 0);
@@ -259,17 +258,17 @@ TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
   }
   const CameraFile::Counts hanging = recording->counts(1), other = recording->counts(2);
   EXPECT_EQ(hanging.frames + hanging.dropped, kFrames);
-  EXPECT_GT(hanging.frames, 60u) << "a third of 256 MB waits";
+  EXPECT_GT(hanging.frames, 60u) << "a third of 256 MB queued";
   EXPECT_LT(hanging.frames, 90u);
   EXPECT_EQ(other.dropped, 0u);
   const std::string told = text_of(GST_MESSAGE_WARNING);
   EXPECT_NE(told.find("/r: the disk or this machine is too slow"), std::string::npos) << told;
   EXPECT_NE(told.find("camera 1 (cam_00_01)"), std::string::npos) << told;
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
   recording.reset();
   EXPECT_LT(g_get_monotonic_time() - start, 60 * G_USEC_PER_SEC);
   EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), size_t{kFrames});
-  // Who waits to open the pipe is let go.
+  // Unblocks the thread that opens the pipe.
   const ElementPtr reader = launch("filesrc location=" + dir_ / "r/camera1.mkv" + " ! fakesink");
   gst_element_set_state(reader.get(), GST_STATE_PLAYING);
   g_usleep(200000);
@@ -295,7 +294,7 @@ TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
   EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
 }
 
-// One camera's, that is, in a folder that takes the others'.
+// The folder is writable, so only one camera's file fails.
 TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
   const auto recording = record("r");
   std::filesystem::create_directories(dir_ / "r/camera1.mkv");
@@ -305,7 +304,7 @@ TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
     for (const uint32_t camera : {0, 1}) recording->add(camera, frame().get(), jpeg(), last = time, true);
     return !(told = text_of(GST_MESSAGE_WARNING)).empty();
   });
-  EXPECT_NE(told.find("camera 1 (cam_00_01) is not recorded any more: "), std::string::npos) << told;
+  EXPECT_NE(told.find("camera 1 (cam_00_01) is no longer recorded: "), std::string::npos) << told;
   EXPECT_NE(told.find("/r/camera1.mkv: "), std::string::npos) << told;
   const uint64_t dropped = recording->counts(1).dropped;
   for (GstClockTime i = 1; i <= 10; i++)
@@ -316,11 +315,11 @@ TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
   recording->finish();
   EXPECT_GT(frames, 10u);
   EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), frames);
-  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), 10u) << "one that comes later";
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once, and nothing else";
+  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), 10u) << "late camera";
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "no second warning";
 }
 
-// Applications stop where they are told.
+// Applications may stop the recording from the callback.
 TEST_F(RecordingTest, WhoIsToldThatItHasStoppedMayFinishIt) {
   struct Told {
     Recording* recording;
@@ -354,7 +353,7 @@ TEST_F(RecordingTest, RawVideoIsEncoded) {
     return CapsPtr(gst_caps_from_string(
         ("video/x-raw,format=RGB,width=64,height=48,framerate=" + std::to_string(framerate) + "/1").c_str()));
   };
-  for (GstClockTime i = 0; i < 10; i++)  // the camera is opened again, with another rate
+  for (GstClockTime i = 0; i < 10; i++)
     recording->add(0, frame(64 * 48 * 3).get(), raw(i < 5 ? 30 : 15).get(), i * kPeriod, true);
   EXPECT_EQ(recording->counts(0).frames, 10u);
   EXPECT_EQ(recording->counts(0).dropped, 0u);
@@ -365,7 +364,7 @@ TEST_F(RecordingTest, RawVideoIsEncoded) {
   EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
 }
 
-// VP8, of which nobody looks into the pictures here.
+// VP8: the recording does not parse its pictures.
 TEST_F(RecordingTest, CodedVideoGoesOnWithKeyFrames) {
   const auto recording = record("r");
   const CapsPtr coded(gst_caps_from_string("video/x-vp8,width=64,height=48,framerate=30/1"));
@@ -376,14 +375,14 @@ TEST_F(RecordingTest, CodedVideoGoesOnWithKeyFrames) {
     recording->add(0, picture.get(), caps ? caps : coded.get(), (time += kPeriod) - back, true);
     return recording->counts(0).frames;
   };
-  EXPECT_EQ(add(false), 0u) << "it needs others";
+  EXPECT_EQ(add(false), 0u) << "needs reference frames";
   EXPECT_EQ(add(true), 1u);
   EXPECT_EQ(add(false), 2u);
   EXPECT_EQ(add(true, jpeg()), 2u);
-  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("gives image/jpeg now"), std::string::npos);
-  EXPECT_EQ(add(false), 2u) << "one is missing";
+  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("changed to image/jpeg"), std::string::npos);
+  EXPECT_EQ(add(false), 2u) << "a reference frame is missing";
   EXPECT_EQ(add(true), 3u);
-  EXPECT_EQ(add(true, nullptr, 10 * kPeriod), 3u) << "seen before the one before";
+  EXPECT_EQ(add(true, nullptr, 10 * kPeriod), 3u) << "displayed before its predecessor";
   EXPECT_EQ(add(false), 3u);
   EXPECT_EQ(add(true), 4u);
   EXPECT_EQ(add(false), 5u);
@@ -394,11 +393,11 @@ TEST_F(RecordingTest, CodedVideoGoesOnWithKeyFrames) {
   EXPECT_EQ(file.kind, "video/x-vp8");
   ASSERT_EQ(file.keys.size(), 6u);
   EXPECT_EQ(std::vector(file.keys.begin(), file.keys.end() - 1), (std::vector{true, false, true, true, false}))
-      << "the muxer says of none but the last one what it is not";
+      << "the muxer marks the last frame only";
   EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
 }
 
-// Coded in another order than it is seen, with a key frame that was taken before the recording began.
+// Decoding order differs from display order, and the key frame precedes the start of the recording.
 TEST_F(RecordingTest, CodedVideoKeepsItsOrder) {
   const auto recording = record("r");
   const CapsPtr coded(gst_caps_from_string("video/x-vp8,width=64,height=48,framerate=30/1"));
@@ -418,7 +417,7 @@ TEST_F(RecordingTest, CodedVideoKeepsItsOrder) {
   ASSERT_EQ(periods.size(), expected.size());
   for (size_t i = 0; i < expected.size(); i++) EXPECT_NEAR(periods[i], expected[i], 0.001) << i;
   EXPECT_NEAR(static_cast<double>(file.end), static_cast<double>(read_recorded(dir_ / "r/camera1.mkv").end), 2e4)
-      << "the picture seen last lasts to the end";
+      << "the last displayed picture lasts to the end";
 }
 
 TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
@@ -435,11 +434,11 @@ TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
     EXPECT_EQ(recording->counts(camera).frames, 2u);
     EXPECT_EQ(recording->counts(camera).dropped, 3u);
     const std::string told = text_of(GST_MESSAGE_WARNING);
-    EXPECT_NE(told.find(first ? "(cam_00_00) gives image/jpeg now" : "(cam_00_01) gives video/x-raw now"),
+    EXPECT_NE(told.find(first ? "(cam_00_00) changed to image/jpeg" : "(cam_00_01) changed to video/x-raw"),
               std::string::npos)
         << told;
     EXPECT_EQ(told.find("too slow"), std::string::npos) << told;
-    EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+    EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
   }
 }
 

@@ -61,7 +61,7 @@ TEST_F(RequestRelayTest, WhatWaitsLeavesBeforeTheEnd) {
   relay_.set_flushing(true);
   EXPECT_EQ(push(3), GST_FLOW_FLUSHING);
   relay_.set_flushing(false);
-  EXPECT_EQ(push(4), GST_FLOW_OK) << "a flush ends the end";
+  EXPECT_EQ(push(4), GST_FLOW_OK) << "a flush clears EOS";
   relay_.set_unlocked(true);
   pop();
   EXPECT_EQ(flow_, GST_FLOW_FLUSHING);
@@ -108,7 +108,7 @@ class RequestTurnTest : public testing::Test {
   }
 
   GstClock* clock_ = gst_test_clock_new();
-  RequestTurn turn_;
+  RequestPacer turn_;
 };
 
 TEST_F(RequestTurnTest, WaitsForItsTime) {
@@ -123,7 +123,7 @@ TEST_F(RequestTurnTest, AChangeEndsAWaitThatIsForOne) {
   auto result = wait(GST_SECOND, true);
   turn_.note_change();
   EXPECT_EQ(result.get(), GST_FLOW_OK);
-  EXPECT_EQ(turn_.wait_until(clock_, GST_SECOND, true), GST_FLOW_OK) << "it has not been asked for yet";
+  EXPECT_EQ(turn_.wait_until(clock_, GST_SECOND, true), GST_FLOW_OK) << "not requested yet";
   turn_.forget_change();
   result = wait(GST_SECOND, true);
   EXPECT_TRUE(gst_test_clock_crank(GST_TEST_CLOCK(clock_)));
@@ -155,8 +155,8 @@ TEST_F(RequestTurnTest, NothingLeavesUntilTheLatestSeekIsOver) {
   EXPECT_EQ(turn_.wait_for_seek(), GST_FLOW_OK);
 }
 
-TEST(SeekOnce, KnowsTheLatest) {
-  SeekOnce seek;
+TEST(SeekFilter, KnowsTheLatest) {
+  SeekFilter seek;
   EXPECT_TRUE(seek.is_new(5));
   EXPECT_FALSE(seek.is_new(5));
   EXPECT_TRUE(seek.is_new(6));

@@ -10,7 +10,6 @@
 #include "gst/gst_test.h"
 #include "lib/rtp/rtp_test.h"
 
-// What the tests of rtplfpay and rtplfdepay share.
 namespace lf::test {
 
 using Bytes = std::vector<uint8_t>;
@@ -46,7 +45,6 @@ inline RtpPacket to_packet(GstBuffer* buffer) {
   return packet;
 }
 
-// An element in a harness: units or packets in, buffers out.
 class RtpElement {
  public:
   RtpElement(const char* element, const char* src_caps) : harness_(gst_harness_new_parse(element)) {
@@ -75,13 +73,13 @@ class RtpElement {
   }
   std::string caps() { return caps_of(h()->sinkpad); }
 
-  std::vector<GstClockTime> times;  // of units()
+  std::vector<GstClockTime> times;  // timestamps of units()
 
  private:
   HarnessPtr harness_;
 };
 
-// Whether a node in front of the element hears from a compositor behind it that both are in one process.
+// Checks that the element forwards the query for a compositor in the same process.
 inline bool passes_in_process_query(const char* element, const char* src_caps) {
   RtpElement under_test(element, src_caps);
   gst_pad_set_query_function(under_test.h()->sinkpad, [](GstPad* pad, GstObject* parent, GstQuery* query) -> gboolean {

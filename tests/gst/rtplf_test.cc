@@ -71,7 +71,7 @@ TEST(RtpLfPay, EveryPayloadTypeThatIsOfferedIsUsed) {
   }
 }
 
-// Limits of streams that may be cut at any time.
+// Streams may be cut at any time.
 TEST(RtpLfPay, LimitsOfTimeCanNotBeSet) {
   RtpElement pay("rtplfpay", kAnswerCaps);
   using Limit = std::pair<const char*, gint64>;
@@ -164,14 +164,14 @@ TEST(RtpLfPay, PacesBursts) {
   gst_harness_play(pay.h());
   const Bytes unit = rtp::answer(1, 390, 390, 95);
   std::thread pushing([&] { EXPECT_EQ(pay.push(unit), GST_FLOW_OK); });
-  // Eight packets at once, and the next ones when those have had their time.
+  // Eight packets at once; the next ones leave when those have been sent at the pacing rate.
   guint received = 8;
   for (; received < unit.size() / 1388; received += 8) {
     GstClockID id = nullptr;
     gst_test_clock_wait_for_next_pending_id(clock, &id);
     EXPECT_EQ(gst_harness_buffers_received(pay.h()), received);
     const GstClockTime wait = gst_clock_id_get_time(id) - gst_clock_get_time(GST_CLOCK(clock));
-    EXPECT_GT(wait, 10 * GST_MSECOND);  // of 1400 bytes at most
+    EXPECT_GT(wait, 10 * GST_MSECOND);  // at most 1400 bytes each
     EXPECT_LE(wait, 8 * 1400 * GST_USECOND);
     gst_clock_id_unref(id);
     EXPECT_TRUE(gst_test_clock_crank(clock));
@@ -199,7 +199,6 @@ TEST(RtpLfPay, FlushesAndStopsWhilePacing) {
   }
 }
 
-// What rtplfpay makes of units, 40 ms apart.
 std::vector<Bytes> rtp_packets(const std::vector<Bytes>& units, bool requests = false, uint16_t first = 65530) {
   RtpElement pay(("rtplfpay ssrc=1 timestamp-offset=5 seqnum-offset=" + std::to_string(first)).c_str(),
                  requests ? kRequestCaps : kAnswerCaps);
@@ -209,7 +208,6 @@ std::vector<Bytes> rtp_packets(const std::vector<Bytes>& units, bool requests = 
   return out;
 }
 
-// The fragments in some units, and whether none came twice.
 size_t fragments_in(const std::vector<Bytes>& units) {
   std::vector<std::pair<uint32_t, uint32_t>> all;
   for (const Bytes& unit : units) {
@@ -359,7 +357,7 @@ TEST(RtpLfDepay, WhatIsIncompleteEndsWithTheStream) {
       GstSegment segment;
       gst_segment_init(&segment, GST_FORMAT_TIME);
       gst_harness_push_event(depay.h(), gst_event_new_segment(&segment));
-      for (const Bytes& packet : packets) depay.push(packet);  // what came before the flush is forgotten
+      for (const Bytes& packet : packets) depay.push(packet);
       EXPECT_EQ(depay.units().size(), 1u);
       EXPECT_EQ(stat(depay.element(), "duplicates"), 0u);
     } else {
@@ -370,11 +368,11 @@ TEST(RtpLfDepay, WhatIsIncompleteEndsWithTheStream) {
 }
 
 TEST(RtpLfDepay, PendingBytesAreBounded) {
-  RtpElement depay("rtplfdepay max-pending-bytes=65536", kRtpAnswerCaps);
+  RtpElement depay("rtplfdepay max-size-bytes=65536", kRtpAnswerCaps);
   std::vector<Bytes> answers(6, rtp::answer(1, 399, 399, 95));
   std::vector<Bytes> packets = rtp_packets(answers);
   ASSERT_GT(answers[0].size(), 15000u);
-  std::erase_if(packets, [](const Bytes& packet) { return packet[1] & 0x80; });  // none is ever complete
+  std::erase_if(packets, [](const Bytes& packet) { return packet[1] & 0x80; });
   for (const Bytes& packet : packets) depay.push(packet);
   EXPECT_TRUE(depay.units().empty());
   EXPECT_GE(stat(depay.element(), "incomplete-units"), 1u);

@@ -15,16 +15,16 @@ namespace lf::test {
 #if LF_HAS_RTSP_SERVER
 inline constexpr const char* kRtspServerMissing = nullptr;
 
-// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed;
-// also /undated, JPEG without sender reports.
+// Serves white pictures of 64x48 at 30 frames/s as /jpeg and, if an encoder exists, /h264; /undated is JPEG without
+// sender reports.
 class RtspServer {
  public:
-  // `port`: of an RtspServer that is gone, in its place; 0: any.
+  // `port`: port of a destroyed RtspServer to reuse; 0: any.
   explicit RtspServer(int port = 0)
       : context_(g_main_context_new()), loop_(g_main_loop_new(context_, FALSE)), server_(gst_rtsp_server_new()) {
     gst_rtsp_server_set_address(server_, "127.0.0.1");
     gst_rtsp_server_set_service(server_, std::to_string(port).c_str());
-    // Clients are served by the server's own loop, which stop() closes them in.
+    // Clients are served in the server's own loop; stop() closes them in the same loop.
     g_autoptr(GstRTSPThreadPool) threads = gst_rtsp_server_get_thread_pool(server_);
     gst_rtsp_thread_pool_set_max_threads(threads, 0);
     mount("/jpeg", "jpegenc ! rtpjpegpay name=pay0");
@@ -40,9 +40,8 @@ class RtspServer {
   ~RtspServer() {
     if (thread_.joinable()) stop();
   }
-  // Closes all connections and ends the server. The loop itself does it: gst-rtsp-server has no locks between a thread
-  // that closes a connection and the one that reads from it, and a read then is a GLib critical of a connection without
-  // streams.
+  // Closes all connections and ends the server, in the server's loop. gst-rtsp-server has no lock between a thread that
+  // closes a connection and one that reads from it; such a read is a GLib critical.
   void stop() {
     GSource* quit = g_idle_source_new();
     g_source_set_callback(
@@ -63,14 +62,13 @@ class RtspServer {
     g_main_context_unref(context_);
   }
   GstRTSPServer* server() const { return server_; }
-  // After the last one.
+  // Call after the last server is destroyed.
   static void clean_up() { gst_rtsp_thread_pool_cleanup(); }
   std::string uri(const std::string& path) const { return "rtsp://127.0.0.1:" + std::to_string(port()) + path; }
   int port() const { return gst_rtsp_server_get_bound_port(server_); }
 
  private:
-  // None that the session makes leaves it.
-  static void leave_out_reports(GstRTSPMedia* media, gpointer) {
+  static void disable_sender_reports(GstRTSPMedia* media, gpointer) {
     GstElement* element = gst_rtsp_media_get_element(media);
     GstObject* pipeline = gst_object_get_parent(GST_OBJECT(element));
     GstIterator* bins = gst_bin_iterate_all_by_element_factory_name(GST_BIN(pipeline), "rtpbin");
@@ -98,10 +96,10 @@ class RtspServer {
     gst_rtsp_media_factory_set_shared(factory, TRUE);
     if (!reports)
       g_signal_connect(factory, "media-configure", G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer) {
-                         g_signal_connect(media, "prepared", G_CALLBACK(leave_out_reports), nullptr);
+                         g_signal_connect(media, "prepared", G_CALLBACK(disable_sender_reports), nullptr);
                        }),
                        nullptr);
-    gst_rtsp_mount_points_add_factory(mounts, path, factory);  // takes it
+    gst_rtsp_mount_points_add_factory(mounts, path, factory);
     g_object_unref(mounts);
   }
 

@@ -30,11 +30,11 @@ TEST(SenderClock, FramesWereTakenWhenTheSenderSays) {
 }
 
 TEST(SenderClock, WhatCantBeTrueIsNotBelieved) {
-  EXPECT_TRUE(clock_of(-50 * GST_MSECOND)->is_known()) << "clocks are never quite the same";
-  EXPECT_FALSE(clock_of(-GST_SECOND)->is_known()) << "it would come before it was sent";
+  EXPECT_TRUE(clock_of(-50 * GST_MSECOND)->is_known()) << "clocks may differ slightly";
+  EXPECT_FALSE(clock_of(-GST_SECOND)->is_known()) << "received before it was sent";
   EXPECT_TRUE(clock_of(kLatency + 1900 * GST_MSECOND)->is_known());
   EXPECT_FALSE(clock_of(kLatency + 3 * GST_SECOND)->is_known());
-  EXPECT_FALSE(clock_of(kNow - GST_SECOND)->is_known()) << "a clock that begins with 1970";
+  EXPECT_FALSE(clock_of(kNow - GST_SECOND)->is_known()) << "clock starts in 1970";
 }
 
 TEST(SenderClock, AClockThatIsSetLaterIsBelievedFromThenOn) {
@@ -43,7 +43,7 @@ TEST(SenderClock, AClockThatIsSetLaterIsBelievedFromThenOn) {
   EXPECT_EQ(clock->taken(kStamp + GST_SECOND), kNow + GST_SECOND - kLatency);
 }
 
-// A source of packets such as rtspsrc, which has its pads later.
+// A source of RTP packets like rtspsrc, with sometimes pads.
 struct FakeRtspSrc {
   GstElement parent;
   gboolean adds_meta;
@@ -66,7 +66,7 @@ void fake_rtsp_src_init(FakeRtspSrc*) {}
 
 class SenderClockPackets : public testing::TestWithParam<const char*> {};
 
-// The packets of a pad with these media, which begins at running time 0.
+// Feeds the packets of a pad with these media; running time starts at 0.
 TEST_P(SenderClockPackets, ArePassedOnAndLookedAt) {
   auto* source = static_cast<GstElement*>(gst_object_ref_sink(g_object_new(fake_rtsp_src_get_type(), nullptr)));
   const auto clock = std::make_shared<SenderClock>(kLatency);
@@ -115,7 +115,7 @@ TEST_P(SenderClockPackets, ArePassedOnAndLookedAt) {
   EXPECT_EQ(clock->taken(0), video ? std::optional(sent) : std::nullopt);
   gst_pad_push_list(pad, list);
   EXPECT_EQ(received, 4);
-  EXPECT_EQ(clock->is_known(), false) << "that would be sent in almost a second";
+  EXPECT_EQ(clock->is_known(), false) << "sent almost a second in the future";
   gst_object_unref(source);
   gst_object_unref(sink);
 }

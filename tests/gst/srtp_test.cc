@@ -18,13 +18,13 @@ const std::string kSecret(32, 'k');
 
 TEST(RtpKey, IsWhatIsInTheFileButForSpace) {
   const TempFile plain(text(kSecret)), spaced(text("\n " + kSecret + " \r\n")), other(text(kSecret + "k"));
-  const KeyName name{1, 2, 3};
+  const KeyId name{1, 2, 3};
   const SessionKey session = RtpKey(plain.path()).session("A", name);
   EXPECT_EQ(RtpKey(spaced.path()).session("A", name).key, session.key);
   EXPECT_NE(RtpKey(other.path()).session("A", name).key, session.key);
 }
 
-// The vector of lib/rtp/spec.md, made with another program.
+// Test vector of lib/rtp/spec.md, computed with another program.
 TEST(RtpKey, AsTheSpecificationSays) {
   const TempFile file(text(kSecret));
   const SessionKey session = RtpKey(file.path()).session("X-LIGHTFIELD-ANSWER", {0x11223344, 29000000, 0x55667788});
@@ -46,7 +46,7 @@ TEST(RtpKey, EachStreamHasItsOwn) {
     EXPECT_NE(other.key, one.key);
     EXPECT_NE(other.mki, one.mki);
   }
-  const KeyName name = name_of(9, one.mki);
+  const KeyId name = key_id_of(9, one.mki);
   EXPECT_EQ(name.ssrc, 9u);
   EXPECT_EQ(name.minute, 2u);
   EXPECT_EQ(name.nonce, 3u);
@@ -57,10 +57,10 @@ TEST(RtpKey, FilesThatWillNotDoAreNamed) {
   EXPECT_ERROR(RtpKey("/tmp"), "/tmp: can't be read: it is not a regular file");
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
   for (const TempFile* bad : {&empty, &few, &many})
-    EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key has 32 to");
+    EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key must have 32 to");
 }
 
-// To open one would take until somebody writes into it.
+// Opening a FIFO blocks until it has a writer.
 TEST(RtpKey, AFifoIsNotWaitedFor) {
   const std::string path = std::string(g_get_tmp_dir()) + "/lf_fifo_" + std::to_string(getpid());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What one thread does while another one stops or takes away what it uses. Where that is wrong a test hangs, or reads
-// memory that is gone, which sanitizers see (tests/sanitize.sh).
+// One thread uses elements while another thread stops the pipeline. A bug hangs the test or reads freed memory, which
+// sanitizers detect (tests/sanitize.sh).
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ namespace {
 
 using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
 
-// Who watches the view of a window's viewer takes a while, and the viewer goes meanwhile.
+// A slow signal handler watches the view while its viewer is removed.
 struct Watching {
   std::promise<void> begun, gone;
   std::atomic<int> times = 0;
@@ -32,7 +32,7 @@ struct Watching {
 
 TEST(Threads, AViewerGoesWhileItsWindowSteersIt) {
   ElementPtr pipeline = launch(
-      "lfviewrequest name=v is-live=true navigation-from=pictures ! fakesink  videotestsrc is-live=true ! "
+      "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink");
   ElementPtr pictures(gst_bin_get_by_name(GST_BIN(pipeline.get()), "pictures"));
   const PadPtr pad(gst_element_get_static_pad(pictures.get(), "src"));
@@ -56,7 +56,7 @@ TEST(Threads, AViewerGoesWhileItsWindowSteersIt) {
   pipeline.reset();
   watching.gone.set_value();
   window.join();
-  EXPECT_EQ(watching.times, 3) << "the view is told whole";
+  EXPECT_EQ(watching.times, 3) << "all three notifications arrive";
   const ElementPtr left(static_cast<GstElement*>(g_weak_ref_get(&alive)));
   EXPECT_FALSE(left);
   g_weak_ref_clear(&alive);
@@ -68,7 +68,6 @@ gboolean answer_query(GstPad*, GstObject*, GstQuery* query) {
   return TRUE;
 }
 
-// Asks for the latency at `pad`, and steers, until it is told to stop.
 class Asking {
  public:
   explicit Asking(GstPad* pad) : pad_(GST_PAD(gst_object_ref(pad))), thread_([this] { ask(); }) {}

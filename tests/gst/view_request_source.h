@@ -16,7 +16,6 @@
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 
-// What the tests of lfviewrequest share.
 namespace lf::test {
 
 inline constexpr GstClockTime kMs = GST_MSECOND;
@@ -56,7 +55,7 @@ struct Unit {
   GstClockTime pts, duration;
 };
 
-// One lfviewrequest in a harness, with a bus of its own.
+// One lfviewrequest in a harness, with its own bus.
 class Source {
  public:
   Source() : element_(gst_element_factory_make("lfviewrequest", nullptr)), bus_(gst_bus_new()) {
@@ -84,7 +83,7 @@ class Source {
     return value;
   }
 
-  // Not live: with num-buffers or a file, else it fills memory.
+  // For sources that are not live: needs num-buffers or a file, otherwise fills memory.
   void play() {
     harness_ = gst_harness_new_with_element(element_, nullptr, "src");
     gst_harness_play(harness_);
@@ -92,7 +91,8 @@ class Source {
   void play_live(GstClockTime clock_time = 0) {
     set("is-live", TRUE);
     harness_ = gst_harness_new_with_element(element_, nullptr, "src");
-    gst_element_set_state(element_, GST_STATE_NULL);  // it could have a sink pad, so that the harness has started it
+    // the harness may have started it, because the element has an optional sink pad
+    gst_element_set_state(element_, GST_STATE_NULL);
     gst_harness_use_testclock(harness_);
     gst_harness_set_time(harness_, clock_time);
     gst_harness_play(harness_);
@@ -100,7 +100,7 @@ class Source {
 
   Unit pull() {
     Unit unit{};
-    GstBuffer* buffer = gst_harness_pull(harness_);  // gives up after a minute
+    GstBuffer* buffer = gst_harness_pull(harness_);  // times out after a minute
     EXPECT_TRUE(buffer);
     if (!buffer) return unit;
     unit.pts = GST_BUFFER_PTS(buffer);
@@ -113,7 +113,7 @@ class Source {
     if (request) unit.request = *request;
     return unit;
   }
-  // Live: lets time go on to the next request.
+  // Live: advances the clock to the next request.
   Unit next_live() {
     EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(harness_, 1, 30));
     EXPECT_TRUE(gst_harness_crank_single_clock_wait(harness_));
@@ -140,7 +140,7 @@ class Source {
   }
   bool send(GstEvent* event) { return gst_harness_push_upstream_event(harness_, event); }
 
-  // Whether it has posted such a message since the last call.
+  // Returns true if such a message was posted since the last call.
   bool has_message(GstMessageType type) {
     bool any = false;
     while (GstMessage* message = gst_bus_pop_filtered(bus_, type)) {
@@ -150,7 +150,7 @@ class Source {
     return any;
   }
 
-  // The first; GstBaseSrc adds one of its own where a source doesn't start. "" if there is none.
+  // Returns the first message's text, "" if there is none. GstBaseSrc posts a second error if a source fails to start.
   std::string pop_message(GstMessageType type) {
     GstMessage* message = gst_bus_pop_filtered(bus_, type);
     if (!message) return "";
@@ -172,7 +172,6 @@ class Source {
   GstHarness* harness_ = nullptr;
 };
 
-// One that shows the views of a file.
 class FileSource : public Source {
  public:
   explicit FileSource(const std::vector<NamedView>& views) {
@@ -184,7 +183,6 @@ class FileSource : public Source {
   TempDir folder_;
 };
 
-// One that knows test_rig().
 class RigSource : public Source {
  public:
   RigSource() {
@@ -206,7 +204,7 @@ inline void expect_near(const View& a, const View& b, const std::string& what = 
   EXPECT_NEAR(a.focus.plane.d, b.focus.plane.d, 1e-12) << what;
 }
 
-inline Viewpoint somewhere() {
+inline Viewpoint test_viewpoint() {
   Viewpoint v;
   v.pose = {{1, -2, 0.5}, quat_from_euler({35, -20, 10})};
   v.fov_y_deg = 40;
@@ -214,7 +212,7 @@ inline Viewpoint somewhere() {
   return v;
 }
 
-inline void set_somewhere(Source& source) {
+inline void set_test_viewpoint(Source& source) {
   source.set("x", 1.0, "y", -2.0, "z", 0.5, "yaw", 35.0, "pitch", -20.0, "roll", 10.0, "fov", 40.0, "focus-distance",
              3.0, "width", 320, "height", 200);
 }

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Runs each program, and pipelines, under a locale that writes a comma in numbers, and compares with the C locale.
+"""Runs all programs and pipelines under a locale with a decimal comma, and compares the results with the C locale.
 
-Texts have to be the same but for times, and files byte for byte. A program without a command here is an error. The locale is
-made for the test (localedef, package locales).
+Output must be equal except for times, and files must be identical. A program without a command here is an error. The
+test creates the locale (localedef, package locales).
 
     comma_locale.py BUILD_ROOT
 """
@@ -19,8 +19,7 @@ import urllib.request
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 SKIP, LIMIT_S = 77, 120
 VIEW = "width=64 height=48 num-buffers=3 is-live=false"
-# Commands with the files that they write, one after the other: later ones read what earlier ones wrote. Of lf-bench figures
-# differ from run to run.
+# Run in this order, because commands read files of earlier commands.
 COMMANDS = [
     "lf-scene --out film --grid 2x3 --width 64 --height 48 --frames 6 --framerate 29.97 --faults 1",
     "lf-scene --out stills --grid 2x2 --width 64 --height 48 --frames 2 --format png",
@@ -45,7 +44,7 @@ COMMANDS = [
     "lf-calibrate track stills/rig.json --recordings lights --bar --out tracks.json",
     "lf-calibrate solve --tracks tracks.json --prior stills/rig.json --bar 0.25 --out solved.json",
 ]
-DIFFER = {"lf-bench"}
+DIFFER = {"lf-bench"}  # figures differ from run to run
 TIMES = re.compile(r"\d+(?:[.,:]\d+)*\s*(?:ms|s\b|seconds)|\d+:\d\d:\d\d\.\d+|0x[0-9a-f]+|^\s*Execution ended.*$|^Got .*$|^Setting .*$|"
                    r"(?<=\d) +\d+\.\d+$", re.M)  # the last column of lf-render's table is milliseconds
 
@@ -73,11 +72,11 @@ def text_of(output):
 
 
 def run_all(folder, env):
-    """{command: (exit status, text)}"""
+    """Returns {command: (exit status, text)}."""
     results = {}
     for command in COMMANDS:
         if command.startswith("lf-report"):
-            # Lines of gst-launch-1.0 -m, each with the clock in front.
+            # Lines of gst-launch-1.0 -m, each with a timestamp in front.
             lines = (f"{10 + 0.5 * i:.3f} Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
                      f"sequence=(uint){i}, pts=(guint64)0, complete=(boolean)true, fragments=(uint)3, missing=(uint)0, "
                      "bytes=(guint64)300, trial-bytes=(guint64)30, skew-ns=(guint64)0, latency-ns=(guint64)5000000, "
@@ -90,7 +89,7 @@ def run_all(folder, env):
 
 
 def serve(folder, env):
-    """What lf-serve says of the array."""
+    """Returns array.json of lf-serve, or an error text."""
     server = subprocess.Popen(["lf-serve", "--rig", "stills/rig.json", "--port", "0"], cwd=folder, env=env, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
@@ -105,8 +104,8 @@ def serve(folder, env):
 
 
 def files_of(folder):
-    # Matroska files have a date and random numbers. Threads of the solver add in any order, so that the last
-    # digits of its numbers differ from run to run: of these only the form is compared.
+    # Matroska files contain a date and random numbers. The solver's threads add in varying order, which changes the
+    # last digits of its numbers.
     def comparable(path):
         if path.name != "solved.json":
             return path.read_bytes()

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks that a test uses everything that the documentation promises.
+"""Checks that tests use all documented features.
 
-The promises are the options of each tool and its commands (--help), the properties of each element and the fields of `limits` (docs/elements.md), and
-the attributes, properties, methods and events of <lightfield-viewer> (web/). A test file uses a promise if it names the tool
-(and command), element or web element, itself or in a file of tests/ that it includes, and has the option, property or
-attribute by its exact name, as code. tests/house/unexercised.txt lists the promises that no test uses yet, with a reason
-each. Fails at a promise without test and entry, and at an entry that is not needed any more: the list only shrinks.
+The features are the options of each tool and of its commands (--help), the properties of each element and the fields of
+`limits` (docs/reference/elements.md), and the attributes, properties, methods and events of <lightfield-viewer> (web/). A test
+file uses a feature if it names the tool (and command), element or web element, and contains the exact name of the
+option, property or attribute as code. The names may be in files of tests/ that the test includes.
+tests/house/unexercised.txt lists features without a test, each with a reason. Fails for a feature without test and
+entry, and for an unneeded entry: the list may only shrink.
 
     exercised.py SOURCE_ROOT TOOL...
 """
@@ -16,10 +17,10 @@ import re
 import subprocess
 import sys
 
-MOST = 26  # entries in unexercised.txt; lower it with every entry that goes
+MOST = 26  # entries in unexercised.txt; lower this number with every removed entry
 SOURCE = pathlib.Path(sys.argv[1])
 TESTS = SOURCE / "tests"
-# These name options and properties without using them.
+# Files in these folders name options and properties without using them.
 NO_TESTS = ("house", "docs", "fuzz", "bench")
 
 
@@ -31,7 +32,7 @@ def without_comments(path):
 
 
 def read_tests():
-    """{path: its text and that of the files of tests/ that it includes}."""
+    """Returns {path: text}; the text includes the included files of tests/."""
     own = {}
     for folder in TESTS, SOURCE / "pipelines":
         for path in sorted(folder.rglob("*")):
@@ -51,14 +52,14 @@ def read_tests():
 
 
 class Test:
-    """What the text of a test has."""
+    """The names, options and settings in the text of a test."""
 
     def __init__(self, text):
         self.text = text
         self.names = set(re.findall(r"[\w-]+", text)) | set(re.findall(r"\w+", text))
         self.options = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", text))
         self.settings = set(re.findall(r"(?<![\w:-])([\w:-]+)=", text)) | set(re.findall(r'"([\w:-]+)"', text))
-        # Helpers that run it: of tests/web/harness.mjs and served.h.
+        # Helpers of tests/web/harness.mjs and served.h run lf-serve.
         if re.search(r"\bserve\(|\bServed\b", text):
             self.names.add("lf-serve")
 
@@ -68,7 +69,7 @@ def help_of(tool, *command):
 
 
 def options(tests, tool, command=()):
-    """{promise: is used} of a tool and of its commands."""
+    """Returns {feature: True if used} for a tool and its commands."""
     name, found = os.path.basename(tool), {}
     text = help_of(tool, *command)
     head, _, commands = text.partition("\nSubcommands:\n")
@@ -83,7 +84,7 @@ def options(tests, tool, command=()):
 
 def properties(tests):
     found, element = {}, None
-    for line in (SOURCE / "docs/elements.md").read_text().splitlines():
+    for line in (SOURCE / "docs/reference/elements.md").read_text().splitlines():
         if title := re.fullmatch(r"## (\w+)", line):
             element = title[1]
         cells = [cell.strip() for cell in line.split("|")]

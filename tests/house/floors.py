@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks that includes point down: a room of the house, which is a folder, knows only rooms of its own floor and below.
+"""Checks the layers ("floors") of the source folders ("rooms"): files include only files of their own layer and below.
 
-Prints the floors with what each room includes. Rooms of one floor may know each other, one way. Exits 1 at an include that
-points up or comes back, at a room that stands on no floor, at a floor's room that is not there, and at a type's name that
-a namespace of the house has twice: the linker takes one of two templates of the same name, whatever their types are.
+Prints the layers and the folders that each folder includes. Two folders of one layer may not include each other. Exits 1
+for an include of a higher layer, a cycle, a folder without a layer, a missing folder, an include of GStreamer in lib/,
+and a type name that a namespace defines twice: the linker keeps only one of two equally named templates, even if their
+types differ.
 
     floors.py SOURCE_ROOT
 """
@@ -34,7 +35,7 @@ FLOORS = {
 
 
 def included_rooms(building):
-    """{room: {included room: [file, ...]}} of a building's folders."""
+    """Returns {folder: {included folder: [file, ...]}} for "lib" or "gst"."""
     found = collections.defaultdict(lambda: collections.defaultdict(list))
     rooms = {folder.name for folder in building.iterdir() if folder.is_dir()}
     for room in rooms:
@@ -49,7 +50,7 @@ def included_rooms(building):
 
 
 def types_of(path):
-    """Names, with their namespaces, of the types that a file defines outside of anonymous namespaces and other types."""
+    """Returns the qualified names of a file's types, without nested types and anonymous namespaces."""
     within, types = [], []
     for line in path.read_text().splitlines():
         if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{", line):

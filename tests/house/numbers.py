@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks that numbers are written and read with a point, whatever the user's locale is.
+"""Checks that the code writes and reads numbers with a decimal point in every locale.
 
-An application that loads the plugin or the library may have called setlocale(LC_ALL, ""). Then printf(), strtod() and what is
-made of them use a comma in many countries: shaders, caps, files and messages to other programs break. Code in lib/ and gst/
-writes numbers by number_text() and format_text(), and reads them by std::from_chars() or while a NumbersWithPoint lives.
-Programs never choose a locale. Prints each offending line; exits 1 if there is one.
+An application that loads the plugin or the library may have called setlocale(LC_ALL, ""). Then printf(), strtod() and
+functions based on them use a comma in many countries, which breaks shaders, caps, files and messages to other programs.
+Code in lib/ and gst/ must write numbers with number_text() and format_text(). It must read numbers with
+std::from_chars() or in the scope of a ScopedCLocale. Our programs must not set a locale. Prints each violation, and
+exits 1 if there is any.
 
     numbers.py SOURCE_ROOT
 """
@@ -20,16 +21,16 @@ PRINTING = re.compile(
 READING = re.compile(r"\b(?:std::)?(?:strtod|strtof|strtold|stod|stof|stold|atof)\(")
 SCANNING = re.compile(r"\b(?:std::)?[fs]?scanf\(")
 LOCALES = re.compile(r"\bsetlocale\(|\bstd::locale\(\"|\bstd::locale::global\(")
-GUARD = "NumbersWithPoint"
+GUARD = "ScopedCLocale"
 DECLARED = re.compile(r"\b(?:double|float|gdouble|gfloat)\s+((?:\w+(?:\s*=[^,;(){}]*)?\s*,\s*)*\w+)")
 INTEGERS = re.compile(r"\b(?:auto|bool|char|int|long|short|unsigned|size_t|s?size_t|g?u?int\d*(?:_t)?|\w+Index|\w+Time)\s+"
                       r"((?:\w+(?:\s*=[^,;(){}]*)?\s*,\s*)*\w+)")
-# Of the project itself: what writes and reads with a point.
+# Implements number_text() and format_text().
 OURS = {"lib/base/text.h"}
 
 
 def argument(text, begin):
-    """The text up to the bracket that closes the one before `begin`."""
+    """Returns the text from `begin` to the matching closing bracket; `begin` is behind the opening bracket."""
     depth, at = 1, begin
     while depth and at < len(text):
         depth += {"(": 1, ")": -1}.get(text[at], 0)
@@ -43,7 +44,7 @@ def names(pattern, text):
 
 
 def function_before(text, at):
-    """The text of the function up to `at`: since the last line that begins at the margin."""
+    """Returns the text of the function up to `at`, from the last closing brace or namespace without indentation."""
     return text[max(text.rfind("\n}", 0, at), text.rfind("\nnamespace", 0, at), 0):at]
 
 
@@ -67,7 +68,7 @@ def main():
 
         for match in re.finditer(r"std::to_string\(", text):
             of = argument(text, match.end())
-            last = "" if of.endswith(")") else (re.findall(r"[A-Za-z_]\w*", of) or [""])[-1]  # not of what a call gives
+            last = "" if of.endswith(")") else (re.findall(r"[A-Za-z_]\w*", of) or [""])[-1]  # ignores results of calls
             is_float = re.search(r"\d\.\d|\d[eE][-+]?\d|\b(?:double|float)\b|\.[xyz]\b", of) or (
                 "." not in of and last in own - own_integers or (re.match("k[A-Z]", last) and last in floats - integers))
             is_float = is_float and not re.match(r"(?:std::l*round|static_cast<(?!double|float)\w+)\b", of)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Tests tests/summary.py with logs as `meson test` writes them: summary_test.py SUMMARY."""
+"""Tests tests/summary.py with logs in the format of `meson test`: summary_test.py SUMMARY."""
 import json
 import pathlib
 import subprocess
@@ -14,7 +14,7 @@ CASES = {"passed": "<testcase name='{}'/>", "failed": "<testcase name='{}'><fail
 
 
 def write_logs(path, programs):
-    """`programs`: {name: (result, protocol, {case: result})}; a program that crashes has no cases."""
+    """Writes logs. `programs`: {name: (result, protocol, {case: result})}; a crashed program has no cases."""
     lines, suites = [], []
     for name, (result, protocol, cases) in programs.items():
         lines.append(json.dumps({"name": f"lightfield:web+threads / {name}", "result": result}))

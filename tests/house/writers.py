@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks that files are read and written by lib/base/file.h alone.
+"""Checks that only lib/base/file.h reads and writes files.
 
-Its writer keeps the old file until the new one is complete, keeps modes and links, and syncs. Its reader refuses devices,
-FIFOs and huge files. Prints each other place that opens a file, and exits 1 if there is one. GStreamer's sinks, which
-write a recording while it grows, are not looked for.
+Its writer keeps the old file until the new file is complete, preserves modes and links, and syncs. Its reader rejects
+devices, FIFOs and huge files. Prints each other place that opens a file, and exits 1 if there is any. Ignores
+GStreamer's sinks, which write growing recordings.
 
     writers.py SOURCE_ROOT
 """
@@ -16,8 +16,7 @@ FORBIDDEN = re.compile(
     r"std::(?:o|w|wo)?fstream\b|\bf(?:re)?open\(|\bcv::im(?:read|write)\b|\bg_file_set_contents|\bcreat\(|"
     r"cv::FileStorage\s+\w+\([^;]*FileStorage::(?:WRITE|READ)(?![^;]*MEMORY)|\bfs::copy_file\(|std::ifstream\b"
 )
-# Files of the kernel (/proc, /sys), which have no size and no name to replace; secrets, which are wiped; and the first
-# bytes of films.
+# Kernel files (/proc, /sys), which have no size; secrets, which are wiped from memory; and the first bytes of films.
 ALLOWED = {
     "calib/recordings.cc": "std::ifstream",
     "gst/bins/rtp_link.cc": "std::ifstream",

@@ -31,8 +31,9 @@ void must(const std::string& command) {
 }
 
 constexpr int kRequestPort = 6000, kAnswerPort = 6100;
-constexpr int kBehindLink = 1000;  // further on
-// The viewers are 10.77.0.10 and 10.77.0.11, so that a view's id is the end of its viewer's address.
+constexpr int kBehindLink = 1000;  // sink port behind the link element
+// The viewers' addresses end in 10 and 11 (10.77.0.10, 10.77.0.11), and the view id equals the last part of the
+// address.
 constexpr int kFirstHost = 3;
 
 std::vector<std::string> host_names() {
@@ -43,12 +44,12 @@ std::vector<std::string> host_names() {
   return names;
 }
 
-// Every view of the path is of this viewer, and no two are alike unless it stands `still`.
+// Returns the path of a viewer. All views differ, unless `still`.
 std::vector<NamedView> path_of(const Rig& rig, int viewer, bool still) {
   std::vector<NamedView> views;
   const Viewpoint home = default_viewpoint(rig);
   for (int k = 0; k < ArrayNetwork::kViewsOfPath; k++) {
-    const int i = still ? 2 : k;  // all of that one is covered
+    const int i = still ? 2 : k;
     Viewpoint at = home;
     at.pose.position += Vec3(0.02 * (i - 2) + 0.01 * viewer, 0.015 * (2 * viewer - 1) * (i - 2), -0.3 - 0.05 * viewer);
     at.focus_distance = 2.2 + 0.2 * i;
@@ -196,7 +197,7 @@ ArrayNetwork::ArrayNetwork(const Options& options) : options_(options), network_
                                                      std::to_string(kWidth) + " --height " + std::to_string(kHeight));
   if (filmed.status != 0) throw std::runtime_error(filmed.output);
   Rig rig = load_rig(file("rig.json"));
-  for (Camera& camera : rig.cameras) camera.source.clear();  // the first frame, a still, serves for ever
+  for (Camera& camera : rig.cameras) camera.source.clear();  // use the first frame, a still image, forever
   save_rig(rig, file("rig.json"));
   for (int i = 0; i < kViewers; i++)
     save_views(path_of(rig, i, options.surface), file("views" + std::to_string(i) + ".json"));
@@ -264,7 +265,7 @@ void ArrayNetwork::start_viewer(int i) {
   const std::string compositor = network_.address("compositor");
   const std::string line =
       "gst-launch-1.0 -m lfviewrequest view-id=" + number +
-      " navigation-from=pictures is-live=true loop=true rig=" + file("rig.json") +
+      " navigation-element=pictures is-live=true loop=true rig=" + file("rig.json") +
       " location=" + file("views" + number + ".json") + " framerate=" + std::to_string(options_.framerate) +
       "/1 capture-delay=100000000 " + options_.viewer[i] +
       " ! rtplfpay ! udpsink sync=false async=false host=" + compositor + " port=" + std::to_string(kViewerPort) +
@@ -283,7 +284,6 @@ void ArrayNetwork::start_all() {
 }
 
 std::vector<ArrayNetwork::Picture> ArrayNetwork::pictures(int view) const {
-  // What is behind a field's name; nothing where a line has been written in part.
   const auto value_of = [](const std::string& text, const std::string& name) -> const char* {
     const size_t at = text.find(name);
     return at == std::string::npos ? nullptr : text.c_str() + at + name.size();
@@ -343,7 +343,7 @@ std::vector<Image> ArrayNetwork::truth(int view) const {
   return images;
 }
 
-std::vector<Image> ArrayNetwork::one_machine(int view, const std::string& out_of_service) const {
+std::vector<Image> ArrayNetwork::single_host(int view, const std::string& out_of_service) const {
   const std::string out = file("reference.rgb"), rig = file("rig.json");
   const std::string without = out_of_service.empty() ? "" : " out-of-service=" + out_of_service;
   const Outcome run =

@@ -18,11 +18,11 @@
 
 namespace lf::test {
 
-// A program on one of the hosts, in a process group of its own. Killed with it if it still runs.
+// A program on a host, in its own process group. The destructor kills the group.
 class Process {
  public:
   struct Line {
-    double time;  // when it was written, seconds of the realtime clock
+    double time;  // time of output, seconds of the realtime clock
     std::string text;
   };
 
@@ -31,41 +31,38 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  void signal(int number);  // to the whole group
+  void signal(int number);
   bool is_running();
-  // What it has written so far, both streams, without so many lines at the beginning.
+  // Returns the output so far, stdout and stderr, without the first `without` lines.
   std::vector<Line> lines(size_t without = 0) const;
   std::string text() const;
-  // Waits for a line that has `text` in it, as many times as `count`. False after so many seconds, or at its end.
+  // Waits until `count` lines contain `text`. Returns false after `seconds`, or when the program ends.
   bool wait_for(const std::string& text, int count = 1, double seconds = 30) const;
 
  private:
   void read(int fd);
 
   pid_t pid_ = -1;
-  bool ended_ = false;  // reaped
+  bool ended_ = false;
   mutable std::mutex mutex_;
   mutable std::condition_variable written_;
   std::vector<Line> lines_;
-  bool silent_ = false;  // nothing more will be written
+  bool silent_ = false;  // end of output reached
   std::thread reader_;
 };
 
-// Hosts on one Ethernet switch, each a network namespace; made and removed with the object.
+// Hosts on an Ethernet switch, each a network namespace. The destructor removes the hosts.
 class Network {
  public:
-  // Empty if there can be one here, else the reason why not.
   static std::string unavailable();
 
-  // The first one has address 10.77.0.`first`, the others follow.
+  // The first host has the address 10.77.0.`first`; the rest follow.
   explicit Network(const std::vector<std::string>& hosts, int first = 1);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
 
-  // IPv4. Throws std::out_of_range for a host that is not there.
   const std::string& address(const std::string& host) const { return addresses_.at(host); }
-  // Starts a program with its arguments on a host.
   std::unique_ptr<Process> start(const std::string& host, const std::vector<std::string>& command) const;
 
  private:
@@ -75,11 +72,11 @@ class Network {
   std::map<std::string, std::string> addresses_;
 };
 
-double now_seconds();  // realtime clock
+double now_seconds();
 
-// The array of the paper's Figure 2 on hosts of its own: 64 cameras (stills of the built-in scene, so that a picture
-// does not depend on when it is taken) on six camera hosts, a compositor host and two viewer hosts, each a line of
-// gst-launch-1.0.
+// The array of the paper's Figure 2 on separate hosts: 64 cameras on six camera hosts, a compositor host and two viewer
+// hosts, each a gst-launch-1.0 line. The cameras are stills of the built-in scene, so that frames do not depend on
+// time.
 class ArrayNetwork {
  public:
   static constexpr int kNodes = 6, kViewers = 2;
@@ -87,29 +84,27 @@ class ArrayNetwork {
   static const char* const kCameras[kNodes];  // 4 x 8 + 2 x 16
 
   struct Options {
-    // Requests a second of each viewer, and milliseconds that answers may take: no more than eight programs on two
-    // processors keep up with.
+    // Requests per second of each viewer, and the answer deadline in milliseconds: eight programs on two processors
+    // must keep up.
 #ifdef __SANITIZE_ADDRESS__
     int framerate = 3, latency = 600;
 #else
     int framerate = 15, latency = 60;
 #endif
-    bool surface = false;  // pictures are of what the compositors find, of eyes that stand still; else of planes
-    std::string link;      // an element that requests and answers pass on their way from host to host
-    std::string camera, viewer[kViewers];  // further properties of each lfnodesink, and of a viewer's lfviewrequest
+    bool surface = false;                  // true: estimated focal surface, with a fixed viewpoint; false: focal plane
+    std::string link;                      // element between hosts for requests and answers
+    std::string camera, viewer[kViewers];  // additional properties of each lfnodesink, and of a viewer's lfviewrequest
   };
   explicit ArrayNetwork(const Options& options);
 
-  static constexpr int kViewerPort = 6200, kVideoPort = 6300;  // requests to the compositor host, pictures to viewers
+  static constexpr int kViewerPort = 6200, kVideoPort = 6300;  // requests to the compositor host, frames to viewers
 
-  // Any other program on one of the hosts c0 to c5, compositor, v0, v1.
   std::unique_ptr<Process> start(const std::string& host, const std::vector<std::string>& command) const {
     return network_.start(host, with_environment(command));
   }
   const std::string& address(const std::string& host) const { return network_.address(host); }
   std::string path_file(int view) const { return file("views" + std::to_string(view) + ".json"); }
 
-  // Starts the links, too.
   void start_node(int node);
   void start_compositor();
   void start_viewer(int viewer);
@@ -119,26 +114,22 @@ class ArrayNetwork {
   Process& viewer(int i) { return *viewers_[i]; }
   Process& compositor() { return *compositor_; }
 
-  // Pictures of a view so far.
   struct Picture {
-    double time;  // when its message was written, seconds
+    double time;
     uint32_t sequence;
     bool complete;
     unsigned missing;
-    double latency_ms;  // request at the compositor host to picture
-    uint64_t bytes;     // of the answers
+    double latency_ms;  // time between the request at the compositor host and the frame
+    uint64_t bytes;
   };
   std::vector<Picture> pictures(int view) const;
-  // Waits for so many more of them. False after half a minute, or if there are no more.
+  // Waits for `count` more frames. Returns false after 30 seconds, or when there are no more frames.
   bool wait_for_pictures(int view, int count) const;
-  // The newest complete picture of the view as it comes out of the compositor and which request it answers. Waits for
-  // one made after this call.
+  // Waits for the next complete frame of the view at the compositor's output. Sets the sequence number of its request.
   Image next_picture(int view, uint32_t* sequence);
-  // Those that were kept of the latest, complete or not, each with the request it answers.
+  // Returns the stored recent frames, complete or not, with the sequence numbers of their requests.
   std::vector<std::pair<Image, uint32_t>> latest_pictures(int view) const;
-  // The same pictures on one machine, one for each view of the path, without the cameras of these ids.
-  std::vector<Image> one_machine(int view, const std::string& out_of_service = "") const;
-  // The ground truth of the same views.
+  std::vector<Image> single_host(int view, const std::string& out_of_service = "") const;
   std::vector<Image> truth(int view) const;
 
   static constexpr int kViewsOfPath = 5;
@@ -146,15 +137,13 @@ class ArrayNetwork {
  private:
   std::string file(const std::string& name) const { return folder_.path() + "/" + name; }
   std::vector<std::string> with_environment(std::vector<std::string> command) const;
-  // What comes to this port of the host goes on to another port by way of Options::link.
   void start_link(const std::string& host, int port, const std::string& to, int to_port);
 
   Options options_;
   TempDir folder_;
   Network network_;
   std::unique_ptr<Process> nodes_[kNodes], viewers_[kViewers], compositor_;
-  std::map<std::string, std::unique_ptr<Process>> links_;  // by host and port
-  // What pictures() has read of the compositor's log; by view.
+  std::map<std::string, std::unique_ptr<Process>> links_;
   mutable size_t lines_read_ = 0;
   mutable std::map<int, std::vector<Picture>> pictures_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The whole system on hosts of its own, as in the paper's Figure 2, with the scripts of pipelines/.
+// The complete system on separate hosts, as in Figure 2 of the paper, started by the scripts of pipelines/.
 #include <gtest/gtest.h>
 
 #include <signal.h>
@@ -12,7 +12,7 @@
 #include "base/maths.h"
 #include "image/image.h"
 #include "network/array_network.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 
 namespace lf::test {
 namespace {
@@ -24,11 +24,10 @@ class ArrayNetworkTest : public testing::Test {
   }
 };
 
-constexpr double kJpegPsnr = 30;  // of quality 90 against one machine, uncompressed
+constexpr double kJpegPsnr = 30;  // dB; quality 90 against uncompressed on one machine
 
 void sleep_seconds(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
 
-// For people to look at, where they ask for them.
 void save_for_people(const Image& picture, const std::string& name) {
   if (const char* folder = std::getenv("LF_NETWORK_PICTURES")) save_image(picture, std::string(folder) + "/" + name);
 }
@@ -48,7 +47,7 @@ double longest_gap(const std::vector<ArrayNetwork::Picture>& pictures, double fr
   return std::max(gap, to - last);
 }
 
-// When, after `from`, the first of `count` complete pictures in a row was made; a negative number if never.
+// Returns the first time after `from` that starts `count` complete frames in a row, or a negative number.
 double complete_since(const std::vector<ArrayNetwork::Picture>& pictures, double from, int count = 5) {
   int row = 0;
   double since = -1;
@@ -74,7 +73,7 @@ void print_latency(const std::vector<ArrayNetwork::Picture>& pictures, const cha
               static_cast<double>(latency.at(50)) / 1e6, static_cast<double>(latency.at(95)) / 1e6);
 }
 
-// LF_NETWORK_SECONDS: how long the system runs; by hand ten minutes.
+// LF_NETWORK_SECONDS sets the duration; use ten minutes for manual runs.
 double seconds_to_run() {
   const char* seconds = std::getenv("LF_NETWORK_SECONDS");
   return seconds ? std::atof(seconds) : 10;
@@ -83,13 +82,13 @@ double seconds_to_run() {
 TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
   ArrayNetwork::Options options;
   options.viewer[0] = "quality=90";
-  options.viewer[1] = "quality=0";  // uncompressed
+  options.viewer[1] = "quality=0";
   ArrayNetwork array(options);
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 5)) << array.compositor().text();
   ASSERT_TRUE(array.wait_for_pictures(1, 5)) << array.compositor().text();
   for (int view = 0; view < 2; view++) {
-    const std::vector<Image> expected = array.one_machine(view);
+    const std::vector<Image> expected = array.single_host(view);
     ASSERT_EQ(expected.size(), size_t{ArrayNetwork::kViewsOfPath});
     for (int i = 0; i < 3; i++) {
       uint32_t sequence = 0;
@@ -97,15 +96,14 @@ TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
       const Quality quality = compare(picture, expected[sequence % expected.size()]);
       std::printf("view %d, request %u: PSNR %.1f dB, SSIM %.4f, largest error %d\n", view, sequence, quality.psnr_db,
                   quality.ssim, quality.max_error);
-      // Uncompressed, each node's sum is rounded to 8 bits; where images end, what is left of the weight is scaled up
-      // and its rounding with it.
+      // Without compression, the sum of each node is rounded to 8 bits. At image borders, scaling up the remaining
+      // weight scales the rounding error as well.
       EXPECT_GE(quality.psnr_db, view == 1 ? 48 : kJpegPsnr);
       save_for_people(picture, "view" + std::to_string(view) + ".png");
     }
   }
   EXPECT_TRUE(array.viewer(0).is_running());
 
-  // One viewer stopped: the other keeps its rate.
   const double begun = now_seconds();
   sleep_seconds(seconds_to_run() / 2);
   const double stopped = now_seconds();
@@ -124,17 +122,17 @@ TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
   for (int i = 0; i < ArrayNetwork::kNodes; i++) EXPECT_TRUE(array.node(i).is_running()) << array.node(i).text();
 }
 
-// Nobody tells viewers on other hosts of the focal surface: the compositor host puts it into their requests.
+// Viewers on other hosts do not know the focal surface: the compositor host adds it to their requests.
 TEST_F(ArrayNetworkTest, PicturesAreSharpUnlessAPlaneIsAskedFor) {
   ArrayNetwork::Options options;
   options.surface = true;
   ArrayNetwork array(options);
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 30)) << array.compositor().text();
-  const std::vector<Image> planes = array.one_machine(0), truth = array.truth(0);
+  const std::vector<Image> planes = array.single_host(0), truth = array.truth(0);
   double sharp_db = 0, plane_db = 0;
   constexpr int kPictures = 5;
-  constexpr double kLongestSearch = 90;  // seconds: a busy machine tries few depths a second
+  constexpr double kLongestSearch = 90;  // seconds; a busy machine tries few depths per second
   const double begun = now_seconds();
   while (now_seconds() < begun + kLongestSearch && !(sharp_db > plane_db + 2)) {
     sharp_db = plane_db = 0;
@@ -158,7 +156,7 @@ TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
   uint32_t sequence = 0;
   const Image before = array.next_picture(0, &sequence);
   save_for_people(before, "node-before.png");
-  const std::vector<Image> all = array.one_machine(0), without = array.one_machine(0, ArrayNetwork::kCameras[4]);
+  const std::vector<Image> all = array.single_host(0), without = array.single_host(0, ArrayNetwork::kCameras[4]);
   EXPECT_GE(compare(before, all[sequence % all.size()]).psnr_db, kJpegPsnr);
 
   const double killed = now_seconds();
@@ -176,7 +174,7 @@ TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
     ASSERT_TRUE(array.wait_for_pictures(0, 5));
     const Image picture = array.next_picture(0, &sequence);
     const Image& full = all[sequence % all.size()];
-    const double psnr_db = compare(picture, full).psnr_db;  // its cameras may come one by one
+    const double psnr_db = compare(picture, full).psnr_db;
     back = psnr_db >= kJpegPsnr && psnr_db > compare(picture, without[sequence % all.size()]).psnr_db;
     if (!back) continue;
     save_for_people(picture, "node-back.png");
@@ -196,7 +194,6 @@ TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
 
 class ImpairedLinks : public ArrayNetworkTest, public testing::WithParamInterface<int> {};
 
-// Lost, delayed, overtaken and doubled packets, both ways.
 TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
   const std::string loss = std::to_string(GetParam() / 100.0);
   ArrayNetwork::Options options;
@@ -205,7 +202,7 @@ TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
   ArrayNetwork array(options);
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 20)) << array.compositor().text();
-  const std::vector<Image> all = array.one_machine(0);
+  const std::vector<Image> all = array.single_host(0);
   for (int i = 0; i < (GetParam() <= 1 ? 5 : 0); i++) {
     uint32_t sequence = 0;
     const Image picture = array.next_picture(0, &sequence);
@@ -218,7 +215,7 @@ TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
   double worst = 99, sum = 0;
   for (const auto& [picture, sequence] : latest) {
     double psnr = compare(picture, all[sequence % all.size()]).psnr_db;
-    // Where nothing comes the picture before shows, and that is of another place where the path begins anew.
+    // After a loss the previous frame stays visible. At the start of the path, this frame shows a different view.
     if (sequence % all.size() == 0) psnr = std::max(psnr, compare(picture, all.back()).psnr_db);
     if (psnr < worst) save_for_people(picture, "loss-" + std::to_string(GetParam()) + "-worst.png");
     worst = std::min(worst, psnr);

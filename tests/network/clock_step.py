@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Live pictures go on when the clocks of all hosts are set: a camera host and a viewer, whose time of day is libfaketime's.
+"""Live views must continue when all hosts' clocks are set. libfaketime sets the time of a camera host and a viewer.
 
-The clock is set forward by 600 s, back, and back by an hour. After each step whole pictures come again within 15 s, and
-each side says once that the clock was set.
+Sets the clock forward by 600 s, back, and back by an hour. After each step, complete frames must arrive again within
+15 s, and each side must log the step once.
 
     clock_step.py BUILD_ROOT
 """
@@ -32,7 +32,7 @@ def free_port():
 
 
 def rig():
-    """Four cameras in a square that look along z."""
+    """Returns a rig of four cameras in a square, looking along z."""
     source = "videotestsrc is-live=true ! video/x-raw,format=I420,width=160,height=120,framerate=10/1"
     cameras = [
         {"id": i, "name": f"cam{i}", "width": 160, "height": 120, "model": "SIMPLE_PINHOLE", "params": [140, 79.5, 59.5],
@@ -42,7 +42,7 @@ def rig():
 
 
 class Program:
-    """A gst-launch-1.0 whose lines are read as they come."""
+    """A gst-launch-1.0 with its output lines."""
 
     def __init__(self, arguments, env):
         self.whole, self.warnings, self.lines = 0, [], []
@@ -88,7 +88,7 @@ def main():
                    FAKETIME_DONT_FAKE_MONOTONIC="1", DONT_FAKE_MONOTONIC="1", GST_PLUGIN_PATH=str(BUILD / "gst"),
                    GST_DEBUG_NO_COLOR="1")
         requests, answers = free_port(), free_port()
-        # As an operator would: without anything that chooses a clock.
+        # No explicit choice of clock, as in normal operation.
         node = Program(["lfnodesink", f"rig={rig_path}", "node=0", f"listen=127.0.0.1:{requests}",
                         f"answers=127.0.0.1:{answers}"], env)
         viewer = Program(["lfviewsrc", f"rig={rig_path}", f"nodes=127.0.0.1:{requests}:{answers}", "post-messages=true",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Requests and answers through the network elements that GStreamer comes with, over the loopback interface.
+// Requests and answers through GStreamer's own network elements, over the loopback interface.
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -28,7 +28,6 @@ namespace {
 constexpr char kAnswers[] = "application/x-lightfield-answer";
 constexpr char kRequests[] = "application/x-lightfield-request,framerate=30/1";
 
-// A pipeline that is stopped with the object.
 class Running {
  public:
   explicit Running(const std::string& line) : pipeline_(launch(line)) {}
@@ -39,7 +38,6 @@ class Running {
   void play() { gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING); }
   GstElement* get() { return pipeline_.get(); }
   ElementPtr child(const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name)); }
-  // The error it ended with, or nothing.
   std::string error() {
     const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline_.get()));
     GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR);
@@ -58,11 +56,10 @@ class Running {
   ElementPtr pipeline_;
 };
 
-// Ends in `appsink name=out sync=false`.
 class Receiver : public Running {
  public:
   using Running::Running;
-  // Until there are `count` buffers in all, or nothing has come for `seconds`.
+  // Waits until `count` buffers have arrived in total, or none has arrived for `seconds`.
   const std::vector<std::vector<uint8_t>>& take(size_t count, double seconds = 5) {
     const ElementPtr out = child("out");
     while (buffers_.size() < count) {
@@ -74,7 +71,6 @@ class Receiver : public Running {
     }
     return buffers_;
   }
-  // The port that `udpsrc name=NAME port=0` has been given.
   std::string port(const char* name = "udp") {
     gst_element_set_state(get(), GST_STATE_PAUSED);
     gint port = 0;
@@ -86,7 +82,6 @@ class Receiver : public Running {
   std::vector<std::vector<uint8_t>> buffers_;
 };
 
-// Begins with `appsrc name=in`.
 class Sender : public Running {
  public:
   Sender(const char* caps, const std::string& rest)
@@ -105,7 +100,6 @@ class Sender : public Running {
 
 using Units = std::vector<std::vector<uint8_t>>;
 
-// Small answers: each goes in one packet as it is.
 Units small_answers(int count) {
   Units units;
   for (int i = 0; i < count; i++) units.push_back(rtp::answer(1 + i % 4, 16, 16, 60));
@@ -191,7 +185,7 @@ TEST(RtpLinks, Tcp) {
     }
   };
   const std::vector<uint8_t> beginning = rtp::answer(0, 1, 1, 0);
-  sender.send(beginning);  // a sink has no port before it has something to play
+  sender.send(beginning);  // a sink has no port before its first buffer
   wait_for("current-port", &port);
   ASSERT_GT(port, 0) << sender.error();
   Receiver receiver("tcpclientsrc host=127.0.0.1 port=" + std::to_string(port) + " ! lfparse" + kOut);
@@ -199,15 +193,14 @@ TEST(RtpLinks, Tcp) {
   wait_for("num-handles", &clients);
   ASSERT_EQ(clients, 1u);
   Units units = small_answers(20);
-  units.push_back(rtp::answer_with_sum(399, 399, true));  // 1.2 MB
+  units.push_back(rtp::answer_with_sum(399, 399, true));
   units.push_back(small_answers(1)[0]);
   for (const auto& unit : units) sender.send(unit);
-  // Whether the client comes in time for the beginning is not told.
+  // The client may connect too late for the first unit.
   if (receiver.take(1) == Units{beginning}) units.insert(units.begin(), beginning);
   EXPECT_EQ(receiver.take(units.size()), units);
 }
 
-// What rtpbin's session says of a source: that which sends, or that which reports about it.
 GstStructure* find_source(GstElement* rtpbin, const std::function<bool(const GstStructure*)>& wanted) {
   GObject* session = nullptr;
   g_signal_emit_by_name(rtpbin, "get-internal-session", 0, &session);
@@ -254,7 +247,6 @@ TEST(RtpLinks, RtpbinReportsWhatIsLost) {
   const ElementPtr sending_bin = sender.child("bin"), receiving_bin = receiver.child("bin");
   report_often(sending_bin.get());
   report_often(receiving_bin.get());
-  // Every tenth packet is lost.
   int count = 0;
   GstPad* loss = gst_element_get_static_pad(receiver.child("loss").get(), "sink");
   gst_pad_add_probe(
@@ -275,7 +267,6 @@ TEST(RtpLinks, RtpbinReportsWhatIsLost) {
   EXPECT_EQ(receiver.take(54).size(), 54u) << receiver.error() << sender.error();
   EXPECT_EQ(stat(receiver.child("depay").get(), "lost"), 6u);
 
-  // The sender hears of it, and the receiver has the sender's clock.
   gint lost = 0;
   guint64 packets = 0;
   gint clock_rate = 0;
@@ -300,7 +291,7 @@ TEST(RtpLinks, RtpbinReportsWhatIsLost) {
     }));
     if (reported) gst_structure_get_int(reported.get(), "rb-packetslost", &lost);
   }
-  EXPECT_GE(lost, 5);  // rtpbin counts one packet of the time before it trusts a source twice
+  EXPECT_GE(lost, 5);  // rtpbin ignores a packet before it trusts a source
   EXPECT_LE(lost, 6);
   EXPECT_EQ(packets, 54u);
   EXPECT_EQ(clock_rate, 90000);
@@ -320,7 +311,7 @@ TEST(RtpLinks, AReceiverStartsFromAnSdpFile) {
   Receiver receiver("filesrc location=" + file.path() + " ! sdpdemux latency=20 ! rtplfdepay" + kOut);
   receiver.play();
   Sender sender(kAnswers, "rtplfpay ! udpsink host=127.0.0.1 port=" + port);
-  // The receiver has no port before it has read the file: it may miss the first ones.
+  // The receiver may miss the first packets, because its port is not open before the file is read.
   const Units units = small_answers(4);
   for (int i = 0; i < 100 && receiver.take(1, 0.05).empty(); i++) sender.send(units[0]);
   ASSERT_FALSE(receiver.take(1).empty()) << receiver.error();
@@ -354,7 +345,7 @@ TEST(RtpLinks, CapsSurviveSdp) {
   }
 }
 
-// What Wireshark makes of our packets: a program that knows RTP and not us.
+// Checks packets with Wireshark, an independent RTP implementation.
 
 constexpr uint16_t kPort = 5004;
 
@@ -362,7 +353,6 @@ void put(Bytes& out, uint32_t value, int size) {
   for (int i = size - 1; i >= 0; i--) out.push_back(static_cast<uint8_t>(value >> (8 * i)));
 }
 
-// A capture file of UDP packets in IPv4.
 class Capture {
  public:
   Capture() {
@@ -388,7 +378,6 @@ class Capture {
   Bytes bytes_;
 };
 
-// An announcement (RFC 2974) of what is said of the stream in SDP.
 Bytes announcement(int clock_rate) {
   const std::string sdp =
       "v=0\r\no=- 1 1 IN IP4 10.0.0.1\r\ns=light field\r\nc=IN IP4 10.0.0.2\r\nt=0 0\r\nm=application " +
@@ -407,7 +396,7 @@ std::string tshark(const std::string& arguments) {
   return pclose(pipe) == 0 ? out : "failed: " + out;
 }
 
-// Ten answers of several packets each, 40 ms apart, on a wire without delay.
+// Returns ten answers of several packets each, 40 ms apart, without network delay.
 std::vector<RtpPacket> sent_packets() {
   RtpElement pay("rtplfpay ssrc=0x12345678 seqnum-offset=65533", kAnswerCaps);
   for (int i = 0; i < 10; i++)

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Views of more cameras a pixel than three, in pipelines of files: the library's pictures, from one node or two, with
-// whatever cameras know, and focused on a surface.
+// Blending of more than three cameras per pixel in file pipelines, compared with the library: one or two nodes, each
+// kind of camera access, and a focal surface.
 #include <gtest/gtest.h>
 
 #include "composite/still.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/photographs.h"
@@ -47,7 +47,7 @@ class BlendedArray : public testing::Test {
     return " r. ! queue ! " + name + ".request lfcameranode name=" + name + " node=" + pad + " cameras=" + cameras +
            " resampling=bilinear rig=" + dir_ / "rig.json" + " " + more + " ! queue ! c.sink_" + pad;
   }
-  // Of `nodes` beside a compositor with the properties `compositor`.
+  // Returns the pictures that `nodes` and a compositor with these properties make.
   std::vector<Image> pictures(const std::string& request, const std::string& nodes,
                               const std::string& compositor = "focus=plane") {
     test::expect_outcome(
@@ -85,8 +85,7 @@ TEST_F(BlendedArray, OneNodeAndTwoGiveTheLibrarysPictures) {
   }
 }
 
-// As JPEG over links, and by cameras that know their lens alone or nothing: those who are told triangles have three
-// cameras a pixel.
+// Includes JPEG between hosts, and cameras without the rig: such cameras blend three cameras per pixel.
 TEST_F(BlendedArray, WhateverTheCamerasKnow) {
   for (const auto& [property, blending] : kWays) {
     const auto coded = pictures(property, node("a", "0-6", "codec=jpeg", "0") + node("b", "7-15", "codec=jpeg", "1"));
@@ -106,7 +105,7 @@ TEST_F(BlendedArray, WhateverTheCamerasKnow) {
   }
 }
 
-// A node that is not there is made up for by all others: a compositor that knows the rig finds its weights.
+// All other cameras compensate for a missing node: a compositor with the rig knows its weights.
 TEST_F(BlendedArray, OtherCamerasMakeUpForWhatIsMissing) {
   for (const auto& [property, blending] : kWays) {
     const auto some = pictures(property, node("a", "0-6,8-15", "", "0"));

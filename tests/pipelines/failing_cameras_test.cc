@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Pipelines and scripts of arrays as they are: with cameras that fail, or with those that the rig names.
+// Launch lines and scripts with failing cameras and with cameras from the rig.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ class FailingCamerasTest : public testing::Test {
   CameraFiles files_;
 };
 
-// gst-launch-1.0 ends with the first error.
+// gst-launch-1.0 stops at the first error.
 TEST_F(FailingCamerasTest, OneOfThemEndsNoPipeline) {
   for (const std::string live : {"", "is-live=true "}) {
     const std::string path = rig("nowhere.mkv");
@@ -49,16 +49,16 @@ TEST_F(FailingCamerasTest, OneOfThemEndsNoPipeline) {
   }
 }
 
-// Files: pictures are those of an array without the camera, to the bit and from the first one on, also where the eye
-// stands in the gap. What of it is found in the focus is the same, too.
+// Pictures and depth hypotheses are bit-identical to an array without the missing cameras, from the start and with the
+// viewpoint in the gap.
 TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
   constexpr int kPictures = 10;
   Rig rig = scene_rig(3, 3, 96, 72);
-  for (Camera& camera : rig.cameras) camera.image.clear();  // of the built-in scene
+  for (Camera& camera : rig.cameras) camera.image.clear();
   std::vector<NamedView> path;
   for (int i = 0; i < kPictures; i++) {
     View view{.width = 128, .height = 96, .lens = Lens::from_fov_y(25, 128, 96), .pose = {}, .focus = {}};
-    view.pose.position = {i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03};  // of camera 4 at first
+    view.pose.position = {i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03};  // at camera 4 first
     view.focus.plane = focal_plane_at(view.pose, 2.2);
     path.push_back({"view_" + std::to_string(i), 0.1 * i, view});
   }
@@ -79,12 +79,12 @@ TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
     const std::string without = pictures({}, "view::out-of-service=" + list), lost = pictures(missing, "");
     ASSERT_EQ(without.size(), kPictures * size_t{128} * 96 * 3);
     EXPECT_TRUE(lost == without) << list;
-    size_t dark = 0;  // of the first picture
+    size_t dark = 0;
     for (size_t i = 0; i < lost.size() / kPictures; i += 3)
       dark += std::ranges::all_of(lost.substr(i, 3), [](char c) { return static_cast<uint8_t>(c) < 4; });
     EXPECT_EQ(dark, 0u) << list;
   }
-  // A corner stays: the others show what it had a part in.
+  // A lost corner stays in the mesh: its neighbours show its part.
   EXPECT_TRUE(pictures({0, 4}, "") == pictures({0}, "view::out-of-service=4"));
 }
 

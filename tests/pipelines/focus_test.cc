@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// The focal surface found in a pipeline of files, against ground truth and against itself in other places.
+// The focal surface found in file pipelines, compared with ground truth and between hosts.
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -18,7 +18,7 @@
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/photographs.h"
@@ -32,7 +32,6 @@ namespace {
 
 constexpr int kPictures = 14;
 
-// A 4x4 array of the built-in scene as PNG stills, and one view of it time after time.
 class FocusedArray : public testing::Test {
  protected:
   void SetUp() override {
@@ -54,7 +53,7 @@ class FocusedArray : public testing::Test {
     save_views(path, dir_ / "views.json");
   }
 
-  // The pictures of a pipeline of compositor `c`, whose nodes are `nodes`.
+  // Returns the pictures of a pipeline with these compositor properties and nodes.
   std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes,
                               const std::string& viewer = "") {
     std::filesystem::create_directories(std::string(dir_ / name));
@@ -74,7 +73,6 @@ class FocusedArray : public testing::Test {
     return " r. ! queue ! " + name + ".request  lfcameranode name=" + name + " cameras=" + cameras +
            " rig=" + dir_ / "rig.json" + " " + properties + " ! queue ! " + to;
   }
-  // The array as six nodes in two racks.
   std::string tree(const std::string& properties = "") {
     const auto rack = [&](const std::string& name, const std::string& pad) {
       return " r. ! queue ! " + name + ".request  lfcompositor name=" + name +
@@ -85,7 +83,6 @@ class FocusedArray : public testing::Test {
            node("n3", "8-9", "b.sink_0", properties) + node("n4", "10-12", "b.sink_1", properties) +
            node("n5", "13-15", "b.sink_2", properties);
   }
-  // Every third camera is 10 % too bright from here on.
   void brighten() {
     const Rig rig = load_rig(dir_ / "rig.json");
     for (size_t i = 0; i < rig.cameras.size(); i += 3) {
@@ -112,8 +109,8 @@ TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
   }
 }
 
-// Pixels that are twice or four times as large as those of the cameras: nodes of trials are far apart, and few. Where
-// they are too few the plane stays.
+// View pixels are two or four times as large as camera pixels, so map nodes are far apart and few. If there are too
+// few, the plane stays.
 TEST_F(FocusedArray, ASmallPictureIsSharper) {
   const Lens camera = scene_rig(4, 4, 160, 120).cameras[0].lens;
   for (const auto& [width, height, gain] : {std::tuple{80, 60, 4.0}, {40, 30, -0.1}}) {
@@ -129,7 +126,7 @@ TEST_F(FocusedArray, ASmallPictureIsSharper) {
   }
 }
 
-// Nobody asks for anything: pictures are of a surface, and samples sharpened.
+// The defaults are a focal surface and sharpened samples.
 TEST_F(FocusedArray, IsSharpByDefault) {
   const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
   const std::vector<Image> bilinear = pictures("bilinear", "", node("n", "0-15", "c.sink_0", "resampling=bilinear"));
@@ -138,11 +135,11 @@ TEST_F(FocusedArray, IsSharpByDefault) {
               psnr(bilinear.back()));
   EXPECT_GT(psnr(sharp.back()), psnr(plane.back()) + 4);
   EXPECT_GT(psnr(sharp.back()), psnr(bilinear.back()) + 0.2);
-  EXPECT_GT(psnr(sharp.front()), psnr(plane.front()) + 4) << "the first picture was rehearsed";
+  EXPECT_GT(psnr(sharp.front()), psnr(plane.front()) + 4) << "warm-up precedes the first picture";
 }
 
-// Live, 15 pictures a second: the one that is asked for 0.27 s after the first. Where a sanitizer is too slow for any
-// trial to be answered in time, the last picture is no worse than the plane's.
+// Live at 15 pictures/s, the picture requested 0.27 s after the first. If a sanitizer makes every depth hypothesis
+// late, the last picture is no worse than with the plane.
 TEST_F(FocusedArray, IsSharpAtOnce) {
   const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
   const std::vector<Image> live =
@@ -154,7 +151,7 @@ TEST_F(FocusedArray, IsSharpAtOnce) {
     EXPECT_GT(psnr(live[4]), psnr(plane.back()) + 3);
 }
 
-// Who does not know the array stays on the plane, unless a surface is asked for by name.
+// A compositor without the rig stays on the plane unless a surface is explicitly requested.
 TEST_F(FocusedArray, WithoutARigThereIsAPlane) {
   const auto last_picture = [&](const std::string& compositor) {
     const Outcome run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
@@ -177,7 +174,7 @@ TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
   for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(six[i], one[i]).max_error, 0) << i;
 }
 
-// Nodes of one camera tell its weight and luma alone: the surface is the same, whoever adds them up.
+// Nodes with one camera send only its weight and luma; the surface does not depend on the grouping of cameras.
 TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
   const std::string near_far = "focus=surface focus-near=1 focus-far=6 background=0";
   const std::string link = "! rtplfpay ! rtplfdepay", raw = "codec=raw16 ";
@@ -197,8 +194,8 @@ TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
   }
 }
 
-// With gains the pictures come near to those of a well-exposed array, the same from one process as from two nodes and
-// from six in a tree.
+// Exposure gains make the pictures similar to a well-exposed array's. One process, two nodes and a tree of six give the
+// same pictures.
 TEST_F(FocusedArray, CamerasMatchTheirBrightness) {
   const std::string surface = "focus=surface focus-near=1 focus-far=6", one = node("n", "0-15", "c.sink_0");
   const std::vector<Image> clean = pictures("clean", surface, one);
@@ -216,7 +213,7 @@ TEST_F(FocusedArray, CamerasMatchTheirBrightness) {
   }
 }
 
-// A live viewer of the array, whose compositor focuses as told.
+// A live viewer of the array with these compositor properties.
 class LiveViewer {
  public:
   LiveViewer(const std::string& rig, const std::string& focus)
@@ -240,7 +237,7 @@ class LiveViewer {
     gst_element_send_event(sink.get(),
                            gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
   }
-  // Whether that comes true within ten seconds.
+  // Returns true if `what` becomes true within ten seconds.
   static bool comes_true(const std::function<bool()>& what) {
     for (int i = 0; i < 200 && !what(); i++) g_usleep(50'000);
     return what();
@@ -265,7 +262,7 @@ TEST_F(FocusedArray, StatsHaveTheGains) {
   const std::string surface = "focus=surface focus-near=1 focus-far=6";
   const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=off");
   EXPECT_TRUE(LiveViewer::comes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
-  EXPECT_EQ(gain(plain), 0) << "none where they are not asked for";
+  EXPECT_EQ(gain(plain), 0) << "none without a request";
 }
 
 TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
@@ -281,7 +278,7 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
       gst_structure_free(stats);
       return rounds;
     };
-    // Until all cameras have pictures, what a few of them agree on may be anything.
+    // While some cameras have no picture yet, the agreement of a few cameras is unreliable.
     ASSERT_TRUE(LiveViewer::comes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
     if (!on_plane) {
       ASSERT_TRUE(LiveViewer::comes_true([&] { return rounds() >= 14; }));
@@ -290,8 +287,7 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
       viewer.click(x, y);
       int looks = 0;
       const auto is_there = [&] {
-        // The surface is still being found; or, on a plane, too many answers came too late, and the search was given
-        // up.
+        // The search may still be running, or has ended on a plane because too many answers were late.
         if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
@@ -303,13 +299,11 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
   }
 }
 
-// A place of the view is kept in focus as the scene moves.
-
-// A test that hangs fails, whatever a machine is busy with.
+// A hanging test fails after this time.
 constexpr std::chrono::seconds kLongest{90};
 
-// Lets a request of lfviewrequest leave when everything that it sent before has been answered: pictures have reached
-// the sink, and news of sweeps have been taken in. So the run is the same however busy the machine is.
+// Holds a request of lfviewrequest until all earlier requests are answered, their pictures have reached the sink, and
+// feedback has arrived. The run is therefore the same on a busy machine.
 class Lockstep {
  public:
   Lockstep(GstElement* viewer, GstElement* sink) : src_(gst_element_get_static_pad(viewer, "src")) {
@@ -330,7 +324,7 @@ class Lockstep {
     self->pictures_awaited_--;
     self->changed_.notify_all();
   }
-  // After the element has taken it.
+  // Called after the element has handled the event.
   static gboolean on_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     auto* self = static_cast<Lockstep*>(gst_pad_get_element_private(pad));
     using SharedFeedback = std::shared_ptr<const ViewFeedback>;
@@ -349,9 +343,9 @@ class Lockstep {
   static GstPadProbeReturn on_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
     auto* self = static_cast<Lockstep*>(data);
     const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
-    if (!request || request->rehearsal) return GST_PAD_PROBE_OK;  // of a rehearsal comes no picture
+    if (!request || request->warmup) return GST_PAD_PROBE_OK;  // a warm-up request makes no picture
     std::unique_lock lock(self->mutex_);
-    if (request->probe) {  // leaves right behind its request
+    if (request->probe) {  // leaves right after its request
       self->sweeps_awaited_.insert(request->sequence);
       return GST_PAD_PROBE_OK;
     }
@@ -369,7 +363,7 @@ class Lockstep {
   std::set<uint32_t> sweeps_awaited_;
 };
 
-// The figure walks past the wall at this place of the view, which is kept in focus.
+// A figure walks past the wall at a place of the view that is kept in focus.
 class FollowedPlace : public testing::TestWithParam<const char*> {
  protected:
   static void note(GObject* viewer, GParamSpec*, gpointer data) {
@@ -399,8 +393,8 @@ TEST_P(FollowedPlace, IsInFocusAsItMoves) {
   g_signal_emit_by_name(viewer.get(), "focus-at", 51.0, 39.0, &done);
   EXPECT_TRUE(done);
   EXPECT_EQ(run(pipeline.get(), 100), "");
-  // From 1.2 s to 3.1 s and from 5.2 s to 7.1 s the figure is there, 2 m away; else the wall, 5 m away. The end, at
-  // 7.25 s, may come before the wall is seen again.
+  // The figure is there, 2 m away, from 1.2 s to 3.1 s and from 5.2 s to 7.1 s; otherwise the wall, 5 m away. The run
+  // ends at 7.25 s, possibly before the focus has returned to the wall.
   int changes = 0;
   bool near = false;
   for (const double distance : distances) {

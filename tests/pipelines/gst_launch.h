@@ -5,11 +5,11 @@
 
 #include "support/run_program.h"
 
-// What the pipeline tests share: gst-launch-1.0 with this build's plugin.
+// gst-launch-1.0 with this build's plugin.
 namespace lf::test {
 
-// Runs `environment gst-launch-1.0 options line`; the exit status is 124 after the time limit. `line` is a launch line
-// as one would paste it into a shell.
+// Runs `environment gst-launch-1.0 options line`; the exit status is 124 after the time limit. `line` is written as in
+// a shell.
 inline Outcome gst_launch(const std::string& line, const std::string& options = "-q",
                           const std::string& environment = "", int seconds = 60) {
   return run_shell("GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin " + environment +

@@ -13,7 +13,7 @@
 #include "image/colour_correction.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
@@ -26,10 +26,10 @@ namespace {
 struct Kind {
   const char* source;
   int width, height, rate;
-  std::string maker;  // from a raw stream to the file; empty: the pictures themselves
+  std::string maker;  // elements from a raw stream to the file; empty: image files
 };
 
-// Films the moving scene with `camera` into its source, 0.7 s long.
+// Records 0.7 s of the moving scene with `camera` into its source.
 void film(const TempDir& dir, const Camera& camera, const Kind& kind) {
   for (int k = 0; k < kind.rate * 7 / 10; k++) {
     char name[32];
@@ -45,12 +45,11 @@ void film(const TempDir& dir, const Camera& camera, const Kind& kind) {
       0);
 }
 
-// A view from where a camera stands, through its lens, is that camera's picture: of the right size, time and colour.
 TEST(MixedRig, EveryCameraShowsItsOwnPictureOfTheTime) {
   const TempDir dir;
   std::vector<Kind> kinds = {
       {"mjpeg.mkv", 160, 120, 15, "video/x-raw,format=I420 ! jpegenc quality=95 ! matroskamux"},
-      {"cam_00_01_%02d.png", 96, 128, 15, ""},  // image sequences have the rate of the node, by default this
+      {"cam_00_01_%02d.png", 96, 128, 15, ""},  // default rate of the node, which applies to image sequences
       {"raw.avi", 120, 90, 30, "video/x-raw,format=I420 ! avimux"},
       {"mjpeg.avi", 208, 144, 10, "video/x-raw,format=I420 ! jpegenc quality=95 ! avimux"},
   };
@@ -72,7 +71,7 @@ TEST(MixedRig, EveryCameraShowsItsOwnPictureOfTheTime) {
   save_rig(rig, dir / "rig.json");
 
   std::vector<NamedView> views;
-  for (const double time : {0.0, 0.2, 0.6})  // at which each of the rates has a frame
+  for (const double time : {0.0, 0.2, 0.6})  // instants at which all rates have a frame
     for (const Camera& camera : rig.cameras) {
       NamedView view{"view_" + std::to_string(views.size()), time, {}};
       view.view.width = camera.width;
@@ -105,13 +104,13 @@ TEST(MixedRig, EveryCameraShowsItsOwnPictureOfTheTime) {
       std::printf("decode=%s, camera %zu at %.1f s: %.1f dB, the next frame would be %.1f dB\n", decode.c_str(), i % 4,
                   views[i].time, psnr, next);
       EXPECT_GT(psnr, 28);
-      EXPECT_GT(psnr, next + 0.5) << "it is not the camera's next frame";
+      EXPECT_GT(psnr, next + 0.5) << "not the camera's next frame";
     }
   }
 }
 
-// Cameras whose colours the rig corrects, from their files to a picture. Every other camera gives less red and more
-// blue; a rig file with colours says so.
+// Cameras with colour corrections in the rig. Every second camera has less red and more blue, and only one rig file
+// contains the corrections.
 class ColourPipeline : public testing::Test {
  protected:
   void SetUp() override {
@@ -122,7 +121,7 @@ class ColourPipeline : public testing::Test {
       camera.source = camera.name + "_%d.png";
       const Image film = render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0);
       const ColourFault fault{.balance = i % 2 ? Vec3(0.85, 1, 1.15) : Vec3(1)};
-      save_image(with_fault(film, fault, camera.principal_point(), i), dir_ / camera.image);
+      save_image(apply_fault(film, fault, camera.principal_point(), i), dir_ / camera.image);
     }
     save_rig(rig, dir_ / "wrong.json");
     for (size_t i = 1; i < rig.cameras.size(); i += 2)
@@ -160,7 +159,7 @@ class ColourPipeline : public testing::Test {
   const TempDir dir_;
 };
 
-// The mean of a channel: a fault of every other camera is a sixth of what all see, or half.
+// Mean of a channel; the fault of every second camera shifts this mean by a sixth or a half of the fault.
 double mean(const Image& image, size_t channel) {
   double sum = 0;
   for (size_t i = channel; i < image.data().size(); i += 3) sum += image.data()[i];
@@ -172,7 +171,7 @@ TEST_F(ColourPipeline, ThePictureHasTheColoursThatTheRigSays) {
   EXPECT_GT(mean(right, 0), 1.04 * mean(wrong, 0)) << "red comes back";
   EXPECT_NEAR(mean(right, 1) / mean(wrong, 1), 1, 0.01);
   EXPECT_LT(mean(right, 2), 0.98 * mean(wrong, 2)) << "blue goes";
-  EXPECT_EQ(right.data(), still("right.json").data()) << "the same to the bit without GStreamer";
+  EXPECT_EQ(right.data(), still("right.json").data()) << "bit-identical without GStreamer";
 }
 
 TEST_F(ColourPipeline, CamerasThatGivePixelsAloneGiveCorrectedOnes) {

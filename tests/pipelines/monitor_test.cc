@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// The live monitor of cameras, on an array with bad ones and on a good one.
+// The live camera monitor on an array with defective cameras and on a good array.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,10 +26,9 @@ using Suspects = std::map<guint, std::string>;  // index and fault
 
 constexpr CameraIndex kTurned = 6, kBright = 18;
 
-// A 5x5 array of the built-in scene as PNG stills.
 class MonitoredArray : public testing::Test {
  protected:
-  // If `bad`, one camera looks half a degree elsewhere than the rig says, and another is 10 % brighter.
+  // If `bad`, one camera points half a degree off its pose in the rig, and another is 10 % brighter.
   void film(bool bad) {
     Rig rig = scene_rig(5, 5, 160, 120);
     for (Camera& camera : rig.cameras) {
@@ -56,7 +55,7 @@ class MonitoredArray : public testing::Test {
   // Runs until all cameras have had a few turns.
   void watch(const std::string& nodes, const std::string& compositor = "", const std::string& viewer = "") {
     constexpr uint64_t kTurns = 75;
-    const std::string rate = kFallsBehind ? "10/1" : "100/1";  // who falls behind asks for no probes
+    const std::string rate = kFallsBehind ? "10/1" : "100/1";  // a machine that falls behind skips probes
     const ElementPtr pipeline = launch(
         "lfviewrequest name=v is-live=true framerate=" + rate + " width=64 height=48 focus-distance=2.2" + rig() + " " +
         viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
@@ -109,7 +108,7 @@ TEST_F(MonitoredArray, NothingIsFoundOfGoodCameras) {
   EXPECT_LT(psnr[12], 40);
   EXPECT_GE(std::ranges::count_if(psnr, [](double v) { return std::isfinite(v); }), 21) << "all but the corners";
   EXPECT_NEAR(figures("monitor-gain")[12], 1, 0.02);
-  // Two pictures of 80x60 in 16 bits each; and those of turns that came to nothing, as the cameras began.
+  // Two 16-bit pictures of 80x60 per turn, plus turns without a result while cameras were starting.
   EXPECT_LT(count("monitor-bytes") / count("monitor-turns"), 2 * (2 * 80 * 60 * 2 * 3));
 }
 

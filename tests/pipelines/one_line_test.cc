@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// A light field in one line: what lfviewsrc shows is what the elements inside of it show one by one.
+// lfviewsrc shows the same pictures as its elements linked one by one.
 #include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 #include <gtest/gtest.h>
@@ -31,7 +31,6 @@ std::vector<uint8_t> read_bytes(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// A 3x3 array of the built-in scene as PNG stills, with a path of six views.
 class OneLine : public testing::Test {
  protected:
   void SetUp() override {
@@ -74,7 +73,8 @@ TEST_F(OneLine, GivesThePicturesOfItsElements) {
   }
 }
 
-// As pasted, but for the window. (Cameras that see the scene itself: decoders of stills have something to say.)
+// As in the document, without the window. The cameras show the built-in scene directly, because decoders of stills log
+// messages.
 TEST_F(OneLine, RunsLiveWithoutAWord) {
   const Outcome run =
       gst_launch("lfviewsrc rig=" + dir_ / "scene.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
@@ -106,7 +106,7 @@ TEST_F(OneLine, PlayersTakeARigAsAUri) {
   ASSERT_NE(gst_element_set_state(player.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   for (int i = 0; i < 300 && shown < 5; i++) g_usleep(100000);
   ASSERT_GE(shown, 5);
-  // Who plays it flies.
+  // The player can move the viewpoint.
   gdouble before = 0, after = 0;
   g_object_get(source.get(), "x", &before, nullptr);
   gst_pad_push_event(pad.get(), gst_navigation_event_new_key_press("d", GST_NAVIGATION_MODIFIER_NONE));
@@ -128,7 +128,6 @@ TEST_F(OneLine, NothingLeaks) {
   }
 }
 
-// Each host's line is one element.
 TEST_F(OneLine, TwoHostsAndAViewer) {
   const int there[] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
   const int here[] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};

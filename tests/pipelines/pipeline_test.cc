@@ -12,7 +12,7 @@
 #include "composite/accumulator.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "rig/rig_json.h"
@@ -31,7 +31,7 @@ std::vector<uint8_t> read_bytes(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// A view of a still array straight from the library: what the pipeline must come to.
+// Renders a view of a still array with the library: the expected picture of the pipeline.
 Image render_without_gstreamer(const Rig& rig, const View& view, const std::vector<Image>& images) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::vector<Source> sources;
@@ -53,7 +53,7 @@ Image render_without_gstreamer(const Rig& rig, const View& view, const std::vect
   return picture.resolve();
 }
 
-// The line that the README leads with, on planes and with the plainest samples: what it comes to is easily said.
+// The README's first launch line, with planes and bilinear samples for a simple expectation.
 std::string files_in_files_out(const std::string& rig, const std::string& views, const std::string& out) {
   return "lfviewrequest location=" + views +
          " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n resampling=bilinear rig=" + rig +
@@ -61,7 +61,6 @@ std::string files_in_files_out(const std::string& rig, const std::string& views,
          " ! videoconvert ! pngenc ! multifilesink location=" + out;
 }
 
-// A 3x3 array of the built-in scene as PNG stills, with a path of three views.
 class StillArray : public testing::Test {
  protected:
   void SetUp() override {
@@ -89,14 +88,12 @@ class StillArray : public testing::Test {
         gst_launch("lfviewrequest rig=" + rig + properties + " location=" + views + " ! filesink location=" + requests),
         0);
   }
-  // Makes pictures of the requests and the answers to them.
   void composite_files() {
     test::expect_outcome(gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" +
                                     answers + " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
                                     " ! videoconvert ! pngenc ! multifilesink location=" + out),
                          0);
   }
-  // Of each picture beside the library's.
   std::vector<Quality> qualities() {
     std::vector<Quality> all;
     for (size_t i = 0; i < views_.size(); i++)
@@ -176,8 +173,7 @@ TEST_F(StillArray, RtpChangesNoPicture) {
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
 
-// The paper's three random access cameras, of which two know nothing of one another: the same pictures. Those that are
-// told stay on the plane unasked.
+// The paper's three random access cameras give the same pictures. Cameras without the rig stay on the plane by default.
 TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
   const auto pictures = [&](const std::string& access, const std::string& node, const std::string& quality = "0") {
     const std::string focus = access == "self" ? "focus=plane" : "focus=auto";
@@ -227,11 +223,11 @@ TEST_F(StillArray, NothingLeaks) {
   const Outcome run = gst_launch(files_in_files_out(rig, views, out), "-q",
                                  "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
   ASSERT_EQ(run.status, 0) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer is there and says its format
+  EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer works and logs its format
   EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
 }
 
-// A camera that can't be opened is out of service: its neighbours close the gap, and a warning says why.
+// A camera that fails to open is out of service: its neighbours fill in, and a warning gives the reason.
 TEST_F(StillArray, AMissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
   test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
@@ -268,14 +264,14 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
   for (const size_t cameras : {9, 2, 1}) {
     std::vector<CameraIndex> some(cameras);
     for (CameraIndex i = 0; i < cameras; i++) some[i] = i;
-    save_rig(sub_rig(rig_, some), dir_ / "one.json");
+    save_rig(rig_subset(rig_, some), dir_ / "one.json");
     const Outcome run = gst_launch(line);
     ASSERT_EQ(run.status, 0) << cameras << " cameras: " << run.output;
     EXPECT_EQ(read_bytes(dir_ / "tiny.raw").size(), 4u + 100 * 17) << cameras;  // GStreamer pads rows to 4 bytes
   }
 }
 
-// The built-in scene as MJPEG films, seen from between the cameras while it moves.
+// The moving built-in scene as MJPEG files, seen from between the cameras.
 TEST(FilmPipeline, MovingScene) {
   const TempDir dir;
   ASSERT_EQ(std::system((LF_TOOLS_DIR "/lf-scene --grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out " +
@@ -312,10 +308,9 @@ TEST(FilmPipeline, MovingScene) {
                 quality.max_error);
     EXPECT_GT(quality.psnr_db, 20) << i;
   }
-  // Files in, files out: the same on every run.
   ASSERT_EQ(gst_launch(line + dir / "b.raw").status, 0);
   EXPECT_EQ(film, read_bytes(dir / "b.raw"));
-  // JPEG decoded where the view looks is what it is when decoded as a whole.
+  // Region decoding gives the same pixels as decoding whole frames.
   test::expect_outcome(
       gst_launch(std::regex_replace(line, std::regex("lfcameranode"), "lfcameranode decode=true") + dir / "c.raw"), 0);
   EXPECT_EQ(film, read_bytes(dir / "c.raw"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the documents say of the elements and tools is so, and their launch lines work as pasted.
+// Checks statements of the documents about elements and tools, and runs their launch lines as written.
 #include <gst/gst.h>
 
 #include <algorithm>
@@ -28,11 +28,11 @@ namespace {
 namespace fs = std::filesystem;
 using Names = std::set<std::string>;
 
-const std::string kReadme = "README.md", kEmbedding = "docs/guide-embedding.md";
+const std::string kReadme = "README.md", kEmbedding = "docs/guides/embedding.md";
 
 std::string document(const std::string& name) { return read_text_file(LF_SOURCE_ROOT "/" + name); }
 
-// The text under "## HEADING", up to the next heading of that level.
+// Returns the text under "## HEADING" up to the next heading of that level.
 std::string section(const std::string& name, const std::string& heading) {
   const std::string text = document(name);
   const size_t begin = text.find("\n## " + heading + "\n");
@@ -40,7 +40,6 @@ std::string section(const std::string& name, const std::string& heading) {
   return text.substr(begin + 1, text.find("\n## ", begin + 1) - begin);
 }
 
-// Everything between backquotes.
 Names quoted(const std::string& text) {
   const std::regex code("`([^`]*)`");
   Names names;
@@ -48,17 +47,17 @@ Names quoted(const std::string& text) {
   return names;
 }
 
-// What is between backquotes in the first column of the README's table under a heading.
-Names rows(const std::string& heading) {
+// Returns the backquoted names in the first column of a table in docs/, under a heading.
+Names rows(const std::string& name, const std::string& heading) {
   const std::regex row("^\\|( `[^|]+` )\\|.*$");
   Names names;
-  std::istringstream text(section(kReadme, heading));
+  std::istringstream text(section("docs/" + name, heading));
   for (std::string line; std::getline(text, line);)
     if (std::smatch match; std::regex_match(line, match, row)) names.merge(quoted(match[1]));
   return names;
 }
 
-// The launch lines of a section, as the shell would join them.
+// Returns the launch lines of a section, with continuation lines joined.
 std::vector<std::string> launch_lines(const std::string& name, const std::string& heading) {
   const std::string text = section(name, heading);
   std::vector<std::string> lines;
@@ -78,7 +77,7 @@ Names plugin_elements() {
   return names;
 }
 
-TEST(Readme, ElementTableIsThatOfThePlugin) { EXPECT_EQ(rows("Elements"), plugin_elements()); }
+TEST(Readme, ElementTableIsThatOfThePlugin) { EXPECT_EQ(rows("guides/pipelines.md", "Elements"), plugin_elements()); }
 
 TEST(Readme, ToolTableIsThatOfTheTools) {
   Names built;
@@ -86,22 +85,21 @@ TEST(Readme, ToolTableIsThatOfTheTools) {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder))
       if (entry.is_regular_file() && entry.path().filename().string().starts_with("lf-"))
         built.insert(entry.path().filename().string());
-  EXPECT_EQ(rows("Tools"), built);
+  EXPECT_EQ(rows("reference/tools.md", "Overview"), built);
 }
 
-// Files that documents refer to are there, and so are the headings in them.
 TEST(Readme, LinksLeadSomewhere) {
   const std::regex link("\\]\\(([^)#:]*)(#[^)]*)?\\)");
-  std::vector<fs::path> documents{"README.md", "CONTRIBUTING.md", "calib/README.md"};
-  for (const fs::directory_entry& entry : fs::directory_iterator(LF_SOURCE_ROOT "/docs"))
-    if (entry.path().extension() == ".md") documents.push_back("docs" / entry.path().filename());
+  std::vector<fs::path> documents{"README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "calib/README.md"};
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(LF_SOURCE_ROOT "/docs"))
+    if (entry.path().extension() == ".md") documents.push_back(fs::relative(entry.path(), LF_SOURCE_ROOT));
   for (const fs::path& name : documents) {
     const std::string text = document(name);
     for (std::sregex_iterator i(text.begin(), text.end(), link), end; i != end; ++i) {
       const fs::path to = (*i)[1].length() > 0 ? name.parent_path() / (*i)[1].str() : name;
       ASSERT_TRUE(fs::exists(LF_SOURCE_ROOT / to)) << name << ": " << (*i)[0];
       if ((*i)[2].length() == 0) continue;
-      std::string headings;  // as web pages name them
+      std::string headings;  // anchor names as in HTML
       std::istringstream lines(document(to));
       for (std::string line; std::getline(lines, line);)
         if (line.starts_with("#")) {
@@ -118,7 +116,8 @@ TEST(Readme, LinksLeadSomewhere) {
   }
 }
 
-// A folder with a small film and path, made as the README says; it is the current one while this lives.
+// A folder with a small recording and path, made as in the README; it is the current folder during the object's
+// lifetime.
 class FilmFolder {
  public:
   FilmFolder() : before_(fs::current_path()) {
@@ -143,15 +142,15 @@ GstPadProbeReturn count_buffer(GstPad*, GstPadProbeInfo*, gpointer count) {
   return GST_PAD_PROBE_OK;
 }
 
-// What GStreamer's log says while this lives, from warnings on, without numbers; but what it says of any pipeline.
-class Said {
+// Collects GStreamer's log from warning level, without numbers and without messages that every pipeline logs.
+class ProcessOutput {
  public:
-  Said() {
+  ProcessOutput() {
     gst_debug_remove_log_function(gst_debug_log_default);
     gst_debug_set_default_threshold(GST_LEVEL_WARNING);
     gst_debug_add_log_function(note, this, nullptr);
   }
-  ~Said() {
+  ~ProcessOutput() {
     gst_debug_remove_log_function_by_data(this);
     gst_debug_set_default_threshold(GST_LEVEL_NONE);
     gst_debug_add_log_function(gst_debug_log_default, nullptr, nullptr);
@@ -164,10 +163,10 @@ class Said {
  private:
   static void note(GstDebugCategory* category, GstDebugLevel level, const gchar*, const gchar* function, gint, GObject*,
                    GstDebugMessage* message, gpointer data) {
-    // filesrc in pull mode says that its pad is not active yet, matroskademux that an index follows the last cluster.
+    // filesrc in pull mode logs that its pad is not active yet, matroskademux that an index follows the last cluster.
     static const Names of_any = {"gst_base_src_start_complete", "gst_matroska_demux_peek_cluster_info"};
     if (level > GST_LEVEL_WARNING || of_any.contains(function)) return;
-    auto* self = static_cast<Said*>(data);
+    auto* self = static_cast<ProcessOutput*>(data);
     const std::string text =
         std::string(gst_debug_category_get_name(category)) + ": " + function + ": " + gst_debug_message_get(message);
     std::lock_guard lock(self->mutex_);
@@ -177,11 +176,11 @@ class Said {
   Names lines_;
 };
 
-// Runs a launch line until its end, or, where it has none, until every sink has had a few pictures. Returns what went
-// wrong, or nothing. Windows are left away.
+// Runs a launch line to EOS or, if it is endless, until every sink has received a few pictures. Replaces windows.
+// Returns the errors, or "".
 std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   line = std::regex_replace(line, std::regex("autovideosink"), "fakesink sync=true");
-  line = std::regex_replace(line, std::regex("\\\\([()])"), "$1");  // the shell's
+  line = std::regex_replace(line, std::regex("\\\\([()])"), "$1");  // shell escapes
   const test::ElementPtr owner = test::launch(line);
   GstElement* pipeline = owner.get();
   if (!pipeline) return "not a pipeline";
@@ -209,7 +208,7 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   };
   bool ended = false;
   const gint64 deadline = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
-  // A line with an end is run to it, so that what it writes is whole.
+  // Finite lines run to EOS, so that the files they write are complete.
   const auto has = [&line](const char* words) { return line.find(words) != std::string::npos; };
   const bool endless = has("is-live=true") || (has("lfviewsrc") && !has("is-live=false"));
   while (result.empty() && !ended && !(endless && enough())) {
@@ -231,7 +230,7 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   return result;
 }
 
-// A busy machine is late now and then, and told so: what counts is what is said each time.
+// A busy machine causes occasional warnings about lateness: only messages of every run count.
 TEST(Readme, LaunchLinesHaveNothingToWarnOf) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
@@ -239,7 +238,7 @@ TEST(Readme, LaunchLinesHaveNothingToWarnOf) {
     const size_t sinks = line.find("view-id=1") == std::string::npos ? 1 : 2;
     Names each_time;
     for (int run = 0; run < 3 && (run == 0 || !each_time.empty()); run++) {
-      Said said;
+      ProcessOutput said;
       EXPECT_EQ(run_line(line, sinks, 8), "") << line;
       Names both, lines = said.lines();
       for (const std::string& text : lines)
@@ -265,7 +264,7 @@ TEST(Readme, LaunchLinesWork) {
   EXPECT_EQ(run_line(lines[5], 1, 5), "");
 }
 
-// But for those of several hosts, which tests/pipelines/one_line_test.cc runs on one.
+// Except for lines for several hosts, which tests/pipelines/one_line_test.cc runs on one host.
 TEST(Readme, OneLineIsEnough) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
@@ -277,7 +276,7 @@ TEST(Readme, OneLineIsEnough) {
   EXPECT_THAT(lines[2], testing::HasSubstr("playbin uri=lf://$PWD/rig.json"));
   const std::string text = document(kReadme), begin = "\ngst-launch-1.0 ";
   const size_t first = text.find(begin) + begin.size();
-  EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the first line of all";
+  EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the very first line";
 }
 
 }  // namespace

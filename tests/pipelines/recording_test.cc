@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// A recording, played: the same pictures as live, as often as one likes, and whatever became of the process.
+// Played recordings show the same pictures as live, repeatedly, and also after the recording process was killed.
 #include <gmock/gmock.h>
 #include <gst/app/gstappsink.h>
 #include <gtest/gtest.h>
@@ -47,7 +47,7 @@ ElementPtr child(const ElementPtr& bin, const char* name) {
   return ElementPtr(gst_bin_get_by_name(GST_BIN(bin.get()), name));
 }
 
-// Up to the end, or to so many.
+// Returns the pictures up to EOS, or at most this many.
 std::vector<Picture> pictures_of(const ElementPtr& pipeline, size_t most = SIZE_MAX) {
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   const ElementPtr sink = child(pipeline, "s");
@@ -60,7 +60,7 @@ std::vector<Picture> pictures_of(const ElementPtr& pipeline, size_t most = SIZE_
   return pictures;
 }
 
-// Of a pipeline that nobody needs any more.
+// Returns the pictures and releases the pipeline.
 std::vector<Picture> pictures_of(ElementPtr&& pipeline) {
   const ElementPtr played = std::move(pipeline);
   std::vector<Picture> pictures = pictures_of(played);
@@ -68,10 +68,9 @@ std::vector<Picture> pictures_of(ElementPtr&& pipeline) {
   return pictures;
 }
 
-// PTS of those that are all that they could be, as far as the compositor has told of them: each camera has answered,
-// with the frame that was taken nearest to what was asked for. Where a busy machine answers later than ever before, the
-// node has let go of that frame already, and shows the next one.
-std::set<GstClockTime> told_to_be_whole(const ElementPtr& pipeline) {
+// Returns the PTS of complete pictures according to the compositor: each camera has answered with its nearest frame. If
+// a busy machine answers exceptionally late, the node has dropped that frame and shows the next.
+std::set<GstClockTime> timestamps_of_whole(const ElementPtr& pipeline) {
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline.get()));
   std::set<GstClockTime> whole;
   while (GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ELEMENT)) {
@@ -87,7 +86,7 @@ std::set<GstClockTime> told_to_be_whole(const ElementPtr& pipeline) {
   return whole;
 }
 
-// By the kind of video that the cameras give: JPEG, or H.264 with a key frame in ten.
+// The parameter is the cameras' video format: JPEG, or H.264 with a key frame every ten frames.
 class RecordingReplayTest : public testing::TestWithParam<const char*> {
  protected:
   static bool is_coded() { return GetParam() == std::string("h264"); }
@@ -95,7 +94,7 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     if (is_coded() && CameraFiles::h264_encoder().empty())
       GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   }
-  // Nine cameras in step, with films of both kinds.
+  // Nine synchronised cameras, with files of both formats.
   static void SetUpTestSuite() {
     scene = new TempDir;
     const std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + *scene / "s" +
@@ -128,7 +127,6 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
   std::string replay(const std::string& views) const {
     return line("location=" + views, "rig=" + folder() + "/rig.json", "rig=" + folder() + "/rig.json");
   }
-  // Of the home view at these times.
   std::string save(const std::vector<double>& times) const {
     std::vector<NamedView> views;
     const View view = make_view(default_viewpoint(load_rig(rig())), 64, 48);
@@ -136,7 +134,7 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     save_views(views, dir_ / "views.json");
     return dir_ / "views.json";
   }
-  // Seconds of the recording for which all cameras have frames.
+  // Returns the duration in which all cameras have frames, seconds.
   double length() const {
     GstClockTime end = GST_CLOCK_TIME_NONE;
     for (int camera = 0; camera < 9; camera++) {
@@ -146,13 +144,11 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     }
     return static_cast<double>(end) / GST_SECOND;
   }
-  // Every 100 ms of it.
   std::string path() const {
     std::vector<double> times;
     for (double time = 0, end = length(); time < end; time += 0.1) times.push_back(time);
     return save(times);
   }
-  // A recording of at least so many seconds.
   void record(double seconds) const {
     const ElementPtr pipeline = launch("lfcameranode name=n is-live=true loop=true rig=" + rig() +
                                        " record=" + folder() + " ! fakesink async=false");
@@ -163,7 +159,7 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     EXPECT_GE(least_recorded(node.get()), enough);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
-  // Frames of the camera that has the fewest.
+  // Returns the smallest frame count of all cameras.
   static uint64_t least_recorded(GstElement* node) {
     GstStructure* all = nullptr;
     g_object_get(node, "stats", &all, nullptr);
@@ -193,7 +189,7 @@ TEST_P(RecordingReplayTest, ShowsWhatWasSeenLive) {
                     "is-live=true loop=true rig=" + rig() + " record=" + folder(),
                     "post-messages=true latency=1000000000 rig=" + rig()));
     live = pictures_of(pipeline, 60);
-    const std::set<GstClockTime> whole = told_to_be_whole(pipeline);
+    const std::set<GstClockTime> whole = timestamps_of_whole(pipeline);
     ASSERT_EQ(live.size(), 60u);
     std::erase_if(live, [&](const Picture& picture) { return !whole.contains(picture.pts); });
     const ElementPtr node = child(pipeline, "n");
@@ -204,7 +200,7 @@ TEST_P(RecordingReplayTest, ShowsWhatWasSeenLive) {
     ASSERT_TRUE(gst_structure_get_uint64(recording, "begin", &begin));
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
-  // The first ones may have been of cameras that had only begun.
+  // The first pictures may contain cameras that had just started.
   std::erase_if(live, [&](const Picture& picture) { return picture.captured < begin + GST_SECOND; });
   ASSERT_GT(live.size(), 20u);
   std::vector<double> times;
@@ -242,7 +238,7 @@ TEST_P(RecordingReplayTest, IsSoughtLikeAnyFilm) {
   gst_element_set_state(player.get(), GST_STATE_NULL);
 }
 
-// The rounds of all cameras have one length.
+// All cameras loop with a common period.
 TEST_P(RecordingReplayTest, LoopsInStep) {
   record(2.5);
   GstClockTime round = 0;

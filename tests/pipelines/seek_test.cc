@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Seeks: what is shown behind one is what a run straight through shows there, to the bit.
+// Pictures after a seek are bit-identical to playback from the start.
 #include <gst/app/gstappsink.h>
 #include <gtest/gtest.h>
 
@@ -37,7 +37,7 @@ Picture picture_of(GstSample* sample) {
   return picture;
 }
 
-// Pictures of a path through an array whose cameras are read from files.
+// Plays a path through an array of cameras that read files.
 class Player {
  public:
   explicit Player(const std::string& line, const char* sink = "s") : pipeline_(launch(line)) {
@@ -45,7 +45,6 @@ class Player {
     bus_.reset(gst_element_get_bus(pipeline_.get()));
   }
   ~Player() { set_state(GST_STATE_NULL); }
-  // From now on the pictures that come to this appsink.
   void watch(const char* sink) { sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), sink)); }
   void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
 
@@ -53,7 +52,7 @@ class Player {
     GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
     return sample ? std::optional(picture_of(sample)) : std::nullopt;
   }
-  // Plays on up to the end, or to so many pictures.
+  // Plays to EOS, or for at most this many pictures.
   std::vector<Picture> rest(size_t most = SIZE_MAX) {
     set_state(GST_STATE_PLAYING);
     std::vector<Picture> pictures;
@@ -87,7 +86,7 @@ class Player {
   std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
 };
 
-// The parameter says what the cameras are read from.
+// The parameter selects the cameras' source.
 class SeekTest : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
@@ -163,9 +162,9 @@ TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
   }
 }
 
-// Its cameras loop, and are sought from wherever they are.
+// The cameras loop and accept a seek at any position.
 TEST_P(SeekTest, ABinIsSoughtAsItsElements) {
-  const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // at its rate it is too short
+  const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // too short at its rate
   const std::string bin = "lfviewsrc node::loop=" + loop +
                           " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
                           " location=" + dir_ / "views.json" + " ! videoconvert ! appsink name=s sync=false";
@@ -190,8 +189,7 @@ TEST_P(SeekTest, AStopEndsTheStream) {
   EXPECT_TRUE(player.is_eos());
 }
 
-// As a player loops without a gap: at the end of the segment there is a message in place of EOS, and a seek that does
-// not flush goes on.
+// Players loop without a gap: a SEGMENT_DONE message replaces EOS, and a non-flushing seek continues.
 TEST_P(SeekTest, SegmentsFollowEachOther) {
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(line());
@@ -208,8 +206,8 @@ TEST_P(SeekTest, SegmentsFollowEachOther) {
   }
 }
 
-// A focal surface is found from the pictures before: a seek begins the search anew, so that from the beginning on all
-// is as it was.
+// A focal surface depends on earlier pictures: a seek restarts the search, so that a second run from the start is
+// identical.
 TEST_P(SeekTest, ThroughAFocalSurfaceTheBeginningIsTheSameAgain) {
   const auto set_rig = [this](const Player& player) {
     const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(player.pipeline()), "c"));
@@ -235,7 +233,7 @@ TEST_P(SeekTest, WhatCannotBeIsRefused) {
   player.set_state(GST_STATE_PAUSED);
   ASSERT_TRUE(player.preroll());
   EXPECT_FALSE(player.seek(4 * kPeriod, 0, 9 * kPeriod, -1)) << "backwards";
-  EXPECT_EQ(player.rest().size(), size_t{kFrames}) << "and changes nothing";
+  EXPECT_EQ(player.rest().size(), size_t{kFrames}) << "without a change";
 }
 
 TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
@@ -256,10 +254,9 @@ INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", 
 
 class LostCameraSeekTest : public SeekTest {};
 
-// A camera that is lost gives nothing behind a seek either, and nobody waits for it.
 TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
   Rig rig = load_rig(rig_);
-  rig.cameras[1].width += 2;  // its pictures are of another size
+  rig.cameras[1].width += 2;  // its frames have another size
   save_rig(rig, rig_);
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
@@ -279,7 +276,7 @@ TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
 INSTANTIATE_TEST_SUITE_P(Sources, LostCameraSeekTest, testing::Values("film", "sequence", "stills"),
                          [](const auto& info) { return std::string(info.param); });
 
-// Of all who are in one funnel. Each flush drops what is on its way from any of them.
+// All viewers of a funnel seek together: each flush drops the data of every viewer.
 class ViewersInAFunnelSeekTest : public SeekTest {
  protected:
   std::string viewers() const {
@@ -320,13 +317,13 @@ TEST_P(ViewersInAFunnelSeekTest, NoneLosesARequest) {
   }
 }
 
-// Cameras of which each frame is the same: those of films are at one place, wherever else viewers are.
+// Still cameras only: file sources have one playback position for all viewers.
 INSTANTIATE_TEST_SUITE_P(Sources, ViewersInAFunnelSeekTest, testing::Values("stills"),
                          [](const auto& info) { return std::string(info.param); });
 
 class PauseTest : public SeekTest {};
 
-// Each request waits for the focal surface of the one before, however long nobody takes pictures.
+// Each request waits for the focal surface of the previous one, for any length of the pause.
 TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
   const std::string with_rig =
       line().replace(line().find("lfcompositor name=c"), 19, "lfcompositor name=c rig=" + rig_);
@@ -341,7 +338,7 @@ TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
 
 INSTANTIATE_TEST_SUITE_P(Sources, PauseTest, testing::Values("film"));
 
-// Answers that don't follow a seek: those of a recording, beside requests that would.
+// Recorded answers do not follow a seek, although the requests would.
 TEST(SeekRefused, WhereAnswersComeFromElsewhere) {
   const ElementPtr pipeline = launch(
       "lfviewrequest num-buffers=3 ! c.request  appsrc caps=application/x-lightfield-answer ! c.sink_0  "

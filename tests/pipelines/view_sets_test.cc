@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Sets of views in one picture: against the views one by one, against geometry, and against ground truth.
+// Sets of views in one picture, compared with single views, geometry, and ground truth.
 #include <gst/app/gstappsink.h>
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/photographs.h"
@@ -37,7 +37,7 @@ class ViewSets : public testing::Test {
     view.focus.plane = focal_plane_at(view.pose, focus);
     return view;
   }
-  // The built-in scene, which moves.
+  // Saves an array with the moving built-in scene.
   void film(int side, int width = kWidth, int height = kHeight) {
     rig_ = scene_rig(side, side, width, height);
     for (Camera& camera : rig_.cameras) camera.image.clear();
@@ -48,7 +48,7 @@ class ViewSets : public testing::Test {
     for (size_t i = 0; i < views.size(); i++) path.push_back({"view_" + std::to_string(i), times[i], views[i]});
     save_views(path, dir_ / name);
   }
-  // The pictures of views in a file, one behind the other, R, G and B.
+  // Returns the concatenated RGB pictures of the views in a file.
   std::vector<uint8_t> pictures(const std::string& views, const std::string& properties) {
     const std::string out = dir_ / "out.rgb";
     const Outcome run =
@@ -59,8 +59,7 @@ class ViewSets : public testing::Test {
     std::ifstream file(out, std::ios::binary);
     return {std::istreambuf_iterator<char>(file), {}};
   }
-  // One view's picture out of that of its set.
-  static Image part(const uint8_t* whole, const PlaceInSet& place, int width = kWidth, int height = kHeight) {
+  static Image part(const uint8_t* whole, const ViewSetPosition& place, int width = kWidth, int height = kHeight) {
     Image image(PixelFamily::kRgb, width, height);
     const size_t row = 3 * static_cast<size_t>(width), stride = row * static_cast<size_t>(place.columns);
     for (int y = 0; y < height; y++)
@@ -79,18 +78,17 @@ class ViewSets : public testing::Test {
   Rig rig_;
 };
 
-// At each of three moments of a scene that moves, on one plane: to the bit.
 TEST_F(ViewSets, AreTheirViewsOneByOneAtOneMoment) {
   film(3);
   const std::vector<View> middles = {view(2.2), view(1.5), view(3)};
   const std::vector<double> times = {0, 0.4, 1.1};
   save("middle.json", middles, times);
   const ViewSet sets[] = {
-      {.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.012},
-      {.layout = SetLayout::kRow, .columns = 5, .cone = 2},
-      {.layout = SetLayout::kStereo, .eye_distance = 0.03, .converged = false},
-      {.layout = SetLayout::kCrossEyed, .eye_distance = 0.03},
-      {.layout = SetLayout::kTopBottom, .eye_distance = 0.03},
+      {.layout = ViewSetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.012},
+      {.layout = ViewSetLayout::kRow, .columns = 5, .cone = 2},
+      {.layout = ViewSetLayout::kStereo, .eye_distance = 0.03, .converged = false},
+      {.layout = ViewSetLayout::kCrossEyed, .eye_distance = 0.03},
+      {.layout = ViewSetLayout::kTopBottom, .eye_distance = 0.03},
   };
   for (const ViewSet& set : sets) {
     SCOPED_TRACE(properties_of(set));
@@ -114,7 +112,7 @@ TEST_F(ViewSets, AreTheirViewsOneByOneAtOneMoment) {
   }
 }
 
-// Cameras that see one bright spot; its centre in a picture.
+// Returns the centre of the single bright spot in a picture.
 Vec2 spot_in(const Image& image) {
   double sum = 0;
   Vec2 centre(0, 0);
@@ -148,7 +146,7 @@ TEST_F(ViewSets, DisparityIsThatOfGeometry) {
       save_rig(rig_, dir_ / "rig.json");
       const View middle = view(focus, 160, 120);
       save("middle.json", {middle}, {0});
-      const ViewSet set{.layout = SetLayout::kStereo, .eye_distance = kEyes, .converged = converged};
+      const ViewSet set{.layout = ViewSetLayout::kStereo, .eye_distance = kEyes, .converged = converged};
       const std::vector<uint8_t> pair = pictures("middle.json", "focus=plane " + properties_of(set));
       ASSERT_EQ(pair.size(), 2u * 160 * 120 * 3);
       const Vec2 left = spot_in(part(pair.data(), set.place(0), 160, 120));
@@ -165,8 +163,8 @@ double psnr(const Image& picture, const View& view) {
   return compare(picture, render_scene({view.width, view.height, view.lens, view.pose}, 0.5)).psnr_db;
 }
 
-// The surface is found once, from the middle. What only other views see beside near things is not in it: views that are
-// a camera's pitch and more away lose up to 2 dB of the 6 or so that a surface of their own would give.
+// The middle view determines the surface, which lacks areas that only other views see beside near objects. Views a
+// pitch or more away lose up to 2 dB of the roughly 6 dB that their own surface would gain.
 TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   constexpr int kPictures = 8;
   rig_ = scene_rig(4, 4, 160, 120);
@@ -175,20 +173,20 @@ TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   std::vector<double> times;
   for (int i = 0; i < kPictures; i++) times.push_back(i / 15.0);
   save("middle.json", std::vector<View>(kPictures, middle), times);
-  const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.018};
+  const ViewSet set{.layout = ViewSetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.018};
   const size_t bytes = size_t{3} * 160 * 120, last = (kPictures - 1) * bytes;
   const std::vector<uint8_t> focused = pictures("middle.json", properties_of(set));
   const std::vector<uint8_t> flat = pictures("middle.json", "focus=plane " + properties_of(set));
   ASSERT_EQ(focused.size(), 6 * kPictures * bytes);
   double lost = 0;
   for (int index = 0; index < 6; index++) {
-    const PlaceInSet place = set.place(index);
+    const ViewSetPosition place = set.place(index);
     const View eye = set.view(middle, place);
     save("eye.json", std::vector<View>(kPictures, eye), times);
     const std::vector<uint8_t> alone = pictures("eye.json", "");
     const double of_set = psnr(part(&focused[6 * last], place, 160, 120), eye);
     const double on_plane = psnr(part(&flat[6 * last], place, 160, 120), eye);
-    const double by_itself = psnr(part(&alone[last], PlaceInSet(), 160, 120), eye);
+    const double by_itself = psnr(part(&alone[last], ViewSetPosition(), 160, 120), eye);
     std::printf("view %d: %.2f dB with the set's surface, %.2f with its own, %.2f on the plane\n", index, of_set,
                 by_itself, on_plane);
     EXPECT_GT(of_set, on_plane + 3);
@@ -199,7 +197,6 @@ TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   EXPECT_LT(lost, 1);
 }
 
-// What is behind a seek is what a run straight through shows there.
 TEST_F(ViewSets, AreSoughtAndEnd) {
   film(2);
   std::vector<double> times;
@@ -236,7 +233,6 @@ TEST_F(ViewSets, AreSoughtAndEnd) {
   EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
 }
 
-// Whoever asks for what can't be is told why.
 TEST_F(ViewSets, AreRefusedByName) {
   film(2);
   const auto refused = [&](const std::string& properties) {

@@ -20,7 +20,6 @@
 namespace lf::test {
 namespace {
 
-// A 2x2 array of small PNG stills.
 class ViewersTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -42,7 +41,7 @@ class ViewersTest : public testing::Test {
   TempDir dir_;
 };
 
-// Not live, through plain queues: who has ended, or has nothing to do yet, holds nobody up.
+// Plain queues: neither ended nor idle viewers may block the rest.
 TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
   const auto path = [&](int frames) {
     const std::string file = dir_ / (std::to_string(frames) + ".json");
@@ -71,7 +70,7 @@ TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
   }
 }
 
-// Whether its sink has enough or an element behind it fails: one viewer's end is none of the other's business.
+// A viewer ends because its sink has enough, or because an element after it fails.
 TEST_F(ViewersTest, AViewerThatEndsOrFailsLeavesTheOthersAlone) {
   constexpr guint64 kEnough = kFallsBehind ? 60 : 300;
   for (const char* end : {"identity eos-after=3", "identity error-after=3", "fakesink num-buffers=3"}) {
@@ -106,7 +105,7 @@ int pictures_in(std::atomic<int>& counter, double seconds) {
   return counter - before;
 }
 
-// Whether so many more pictures come, however long a busy machine takes.
+// Returns true if this many more pictures arrive, regardless of the time a busy machine takes.
 bool has_more(const std::atomic<int>& counter, int more) {
   const int wanted = counter + more;
   for (int i = 0; i < 600 && counter < wanted; i++) g_usleep(100000);
@@ -128,7 +127,6 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 60 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
   for (const int i : {0, 1}) EXPECT_TRUE(has_more(shown[i], 8)) << i;
 
-  // Each navigates alone.
   const ElementPtr v1 = child(pipeline.get(), "v1"), v2 = child(pipeline.get(), "v2"), c1 = child(pipeline.get(), "c1");
   const auto x_of = [](const ElementPtr& element) {
     gdouble x = 0;
@@ -144,8 +142,8 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   EXPECT_NE(x_of(v1), x1);
   EXPECT_EQ(x_of(v2), x2);
 
-  // A stalled viewer leaves the other's rate alone. Both rates are of one run, and other work on the machine may take
-  // one second of it: a later second counts, too.
+  // A stalled viewer must not reduce the rate of the first. Both rates are from one run; external load may disturb a
+  // second of the run, so a later second counts as well.
   const int before = pictures_in(shown[0], 1);
   const ElementPtr s2 = child(pipeline.get(), "s2");
   GstPad* stalled = gst_element_get_static_pad(s2.get(), "sink");
@@ -160,7 +158,7 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   EXPECT_LE(shown[1] - stalled_before, 1);
   gst_pad_remove_probe(stalled, probe);
   gst_object_unref(stalled);
-  EXPECT_TRUE(has_more(shown[1], 3)) << "it comes back";
+  EXPECT_TRUE(has_more(shown[1], 3)) << "the rate recovers";
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 

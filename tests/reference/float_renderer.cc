@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/text.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
@@ -49,7 +49,7 @@ bool render_i420(const Contribution& contribution, const ImageView& image, Float
 
 }  // namespace
 
-std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+std::optional<FloatFragment> render_float(const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image) {
   check_image(rig_camera, image);
   if (plan.camera_rect(camera).empty()) return std::nullopt;
@@ -72,7 +72,7 @@ std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& 
 
 namespace {
 
-// Adds `in`, `rect` of a plane `width` samples wide and `channels` deep.
+// Adds `in`, the part `rect` of a plane that is `width` samples wide and `channels` deep.
 void add(const float* in, const Rect& rect, int channels, int width, double* plane) {
   const int row = rect.width() * channels;
   for (int y = rect.y0; y < rect.y1; y++, in += row) {
@@ -104,7 +104,7 @@ void add(const FloatFragment& fragment, FloatStill& still) {
       out + static_cast<size_t>(width) * chroma_size(still.height));
 }
 
-// A chroma sample's lost weight is the mean of its pixels'.
+// Returns a chroma sample's missing weight: the mean over its pixels.
 double mean_of_block(const std::vector<double>& values, int width, int height, int cx, int cy) {
   double sum = 0;
   int n = 0;
@@ -138,7 +138,7 @@ void divide_by_what_is_left(FloatStill& still) {
 
 }  // namespace
 
-FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners, PixelFamily family,
+FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners, PixelFamily family,
                               const CameraImages& images) {
   const View& view = plan.view();
   const size_t pixels = static_cast<size_t>(view.width) * view.height;
@@ -160,10 +160,10 @@ FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const OwnerM
 
 namespace {
 
-// Which pixels count, and which chroma samples.
+// Returns the mask of pixels to count, and of chroma samples.
 std::vector<uint8_t> covered_pixels(const FloatStill& exact) {
   std::vector<uint8_t> covered(exact.valid.size());
-  for (size_t i = 0; i < covered.size(); i++) covered[i] = exact.valid[i] > kCovered;
+  for (size_t i = 0; i < covered.size(); i++) covered[i] = exact.valid[i] > kMinCoverage;
   return covered;
 }
 std::vector<uint8_t> covered_chroma(const std::vector<uint8_t>& pixels, int width, int height) {

@@ -9,9 +9,9 @@
 #include "render/camera_projection.h"
 #include "render/ownership.h"
 #include "rig/rig.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 
-// The rule for one camera's part in a view, pixel by pixel: what the plain renderers share, whatever they write.
+// The contribution of one camera to a view, pixel by pixel; shared by the plain renderers.
 namespace lf::plain {
 
 inline void sample_rgb(const ImageView& image, const Vec2& position, float rgb[3]) {
@@ -28,23 +28,23 @@ inline size_t rect_offset(const Rect& rect, int x, int y) {
 
 class Contribution {
  public:
-  Contribution(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Camera& rig_camera)
+  Contribution(const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera, const Camera& rig_camera)
       : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, camera, rig_camera) {}
 
   float own(int x, int y) const { return corners_.weight_at(plan_, owners_, x, y); }
   bool project(int x, int y, Vec2& pixel) const {
     return projection_.project(plan_.rays().at(x, y), plan_.inverse_at(x, y), pixel);
   }
-  // In the middle of the chroma sample's four pixels, of which (x, y) is the first. Positions outside the image are
-  // good, too.
+  // Projects the centre of a chroma sample's four pixels; (x, y) is the first. Positions outside the image are valid.
   bool project_chroma(int x, int y, Vec2& pixel) const {
-    return projection_.project_beyond(plan_.rays().at_centre_of_four(x, y), plan_.inverse_at(x + 0.5, y + 0.5), pixel);
+    return projection_.project_unbounded(plan_.rays().at_centre_of_four(x, y), plan_.inverse_at(x + 0.5, y + 0.5),
+                                         pixel);
   }
-  // Holds all of the camera's pixels.
+  // Returns a rectangle that contains all of the camera's pixels.
   Rect rect(CameraIndex camera) const { return corners_.owned(owners_.runs(), plan_.camera_rect(camera)); }
 
-  // Calls fn(x, y, own, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
-  // has.
+  // Calls fn(x, y, own, valid, position in the camera's image) for the pixels of `rect` with a weight. Returns false if
+  // there is none.
   template <class Fn>
   bool for_each(const Rect& rect, const Fn& fn) const {
     bool any = false;
@@ -62,22 +62,22 @@ class Contribution {
 
  private:
   const ViewPlan& plan_;
-  const OwnerMap& owners_;
+  const FaceIdMap& owners_;
   CameraCorners corners_;
   CameraProjection projection_;
 };
 
-// The same for an I420 image and a chroma-aligned rectangle. Calls luma(index, weight, value) and lost(index, weight)
-// per pixel and chroma(index, cb, cr) per chroma sample, values weighted, indices into planes of the rectangle's size.
-// Chroma has the mean valid weight of its (up to four) luma pixels, so that luma and chroma of all cameras together are
-// covered alike.
+// Like for_each(), for an I420 image and a chroma-aligned rectangle. Calls luma(index, weight, value) and lost(index,
+// weight) per pixel and chroma(index, cb, cr) per chroma sample, with weighted values and indices into planes of the
+// rectangle's size. Chroma has the mean valid weight of its (up to four) luma pixels, so that the sum over all cameras
+// covers luma and chroma equally.
 template <class Luma, class Lost, class Chroma>
 bool for_each_i420(const Contribution& contribution, const ImageView& image, const Rect& rect, const Luma& luma,
                    const Lost& lost, const Chroma& chroma) {
   const int chroma_width = chroma_size(rect.width()), chroma_height = chroma_size(rect.height());
   struct Block {
     float weight = 0;
-    Vec2 position;  // of one valid luma sample
+    Vec2 position;  // position of one valid luma sample
   };
   std::vector<Block> blocks(static_cast<size_t>(chroma_width) * chroma_height);
   const bool any = contribution.for_each(rect, [&](int x, int y, float own, bool valid, const Vec2& position) {
@@ -113,46 +113,48 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, con
 
 namespace lf {
 
-// One camera's part in a view, pixel by pixel in double precision along the production plan, rounded nowhere: what the
-// SIMD sums are measured against in every family and blending.
+// One camera's contribution to a view in double precision along the production plan, without rounding: the yardstick
+// for SIMD sums in every pixel family and blending mode.
 struct FloatFragment {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;                       // chroma-aligned for kI420
-  std::vector<float> colour;       // 0..255, weighted, laid out as Image::data(); chroma without the 128 offset
+  std::vector<float> colour;       // 0..255, weighted, in the layout of Image::data(); chroma without the 128 offset
   std::vector<float> valid, lost;  // weights 0..1 per pixel of `rect`, row-major
 };
 
-// `camera` is `rig_camera`'s index in the rig of the plan, `image` of its size (else Error); `owners` cover the
-// camera's rectangle, chroma-aligned for kI420. Nothing if the camera has no weight anywhere in the view.
-std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+// `camera` is the index of `rig_camera` in the plan's rig; `owners` covers the camera's rectangle, chroma-aligned for
+// kI420. Returns nullopt if the camera has no weight in the view. Throws Error if `image` has another size than the
+// camera.
+std::optional<FloatFragment> render_float(const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image);
 
-// A view without any rounding to 8 bits on its way: what fast renderers and codecs are measured against. It is within
-// 2e-3 of 255 of the rule in 80-bit reals (tests/reference), for I420 images as they are.
+// A view without any rounding to 8 bits: the yardstick for fast renderers and codecs. The error against the rule in
+// 80-bit floating point (tests/reference) is below 2e-3 of 255, for I420 images as they are.
 struct FloatStill {
   PixelFamily family = PixelFamily::kNone;
   int width = 0, height = 0;
-  std::vector<double> colour;  // 0..255, laid out as Image::data(), after the division by 1 - lost; chroma with its 128
+  // 0..255, in the layout of Image::data(), after the division by 1 - lost; chroma with the 128 offset
+  std::vector<double> colour;
   std::vector<double> valid, lost;  // sums of weights per pixel, row-major
 
   std::vector<float> coverage() const { return {valid.begin(), valid.end()}; }
 };
 
-// Asks `images` only for cameras that contribute; all must be of `family` (else Error).
-// `owners.region()` is the whole view.
-FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners, PixelFamily family,
+// Calls `images` only for contributing cameras. `owners.region()` must be the whole view. Throws Error if an image is
+// not of `family`.
+FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners, PixelFamily family,
                               const CameraImages& images);
 
-// How near a rendered picture is to what exact arithmetic makes of the same camera images: the error of a renderer and
-// a codec alone, in the samples of the picture's own family.
+// The error of a renderer and codec against exact arithmetic on the same camera images, in the picture's own pixel
+// family.
 struct ExactQuality {
   double max_error = 0;  // 0..255; rounding the exact picture to 8 bits alone costs up to 0.5
-  double psnr_db = 0;    // over all samples counted: three planes, as large as they are
+  double psnr_db = 0;    // over all counted samples of the three planes
   double coverage = 0;   // fraction of pixels counted
 };
 
-// Of one family and size (else Error). Counted are pixels with coverage above kCovered, and chroma samples with four of
-// them. If none is covered the figures are NaN.
+// Counts pixels with coverage above kMinCoverage, and chroma samples with four such pixels. Without any, the figures
+// are NaN. Throws Error if families or sizes differ.
 ExactQuality compare(const Image& picture, const FloatStill& exact);
 
 }  // namespace lf

@@ -25,7 +25,7 @@ Rig jittered_grid(Random& random) {
   return rig;
 }
 
-// rows x columns around an axis or a centre, all the way round or part of it.
+// rows x columns cameras on a cylinder or sphere, full or partial.
 Rig round_rig(Random& random, bool sphere) {
   const int rows = random.integer(2, 3), columns = random.integer(4, 9);
   const double radius = random.uniform(0.3, 1.2), outwards = random.one_in(2) ? 1 : -1;
@@ -41,7 +41,7 @@ Rig round_rig(Random& random, bool sphere) {
       rig.cameras.push_back(make_camera(static_cast<uint32_t>(rig.cameras.size()), kImageWidth, kImageHeight,
                                         grid_lens(), look_at(position, position + forward, {0, 1, 0})));
     }
-  if (turn == 2 * M_PI) {  // the last column is joined to the first
+  if (turn == 2 * M_PI) {  // the last column connects to the first
     rig.topology.type = Topology::Type::kTriangles;
     const auto at = [&](int r, int c) { return static_cast<CameraIndex>(r * columns + c % columns); };
     for (int r = 0; r + 1 < rows; r++)
@@ -55,7 +55,7 @@ Rig round_rig(Random& random, bool sphere) {
   return rig;
 }
 
-// Triangles between cameras anywhere, looking anywhere (mostly): folds, intersections, edges of any number of faces.
+// Triangles between cameras at random poses: folds, intersections, edges shared by any number of faces.
 Rig soup(Random& random) {
   const int cameras = random.integer(3, 12), triangles = random.integer(1, 20);
   Rig rig;
@@ -304,7 +304,7 @@ HardCase enlarged(const HardCase& hard, int times) {
 
 namespace {
 
-// With a focal map of 12 x 9 nodes that counts distances from the array's plane; level(i): of the i-th node.
+// A focal map of 12 x 9 nodes with distances from the array's plane; level(i) returns the level of node i.
 template <typename Level>
 std::pair<Rig, View> turned_with_map(const Rig& rig, View view, double farthest, double nearest, Level level,
                                      Random& random) {
@@ -466,8 +466,8 @@ std::vector<HardCase> hard_cases() {
   });
   add("eye in line with a triangle of no area",
       [](Random& r) {
-        // As Delaunay leaves them on the border of a regular grid: first in the mesh, and the eye is at a camera beside
-        // it.
+        // A zero-area triangle, as Delaunay leaves at the border of a regular grid: first in the mesh, next to a camera
+        // at the viewpoint.
         const double p = r.uniform(0.1, 0.5);
         const Rig rig = triangles({{-2 * p, -p / 2, 0},
                                    {-p, -p / 2, 0},

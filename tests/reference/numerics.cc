@@ -11,7 +11,7 @@
 #include "composite/accumulator.h"
 #include "reference/float_renderer.h"
 #include "reference/renderer.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "support/fragments.h"
@@ -23,37 +23,39 @@ struct Plans {
   Plans(const Rig& rig, const Mesh& mesh, const View& view)
       : plan(rig, mesh, view), owners(plan, {0, 0, view.width, view.height}) {}
   ViewPlan plan;
-  OwnerMap owners;
+  FaceIdMap owners;
 };
 
-// Adds the values of `rect`, row after row, to a plane of the whole view.
+// Adds the values of `rect`, row by row, to a plane of the whole view.
 template <class T>
 void place(const T* values, const Rect& rect, int width, double scale, std::vector<double>& plane) {
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) plane[static_cast<size_t>(y) * width + x] += *values++ * scale;
 }
 
-// A sum over the whole view, and its memory.
+// A sum over the whole view with its memory.
 struct Sum {
   Sum(const Plans& plans, std::span<const Source> sources, PixelFamily family, Coordinates coordinates,
-      gl::SumDrawer* card) {
+      gl::GlesRenderer* gpu) {
     const View& view = plans.plan.view();
     const Rect all{0, 0, view.width, view.height};
     samples.resize(packed_size(family, view.width, view.height));
     lost.resize(static_cast<size_t>(view.width) * view.height);
-    const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, card);
-    if (card && !renderer.rect().empty() && !renderer.drawing().drawn)
+    const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, gpu);
+    if (gpu && !renderer.rect().empty() && !renderer.drawing().drawn)
       throw Error("not drawn: " + renderer.drawing().why_not);
-    const bool any_lost = renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
-    planes = packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_lost ? lost.data() : nullptr);
+    const bool any_missing =
+        renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
+    planes =
+        packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_missing ? lost.data() : nullptr);
   }
   std::vector<int16_t> samples;
   std::vector<uint16_t> lost;
   ConstSumPlanes planes;
 };
 
-// Weights are those that white images show.
-Answer in_sums(PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const Rig& rig, const Mesh& mesh,
+// Weights are measured with white images.
+Answer in_sums(PixelFamily family, Coordinates coordinates, gl::GlesRenderer* gpu, const Rig& rig, const Mesh& mesh,
                const View& view, const std::vector<Image>& images) {
   constexpr double kWhite = 255 << kSumFractionBits;
   const Plans plans(rig, mesh, view);
@@ -73,41 +75,41 @@ Answer in_sums(PixelFamily family, Coordinates coordinates, gl::SumDrawer* card,
     sources.push_back({i, &camera, seen.back().view()});
     const Image rgb = white_image(camera.width, camera.height), white = i420 ? as_i420(rgb) : rgb;
     const Source alone{i, &camera, white.view()};
-    const Sum sum(plans, {&alone, 1}, family, coordinates, card);
+    const Sum sum(plans, {&alone, 1}, family, coordinates, gpu);
     Answer::OwnWeights own{i, std::vector<double>(pixels)};
     place(sum.planes.plane[0], all, view.width, 1 / kWhite, own.weight);
     place(sum.planes.plane[0], all, view.width, 1 / kWhite, answer.valid);
     if (sum.planes.lost) {
-      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, own.weight);
-      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, answer.lost);
+      place(sum.planes.lost, all, view.width, 1.0 / kMissingOne, own.weight);
+      place(sum.planes.lost, all, view.width, 1.0 / kMissingOne, answer.lost);
     }
     answer.own_weights.push_back(std::move(own));
   }
-  const Sum sum(plans, sources, family, coordinates, card);
+  const Sum sum(plans, sources, family, coordinates, gpu);
   Accumulator accumulator;
   accumulator.reset(family, view.width, view.height);
-  accumulator.add_kept(sum.planes);
+  accumulator.add_borrowed(sum.planes);
   const Image picture = accumulator.resolve();
   answer.colour.assign(picture.data().begin(),
                        picture.data().begin() + static_cast<ptrdiff_t>(answer.channels * pixels));
   return answer;
 }
 
-// SumRenderer's 16-bit sums of all cameras, resolved by the compositor; of a card, where there is one given.
-// A weight has 15 bits, its sample seven of fraction: two units of 1/32640 each camera. Colours of smooth images: 0.5
-// of rounding to 8 bits once, the rest for three such weights and positions good to kGridError.
-Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates, gl::SumDrawer* card = nullptr) {
+// SumRenderer's 16-bit sums of all cameras, resolved by the compositor; on the GPU if `gpu` is given. A weight has 15
+// bits, its sample seven fractional bits: two units of 1/32640 per camera. The colour bound for smooth images: 0.5 for
+// rounding to 8 bits once, the rest for three such weights and positions within kGridError.
+Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates, gl::GlesRenderer* gpu = nullptr) {
   return {std::move(name),
           1e-4,
           2e-4,
           0.6,
           0.999,
           [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
-            return in_sums(family, coordinates, card, rig, mesh, view, images);
+            return in_sums(family, coordinates, gpu, rig, mesh, view, images);
           }};
 }
 
-// In float, and nothing rounded.
+// In float, without rounding.
 Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
   const Plans plans(rig, mesh, view);
   FloatStill still = render_float_still(rig, plans.plan, plans.owners, PixelFamily::kRgb,
@@ -125,7 +127,7 @@ Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::v
   return answer;
 }
 
-// The sums of nodes of one camera in 8 bits, added up by the compositor. Weights are those that white images show.
+// 8-bit sums of single-camera nodes, added up by the compositor. Weights are measured with white images.
 Answer in_fragments(Coordinates coordinates, PixelFamily family, const Rig& rig, const Mesh& mesh, const View& view,
                     const std::vector<Image>& images) {
   const Plans plans(rig, mesh, view);
@@ -163,8 +165,8 @@ Answer in_fragments(Coordinates coordinates, PixelFamily family, const Rig& rig,
   return answer;
 }
 
-// Three samples rounded to 8 bits add up to an integer less than 1.5 from their exact sum, and a lost weight below half
-// a level is forgotten.
+// Three samples rounded to 8 bits add up to an integer less than 1.5 from their exact sum; a missing weight below half
+// a level is dropped.
 Subject of_fragments(std::string name, Coordinates coordinates, PixelFamily family) {
   constexpr double kHalf = 0.5 / 255 + 1e-6;
   return {std::move(name),
@@ -177,15 +179,15 @@ Subject of_fragments(std::string name, Coordinates coordinates, PixelFamily fami
           }};
 }
 
-// The machine's card, or what computes in place of one; Error without either.
-gl::SumDrawer* any_card() {
+// Returns the machine's GPU or a software renderer. Throws Error if there is neither.
+gl::GlesRenderer* any_gpu() {
   static std::string why;
-  static const std::unique_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  if (!card) throw Error("no OpenGL ES 3.1: " + why);
-  return card.get();
+  static const std::unique_ptr<gl::GlesRenderer> gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) throw Error("no OpenGL ES 3.1: " + why);
+  return gpu.get();
 }
 
-// Keeps NaN as the largest of all errors.
+// Counts NaN as an infinite error.
 void raise(double& largest, double error) {
   if (std::isnan(error)) error = std::numeric_limits<double>::infinity();
   largest = std::max(largest, error);
@@ -201,11 +203,11 @@ void compare(const Picture& expected, const Subject& subject, const Answer& answ
         raise(m.weight, std::abs(own.weight[p] - expected.weight_of(x, y, own.camera)));
         sum += own.weight[p];
       }
-      for (int k = 0; k < pixel.corners; k++)  // cameras that were left out altogether
+      for (int k = 0; k < pixel.corners; k++)  // cameras that the renderer omitted
         if (std::none_of(answer.own_weights.begin(), answer.own_weights.end(),
                          [&](const Answer::OwnWeights& own) { return own.camera == pixel.camera[k]; }))
           raise(m.weight, pixel.weight[k]);
-      raise(m.partition, std::abs(sum - (sum > 0.5)));  // whatever the reference says
+      raise(m.partition, std::abs(sum - (sum > 0.5)));  // independent of the reference
       raise(m.weight, std::abs(answer.valid[p] - pixel.coverage));
       raise(m.weight, std::abs(answer.lost[p] - pixel.lost));
       if (pixel.coverage > subject.least_valid && answer.valid[p] > subject.least_valid)
@@ -225,7 +227,7 @@ Image as_i420(const Image& rgb) {
   return image;
 }
 
-// A new renderer is a line here.
+// Add new renderers here.
 std::vector<Subject> subjects() {
   std::vector<Subject> all{{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float}};
   for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact}) {
@@ -236,8 +238,8 @@ std::vector<Subject> subjects() {
       all.push_back(of_sums(name + " sum", family, coordinates));
     }
   }
-  all.push_back(of_sums("gl RGB sum", PixelFamily::kRgb, Coordinates::kExact, any_card()));
-  all.push_back(of_sums("gl I420 sum", PixelFamily::kI420, Coordinates::kExact, any_card()));
+  all.push_back(of_sums("gl RGB sum", PixelFamily::kRgb, Coordinates::kExact, any_gpu()));
+  all.push_back(of_sums("gl I420 sum", PixelFamily::kI420, Coordinates::kExact, any_gpu()));
   return all;
 }
 

@@ -14,7 +14,7 @@
 namespace lf::reference {
 namespace {
 
-// The yardstick itself, held against cases whose answer is known by hand.
+// Checks the reference in cases with results known by hand.
 Rig unit_triangle() {
   Rig rig;
   for (const Vec3& position : {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0)})
@@ -27,7 +27,7 @@ const Mesh kOneFace{{{{0, 1, 2}, {}}}};
 
 TEST(Sight, WeightsAreBarycentricCoordinatesOfTheMeetingPoint) {
   const Rig rig = unit_triangle();
-  // From one metre behind the array, through (0.25, 0.5).
+  // One metre behind the array, looking through (0.25, 0.5).
   const Sighting seen = Sight(rig, kOneFace, {0, 0, -1}).look(0, {0.25, 0.5, 1});
   EXPECT_TRUE(seen.faces);
   ASSERT_TRUE(seen.contains);
@@ -76,7 +76,7 @@ TEST(Sight, AgreesWithTheMeetingPointEverywhere) {
     const V3 eye = to_v3(random.point_in_box(2));
     const Sight sight(rig, mesh, eye);
     for (size_t f = 0; f < mesh.faces.size(); f++) {
-      // Somewhere near the face.
+      // A direction near the face.
       V3 d = to_v3(random.point_in_box(0.2)) - eye;
       for (int k = 0; k < mesh.faces[f].corners(); k++)
         d = d + (Real{1} / 3) * to_v3(rig.cameras[mesh.faces[f].camera[k]].pose.position);
@@ -139,13 +139,13 @@ TEST(Render, ValidLostAndDivision) {
   EXPECT_NEAR(picture.at(0, 0).colour[0], 0.25 * 30 + 0.25 * 90 + 0.5 * 210, 1e-12);
   EXPECT_EQ(picture.at(0, 0).coverage, 1);
 
-  rig.cameras[2].pose.orientation = {0, 0, 1, 0};  // looks backwards: X is behind it
+  rig.cameras[2].pose.orientation = {0, 0, 1, 0};  // looks backwards: X is behind the camera
   picture = render(rig, kOneFace, view, images);
   EXPECT_EQ(picture.at(0, 0).lost, 0.5);
   EXPECT_EQ(picture.at(0, 0).coverage, 0.5);
   EXPECT_NEAR(picture.at(0, 0).colour[0], (0.25 * 30 + 0.25 * 90) / 0.5, 1e-12);
 
-  view.focus.plane = {{0, 0, 1}, 2};  // behind the eye: no line of sight meets it at t > 0
+  view.focus.plane = {{0, 0, 1}, 2};  // no line of sight meets this plane at t > 0
   EXPECT_EQ(render(rig, kOneFace, view, images).at(0, 0).owner, Pixel::kNone);
 }
 
@@ -156,7 +156,7 @@ TEST(Render, SamplesBilinearly) {
     for (int x = 0; x < 32; x++) images[0].pixel(x, y)[1] = static_cast<uint8_t>(4 * x + 2 * y);
   View view;
   view.width = view.height = 32;
-  view.lens = Lens::pinhole(16, 15.25, 15.75);  // at camera 0, its picture moved by a quarter of a pixel
+  view.lens = Lens::pinhole(16, 15.25, 15.75);  // at camera 0, its image shifted by a quarter of a pixel
   view.focus.plane = {{0, 0, 1}, -5};
   const Picture picture = render(rig, kOneFace, view, images);
   EXPECT_NEAR(picture.at(10, 20).colour[1], 4 * 10.25 + 2 * 19.75, 1e-12);
@@ -211,11 +211,11 @@ TEST(ExactQuality, UnlikePicturesAreAnError) {
   EXPECT_THROW(compare(Image(PixelFamily::kRgb, 2, 2), flat(PixelFamily::kI420, 2, 2, 0)), Error);
 }
 
-// 2x2 cameras that look at a plane 2 m away; the view may look past their images.
+// 2x2 cameras that look at a plane 2 m away; the view may extend beyond their images.
 class FloatStillTest : public testing::Test {
  protected:
   FloatStillTest() : rig_(make_grid_rig({2, 2, 0.2, 50, 40, 30})), mesh_(build_mesh(rig_)) {
-    view_.width = 31;  // odd: chroma reaches over the edge
+    view_.width = 31;  // odd: chroma extends over the edge
     view_.height = 25;
     view_.lens = Lens::from_fov_y(40, view_.width, view_.height);
     view_.pose.position = {0, 0, 0.1};
@@ -234,7 +234,7 @@ class FloatStillTest : public testing::Test {
   }
   FloatStill exact(PixelFamily family) const {
     const ViewPlan plan(rig_, mesh_, view_);
-    return render_float_still(rig_, plan, OwnerMap(plan, {0, 0, view_.width, view_.height}), family, images(family));
+    return render_float_still(rig_, plan, FaceIdMap(plan, {0, 0, view_.width, view_.height}), family, images(family));
   }
 
   Rig rig_;
@@ -254,12 +254,12 @@ TEST_F(FloatStillTest, AStillIsItsRounding) {
 }
 
 TEST_F(FloatStillTest, WhatIsLostIsDividedAwayInEveryPlane) {
-  view_.lens = Lens::from_fov_y(58, view_.width, view_.height);  // beyond the cameras' images
+  view_.lens = Lens::from_fov_y(58, view_.width, view_.height);
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const ViewPlan plan(rig_, mesh_, view_);
     Image grey(family, 40, 30);
     std::fill(grey.data().begin(), grey.data().end(), uint8_t{77});
-    const FloatStill still = render_float_still(rig_, plan, OwnerMap(plan, {0, 0, view_.width, view_.height}), family,
+    const FloatStill still = render_float_still(rig_, plan, FaceIdMap(plan, {0, 0, view_.width, view_.height}), family,
                                                 [&](CameraIndex) -> const Image& { return grey; });
     ASSERT_GT(*std::max_element(still.lost.begin(), still.lost.end()), 0.1);
     const size_t pixels = still.valid.size();
@@ -270,7 +270,7 @@ TEST_F(FloatStillTest, WhatIsLostIsDividedAwayInEveryPlane) {
     }
     if (family == PixelFamily::kRgb) continue;
     for (size_t i = pixels; i < still.colour.size(); i++)
-      if (std::abs(still.colour[i] - 128) > 1e-6) {  // else nothing is left of it
+      if (std::abs(still.colour[i] - 128) > 1e-6) {  // otherwise no weight is left
         ASSERT_NEAR(still.colour[i], 77, 1e-3);
       }
   }
@@ -278,7 +278,7 @@ TEST_F(FloatStillTest, WhatIsLostIsDividedAwayInEveryPlane) {
 
 TEST_F(FloatStillTest, ImagesOfAnotherFamilyAreAnError) {
   const ViewPlan plan(rig_, mesh_, view_);
-  const OwnerMap owners(plan, {0, 0, view_.width, view_.height});
+  const FaceIdMap owners(plan, {0, 0, view_.width, view_.height});
   EXPECT_THROW(render_float_still(rig_, plan, owners, PixelFamily::kI420, images(PixelFamily::kRgb)), Error);
 }
 

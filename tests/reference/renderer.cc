@@ -13,7 +13,7 @@ namespace {
 constexpr Real kInfinity = std::numeric_limits<Real>::infinity();
 constexpr Real kFarAway = 1e12L;  // metres: infinity, for points
 
-// Halves [low, high] until nothing lies between; `beyond(x)` is false below the place sought and true above it.
+// Bisects [low, high] to the limit of precision; `beyond(x)` is false below the result and true above.
 template <typename Predicate>
 Real bisect(Real low, Real high, const Predicate& beyond) {
   for (;;) {
@@ -24,7 +24,7 @@ Real bisect(Real low, Real high, const Predicate& beyond) {
 }
 
 // The slope of r (1 + k1 r^2 + k2 r^4) is a parabola in q = r^2 that starts at 1: its first zero is before the vertex
-// if the parabola opens upwards, and the only one if it opens downwards.
+// if the parabola opens upwards, and is unique if the parabola opens downwards.
 Real find_fold(Real k1, Real k2) {
   const auto slope = [&](Real q) { return 1 + q * (3 * k1 + q * 5 * k2); };
   Real end = 1;
@@ -120,7 +120,7 @@ std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
 
 namespace {
 
-// The n-th smallest, from 0.
+// Returns the n-th smallest, from 0.
 Real nth(std::vector<Real> values, size_t n) {
   std::sort(values.begin(), values.end());
   return values[n];
@@ -195,7 +195,7 @@ std::vector<Real> ReferenceBlending::within_aperture(const V3& d) const {
   }
   const Real least = nth(all, 0), radius = Real{view_.blending.aperture} / 2;
   Real reach = std::max(radius * radius, 1.25L * (nth(all, std::min<size_t>(4, all.size()) - 1) - least));
-  if (all.size() > BlendGrid::kMaxShares) reach = std::min(reach, nth(all, BlendGrid::kMaxShares) - least);
+  if (all.size() > WeightGrid::kMaxShares) reach = std::min(reach, nth(all, WeightGrid::kMaxShares) - least);
   for (Real& s : squared) {
     const Real part = s <= least ? 0 : (s - least) / reach;
     s = part < 1 ? (1 - part) * (1 - part) : 0;
@@ -240,13 +240,13 @@ namespace {
 V3 centre(const Rig& rig, CameraIndex camera) { return to_v3(rig.cameras[camera].pose.position); }
 V3 axis(const Rig& rig, CameraIndex camera) { return rotate(rig.cameras[camera].pose.orientation, V3{0, 0, 1}); }
 
-// What rounding errors of d . (a x b) are proportional to in good double arithmetic, a x b = a x (b - a), and at least
-// in this one: 2^-11 is how much finer an 80-bit real is.
+// The scale of rounding errors of d . (a x b) in good double arithmetic, a x b = a x (b - a), with a lower limit for
+// 80-bit arithmetic: 2^-11 is its gain in precision.
 Real edge_scale(const V3& a, const V3& b) {
   return std::max(std::min(norm(a), norm(b)) * norm(b - a), std::ldexp(norm(a) * norm(b), -11));
 }
 
-// How far from a change of mind a verdict "all of `e` have one sign" is; `scale` 0 means exactly zero.
+// Returns how far the decision "all of `e` have one sign" is from changing; a `scale` of 0 means exactly zero.
 Real sign_margin(const std::array<Real, 3>& e, const std::array<Real, 3>& scale, int n, bool contains) {
   Real inside = kInfinity, most_positive = 0, most_negative = 0;
   for (int k = 0; k < n; k++) {
@@ -259,7 +259,7 @@ Real sign_margin(const std::array<Real, 3>& e, const std::array<Real, 3>& scale,
   return contains ? inside : std::min(most_positive, most_negative);
 }
 
-// Bilinear; coordinates clamped to the outer pixel centres.
+// Bilinear; coordinates are clamped to the outer pixel centres.
 std::array<Real, 3> sample(const Image& image, const P2& at) {
   const auto split = [](Real x, int size, int& low, int& high) {
     x = std::clamp<Real>(x, 0, size - 1);
@@ -276,12 +276,13 @@ std::array<Real, 3> sample(const Image& image, const P2& at) {
   return colour;
 }
 
-// A camera with what its samples need.
+// A camera with the data for sampling.
 struct Viewpoint {
   const Camera* camera;
   ReferenceLens lens;
 
-  // Where X falls in the image; nothing if it is lost. `margin`: distance from the other verdict.
+  // Returns the position of X in the image; nullopt if the sample is lost. `margin`: distance from the opposite
+  // decision.
   std::optional<P2> find(const V3& x_world, Real& margin) const {
     const V3 x = rotate(camera->pose.orientation, x_world - to_v3(camera->pose.position), true);
     const Real behind = x.z / norm(x);
@@ -384,7 +385,7 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
   for (const Camera& camera : rig.cameras) viewpoints.push_back({&camera, ReferenceLens(camera.lens)});
   const Plane& plane = view.focus.map ? view.focus.map->from : view.focus.plane;
   const V3 normal = to_v3(plane.normal);
-  // Of the eye from the focal plane; with a map, from the plane that its distances count from.
+  // Distance of the viewpoint from the focal plane; with a map, from the reference plane of its distances.
   const Real from_plane = dot(normal, eye) + plane.d;
 
   Picture picture{view.width, view.height, std::vector<Pixel>(static_cast<size_t>(view.width) * view.height)};
@@ -401,7 +402,7 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
       Real distance = from_plane, t = -distance / approach;
       bool in_front = t > 0;
       if (view.focus.map) {
-        // Whatever looks along the normal has an owner; a surface behind the eye loses its samples.
+        // Every line of sight along the normal has an owner; a surface behind the viewpoint loses its samples.
         const Real inverse = inverse_distance(*view.focus.map, x, y);
         distance = -1;
         t = inverse > 0 ? (1 / inverse - from_plane) / approach : kFarAway;

@@ -15,7 +15,7 @@
 
 namespace lf::reference {
 
-// The widest real the machine has (80-bit on x86): errors of the reference itself then never matter.
+// The widest floating-point type (80-bit on x86), so that errors of the reference are negligible.
 using Real = long double;
 
 struct V3 {
@@ -31,13 +31,13 @@ inline V3 cross(const V3& a, const V3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// Anything with x, y, z (and w) members.
+// Converts any type with x, y, z members.
 template <typename Vector>
 V3 to_v3(const Vector& v) {
   return {v.x, v.y, v.z};
 }
 
-// Rodrigues' form of q v q*, with q brought to unit norm; `inverse` rotates by q* instead.
+// Rodrigues' form of q v q*, with q normalised; `inverse` rotates by q* instead.
 template <typename Quaternion>
 V3 rotate(const Quaternion& q, const V3& v, bool inverse = false) {
   const Real sign = inverse ? -1 : 1;
@@ -51,17 +51,17 @@ struct P2 {
   Real x = 0, y = 0;
 };
 
-// The lens models of docs/design.md, from a Lens's model and parameters alone. Everything that has to be solved is
-// solved by bisection or by Newton's method on differences: slow, and nothing to get wrong.
+// The lens models of docs/architecture.md, from a Lens's model and parameters alone. Equations are solved by bisection or by
+// Newton's method on differences: slow but simple.
 class ReferenceLens {
  public:
   explicit ReferenceLens(const lf::Lens& lens);
 
-  // Camera coordinates to a pixel position; nothing for Z <= 0 or beyond the fold.
+  // Projects camera coordinates to a pixel; nullopt for Z <= 0 or beyond the fold.
   std::optional<P2> project(const V3& x_camera) const;
-  // A pixel's line of sight (u, v, 1); nothing where no ray falls.
+  // Returns a pixel's line of sight (u, v, 1); nullopt if no ray projects to the pixel.
   std::optional<P2> line_of_sight(const P2& pixel) const;
-  // The first undistorted radius at which r (1 + k1 r^2 + k2 r^4) stops growing; infinity if it never does.
+  // Returns the first undistorted radius at which r (1 + k1 r^2 + k2 r^4) stops growing; infinity if there is none.
   Real fold_radius() const { return fold_; }
 
  private:
@@ -72,13 +72,14 @@ class ReferenceLens {
   Real fold_;
 };
 
-// The weights of a view that is not blended by its mesh, as render/camera_weights.h states them, in 80-bit reals and
-// rounded nowhere; shared with nothing.
+// The weights of a view blended by aperture or angle, as stated in render/camera_weights.h, in 80-bit floating point
+// without rounding; shares no code with the library.
 class ReferenceBlending {
  public:
-  // Nodes are `step` pixels apart. Everything must outlive this.
+  // Nodes are `step` pixels apart. All arguments must outlive the object.
   ReferenceBlending(const Rig& rig, const Mesh& mesh, const View& view, int step);
-  // Of every camera of the rig, in pixel (x, y), as if all lines of sight had a focus; they sum to 1.
+  // Returns the weights of all cameras of the rig in pixel (x, y), as if every line of sight had a focus; they add up
+  // to 1.
   std::vector<Real> at(int x, int y) const;
 
  private:
@@ -90,31 +91,32 @@ class ReferenceBlending {
   const View& view_;
   const int step_, columns_;
   std::vector<CameraIndex> cameras_;
-  std::vector<V3> centre_, forward_;  // of these; relative to the eye, axes of the world
+  std::vector<V3> centre_, forward_;  // centres and axes of these cameras; relative to the viewpoint, in world axes
   std::vector<std::vector<Real>> nodes_;
 };
 
-// The rendering rule of the light field, written down pixel by pixel as it is stated and shared with nothing: for a
-// pixel's line of sight E + t d,
-//  - a triangle's weights are w_i = e_jk / (e_ij + e_jk + e_ki), e_ij = d . ((C_i - E) x (C_j - E)) from the edge's
-//    smaller camera to its larger one; inside where all are >= 0, undefined (no weight) where the sum is 0;
-//  - the owner is the lowest-numbered of ALL faces that faces d and contains it;
-//  - X is where the line meets the focal plane at t > 0 (else: no weight at all); each corner of the owner samples its
-//    image at X's projection, or loses its weight behind the camera, beyond the lens's fold or outside the image;
-//  - the picture is the sum of valid weight x colour, divided by 1 - lost weight.
+// The rendering rule of the light field, pixel by pixel, sharing no code with the library. For a pixel's line of sight
+// E + t d:
+// - The weights of a triangle are w_i = e_jk / (e_ij + e_jk + e_ki), e_ij = d . ((C_i - E) x (C_j - E)), from the
+//   edge's smaller camera index to the larger. The line is inside if all are >= 0; without weight if the sum is 0.
+// - The owner is the face with the lowest index of ALL faces that face d and contain the line.
+// - X is the intersection with the focal plane at t > 0 (otherwise there is no weight). Each corner of the owner
+//   samples its image at the projection of X. The corner's weight is lost if X is behind the camera, beyond the lens's
+//   fold or outside the image.
+// - The picture is the sum of valid weight x colour, divided by 1 - missing weight.
 struct Pixel {
   static constexpr int kNone = -1;
 
-  int owner = kNone;  // face of the mesh
-  int corners = 0;    // of the owner: how many of the following count
+  int owner = kNone;  // face index in the mesh
+  int corners = 0;    // number of corners of the owner, and of valid elements below
   std::array<CameraIndex, 3> camera{};
-  std::array<double, 3> weight{};  // the own_weights of these cameras; all others have none
-  std::array<double, 3> valid{};   // weight, or 0 where the sample is lost
+  std::array<double, 3> weight{};  // weights of these cameras; all other cameras have none
+  std::array<double, 3> valid{};   // weight, or 0 if the sample is lost
   double coverage = 0;             // sum of valid weights
-  double lost = 0;                 // sum of lost weights
-  std::array<double, 3> colour{};  // 0..255 after the division; black where nothing is left
-  // How far (relative to the terms of the sums that decide) the line of sight is from another owner, and from another
-  // verdict on its samples: where a margin is as small as rounding, doubles may rightly decide otherwise.
+  double lost = 0;                 // sum of missing weights
+  std::array<double, 3> colour{};  // 0..255 after the division; black without valid weight
+  // Distance (relative to the terms of the deciding sums) from another owner, and from another decision on the samples.
+  // At margins as small as rounding, double arithmetic may decide differently.
   double owner_margin = 0;
   double sample_margin = 0;
 };
@@ -123,46 +125,46 @@ struct Picture {
   int width = 0, height = 0;
   std::vector<Pixel> pixels;  // row-major
   const Pixel& at(int x, int y) const { return pixels[static_cast<size_t>(y) * width + x]; }
-  // The own of `camera` in a pixel: 0 if it is no corner of the owner.
+  // Returns the weight of `camera` in a pixel; 0 if the camera is not a corner of the owner.
   double weight_of(int x, int y, CameraIndex camera) const;
-  // Rounded to 8 bits, and coverage per pixel as quality.h takes it.
+  // Returns the picture rounded to 8 bits, and the coverage per pixel in the format of quality.h.
   Image image() const;
   std::vector<float> coverage() const;
 };
 
-// `images`: one kRgb image per camera of the rig; or none at all: colours stay black, all else is computed.
+// `images`: one kRgb image per camera of the rig; or empty: colours stay black.
 Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images);
 
-// What a map has for a pixel: bilinear between the nodes, which stand in the middle of step x step pixels; the outer
-// ones go on.
+// Returns a map's value for a pixel: bilinear between the nodes, which are at the centres of step x step pixels;
+// constant beyond the outer nodes.
 Real inverse_distance(const FocalMap& map, int x, int y);
 
-// One face seen along one line of sight.
+// One face along one line of sight.
 struct Sighting {
   bool faces = false;  // (sum of the corners' axes) . d > 0
   bool contains = false;
-  std::array<Real, 3> weight{};  // of its corners; 0 unless it contains the line
+  std::array<Real, 3> weight{};  // weights of the face's corners; 0 unless the face contains the line
   Real margin = 0;               // see Pixel::owner_margin
 };
-// Faces as one eye sees them: all that depends on no line of sight is made once.
+// The faces seen from one viewpoint; precomputes everything that is independent of the line of sight.
 class Sight {
  public:
   Sight(const Rig& rig, const Mesh& mesh, const V3& eye);
-  // `d` in the world, any length > 0.
+  // `d` in world axes, any length > 0.
   Sighting look(size_t face, const V3& d) const;
 
  private:
   struct Face {
     int corners;
     std::array<V3, 3> edge;     // triangle: opposite each corner; strip: (C_k - E) x extent
-    std::array<Real, 3> scale;  // of the terms that make up edge . d, for a unit d
+    std::array<Real, 3> scale;  // scale of the terms of edge . d, for a unit d
     V3 axes;                    // sum of the corners' forward axes
   };
   std::vector<Face> faces_;
 };
 
-// The same weights by going there: the point where the line meets the triangle's plane and its barycentric coordinates
-// by areas. Nothing where the line is (almost) parallel to the plane or the triangle has (almost) no area.
+// Computes the same weights by another method: barycentric coordinates, by areas, of the intersection with the
+// triangle's plane. Returns nullopt if the line is (almost) parallel to the plane or the triangle has (almost) no area.
 std::optional<std::array<Real, 3>> weights_at_meeting_point(const Rig& rig, const MeshFace& face, const V3& eye,
                                                             const V3& d);
 

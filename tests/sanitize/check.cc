@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a sanitizer sees of threads that meet in GStreamer, and what it must not take for a race: check-sanitizer WAY.
-// The pictures of a pipeline are counted by its streaming thread, and looked at by another one:
-//   lock    under GStreamer's object lock
-//   queue   in pieces that are handed over by a queue of GLib's
-//   state   once the pipeline has stopped
-//   race    while it runs, without any of these: a report and exit status 66 are right
+// Checks that a sanitizer understands GStreamer's synchronisation: check-sanitizer WAY. A pipeline's streaming thread
+// counts pictures, and another thread reads the count:
+//   lock     under GStreamer's object lock
+//   queue    through a GLib queue
+//   state    after the pipeline has stopped
+//   race     without synchronisation: a report and exit status 66 are expected
 #include <gst/gst.h>
 
 #include <cstdio>

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Whether ThreadSanitizer finds a race between threads of GStreamer, and takes nothing else for one.
+# Checks that ThreadSanitizer reports a race between GStreamer threads, and no false positives.
 #   tests/sanitize/check.sh CHECK-SANITIZER   see check.cc
 set -euo pipefail
 for way in lock queue state race; do

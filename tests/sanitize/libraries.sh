@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds GLib and GStreamer's core, as they are installed, with ThreadSanitizer.
-#   tests/sanitize/libraries.sh FOLDER   into FOLDER/lib, FOLDER/plugins and FOLDER/bin; nothing if they are there
-# GLib's locks are made of atomics and futexes. Where GLib is not built with it, ThreadSanitizer sees none of them, takes
-# all that they guard for races, and would have to be told to overlook whatever goes through GStreamer, ours too.
+# Builds the installed versions of GLib and GStreamer's core with ThreadSanitizer.
+#   tests/sanitize/libraries.sh FOLDER   into FOLDER/lib, FOLDER/plugins and FOLDER/bin, unless up to date
+# GLib's locks use atomics and futexes. In an uninstrumented GLib, ThreadSanitizer does not see the locks and reports
+# races on all data that they guard. Suppressions would have to cover all code below GStreamer, including ours.
 set -euo pipefail
 mkdir -p "$1"
 cd "$1"
@@ -16,12 +16,12 @@ mkdir -p src/sources/parts src/sources/lists/partial lib plugins bin
 
 as_root=()
 ((EUID == 0)) || as_root=(sudo)
-# (dpkg-query ends well for packages that it knows and that are not installed, too.)
+# dpkg-query also succeeds for known packages that are not installed, so count the installed ones.
 [[ $(dpkg-query -W -f '${db:Status-Status}\n' dpkg-dev flex bison 2>/dev/null | grep -cx installed) == 3 ]] ||
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install dpkg-dev flex bison \
     >/dev/null
 
-# Where Debian's packages come from, their sources come from, too.
+# Sources come from the same archives as the installed packages.
 apt-get indextargets --format 'deb-src $(REPO_URI) $(CODENAME) main' 'Created-By: Packages' 'Origin: Debian' \
   'Component: main' | sort -u -k 3 >src/sources/parts/debian.list
 cd src
@@ -35,10 +35,10 @@ export CC=${CC:-gcc}
 export CFLAGS='-fsanitize=thread -O1 -g1 -fno-omit-frame-pointer -w' LDFLAGS=-fsanitize=thread
 like_debian=(--prefix=/usr --libdir="lib/$(gcc -print-multiarch)" --sysconfdir=/etc --localstatedir=/var
   -Dbuildtype=plain -Db_lundef=false)
-# Looks at counters that others count by atomics, as GLib looks at them.
+# Reads reference counts atomically, as GLib does.
 sed -i -E 's/(\(\(GObject \*\) object\)|G_OBJECT \(\*?[a-z]+\))->ref_count/g_atomic_int_get (\&\1->ref_count)/g' \
   src/gstreamer1.0-*/gst/gstobject.c
-# Locks of one bit are assembler where they can be, which is not instrumented.
+# Disables the assembler version of bit locks, which is not instrumented.
 sed -i 's/# *define USE_ASM_GOTO 1/#undef USE_ASM_GOTO/' src/glib2.0-*/glib/gbitlock.c
 echo "building GLib and GStreamer with ThreadSanitizer"
 meson setup src/glib src/glib2.0-*/ "${like_debian[@]}" -Dtests=false -Dman=false -Dgtk_doc=false -Dselinux=disabled \

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""What somebody on the network sends who means no good: hostile.py PER_SECOND HOST:PORT[:KIND]...
+"""Simulates an attacker on the network: hostile.py PER_SECOND HOST:PORT:KIND...
 
-KIND is `requests` (a node's or compositor's port for requests) or `answers`. Each packet goes to one address, in turn,
-until the program is ended: noise, nothing, truncated and damaged packets, requests for views that cost much, forged
-answers.
+KIND is `requests` (a node's or compositor's port for requests) or `answers`. Sends packets to the addresses in turn
+until killed: noise, empty, truncated and damaged packets, requests for expensive views, and forged answers.
 """
 
 import os
@@ -21,7 +20,7 @@ def unit(magic, kind, body):
 
 
 def request(view, width, height, aperture=0.0):
-    """A view request (lib/wire/spec.md) of a view in the middle of the array."""
+    """Returns a request (lib/wire/spec.md) for a view from the middle of the array."""
     focal = 1.2 * width
     body = struct.pack('>IIQQHHBBBB', view, random.getrandbits(32), NOW, 0, width, height, 0, 0, 0,
                        0x10 if aperture else 0)
@@ -57,10 +56,10 @@ REQUESTS = [
     lambda: packet(noise()),
     lambda: packet(ordinary()[:random.randrange(140)]),
     lambda: damaged(packet(ordinary())),
-    lambda: packet(ordinary()),  # of a viewer that nobody knows
+    lambda: packet(ordinary()),  # from an unknown viewer
     lambda: packet(b''.join(ordinary() for _ in range(9))),
 ]
-# What costs a node much that takes them.
+# Requests that are expensive for a node.
 REQUESTS += [
     lambda: packet(request(random.getrandbits(32), 16384, 16384)),
     lambda: packet(request(random.getrandbits(32), 320, 240, 1e6)),
@@ -86,7 +85,7 @@ def main(per_second, targets):
         try:
             sender.sendto(random.choice(kinds)(), address)
         except OSError:
-            pass  # nobody is there now
+            pass  # the program at this address is not running
         sent += 1
         time.sleep(max(0, begun + sent / per_second - time.monotonic()))
 

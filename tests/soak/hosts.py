@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Hosts on one Ethernet switch, each a network namespace, and programs on them."""
+"""Programs on hosts of an Ethernet switch; each host is a network namespace."""
 
 import os
 import signal
@@ -12,8 +12,8 @@ def _ip(*arguments):
 
 
 class Network:
-    """The first host has the address 10.78.0.3, the others follow; of what comes to each a share is lost. Gone with
-    close()."""
+    """Hosts with the addresses 10.78.0.3, 10.78.0.4 and so on. Each host drops the share `loss` of incoming packets.
+    close() removes the hosts."""
 
     def __init__(self, hosts, loss):
         self._prefix = f'soak{os.getpid()}-'
@@ -45,7 +45,7 @@ class Network:
 
 
 class Program:
-    """A program with its output in a log; `on_line` is called with each line, in a thread of its own."""
+    """A program with its output in a log. A separate thread calls `on_line` with each line."""
 
     def __init__(self, name, command, log, environment=None, on_line=None):
         self.name = name
@@ -53,13 +53,13 @@ class Program:
         self._log = open(log, 'ab')
         self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                          stderr=subprocess.STDOUT, start_new_session=True, env=environment)
-        self.pid = self._process.pid  # `ip netns exec` and the scripts become what they start
+        self.pid = self._process.pid  # `ip netns exec` and the scripts exec the program
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self):
         for line in self._process.stdout:
-            # Messages about pictures are many, and what they say is kept elsewhere.
+            # Watch stores the many messages about frames.
             if b'lightfield-view' not in line:
                 self._log.write(line)
                 self._log.flush()
@@ -74,7 +74,7 @@ class Program:
             os.killpg(self.pid, number)
 
     def stop(self, seconds, number=signal.SIGINT):
-        """Asks it to end. Whether it did within so many seconds; if not it is killed."""
+        """Sends the signal `number`. Returns True if the program ends within `seconds`; otherwise kills the program."""
         self.send(number)
         try:
             self._process.wait(seconds)

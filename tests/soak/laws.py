@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""What has to be so after a soak, whatever happened in it."""
+"""Invariants that must hold after a soak."""
 
 import glob
 import re
@@ -10,24 +10,24 @@ from watch import percentile
 
 Run = namedtuple('Run', 'watch before after warm end failures out has_browser')
 
-# Of what a program has least of in a minute, in the second half: heaps take a while to be as large as they need, and visits
-# come and go. The larger one counts, however long the soak was.
+# Limits for the growth of memory() in the second half of a soak, in MiB and as a share of the memory; the larger limit
+# counts. Heaps need the first half to reach their size.
 MOST_GROWTH_MIB, MOST_GROWTH_SHARE = 6, 0.1
-MOST_THREADS_MORE = 6  # that pools keep, and films that begin again
-HEALS_WITHIN = 6  # seconds; for so long nothing is asked of pictures
-LEAST_COMPLETE = 0.4  # of pictures while nothing is killed or lost, at 1 % of packets lost each way
-LEAST_FRAGMENTS = 0.9  # of what those pictures are made of
+MOST_THREADS_MORE = 6  # threads of pools, and of films that start again
+HEALS_WITHIN = 6  # seconds; frames in this time are not checked
+LEAST_COMPLETE = 0.4  # share of complete frames in undisturbed times, with 1 % packet loss in each direction
+LEAST_FRAGMENTS = 0.9  # share of received fragments in these frames
 LONGEST_PAUSE = 5  # seconds without a picture
 
 
 def slope(points):
-    """By Theil and Sen: the median of the slopes between points."""
+    """Returns the Theil-Sen slope: the median of the slopes between all pairs of points."""
     return statistics.median((b[1] - a[1]) / (b[0] - a[0])
                              for i, a in enumerate(points) for b in points[i + 1:] if b[0] > a[0])
 
 
-def troubled(run):
-    """When something was killed or lost, with the time to heal: (begin, end)."""
+def disturbed_times(run):
+    """Returns (begin, end) of the times with a killed node or lost camera, including the time to recover."""
     spans, open_at = [], {}
     for at, what in run.watch.events:
         name, _, verb = what.rpartition(' ')
@@ -39,7 +39,7 @@ def troubled(run):
 
 
 def stays(run):
-    """When viewers were there: view, begin, end."""
+    """Returns the visits of viewers: (view, begin, end)."""
     came, all_stays = {}, []
     for at, what in run.watch.events:
         found = re.fullmatch(r'viewer (\d) (comes|goes)', what)
@@ -50,9 +50,9 @@ def stays(run):
     return all_stays
 
 
-def calm_pictures(run):
-    """Of viewers that are there for a while, while nothing is killed or lost."""
-    spans = troubled(run)
+def interior_pictures(run):
+    """Returns the frames of undisturbed times, without the start of each visit."""
+    spans = disturbed_times(run)
     there = [(view, begin + HEALS_WITHIN, end) for view, begin, end in stays(run)]
     return [p for p in run.watch.pictures if p.time > run.warm
             and any(view == p.view and begin <= p.time <= end for view, begin, end in there)
@@ -60,8 +60,8 @@ def calm_pictures(run):
 
 
 def memory(run):
-    """Of programs that lived from the warm-up on to the end, in its second half, the least of each minute: name, points
-    (seconds, MiB)."""
+    """Yields the name and points (seconds, MiB) of each program that ran from the warm-up to the end. Each point is the
+    minimum of a minute (less in a short soak) in the second half, because visits add memory temporarily."""
     final = {(s.program, s.pid) for s in run.after.values()}
     first = {(s.program, s.pid) for s in run.before.values()}
     for key in sorted(final & first):
@@ -74,7 +74,7 @@ def memory(run):
 
 
 def check(run):
-    """Yields whether each law holds, and its figures."""
+    """Yields (True if it holds, text with figures) for each invariant."""
     yield not run.failures, 'programs live until they are ended, and end when they are asked to' + \
         ''.join(f'; {failure}' for failure in run.failures)
 
@@ -90,7 +90,7 @@ def check(run):
         text = ', '.join(f'{name} {getattr(run.after[name], what)} ({n:+d})' for name, n in sorted(more.items()))
         yield len(more) == len(run.before) and max(more.values()) <= slack, f'{what} return to their base: {text}'
 
-    pictures = calm_pictures(run)
+    pictures = interior_pictures(run)
     for view in sorted({p.view for p in run.watch.pictures}):
         own = [p for p in pictures if p.view == view]
         if not own:
@@ -126,7 +126,7 @@ def check(run):
 
 
 def hold(run):
-    """Prints each law with its figures. Whether all hold."""
+    """Prints each invariant with its figures. Returns True if all invariants hold."""
     all_hold = True
     for holds, text in check(run):
         print(('ok      ' if holds else 'BROKEN  ') + text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""A soak as one picture: memory, descriptors, threads, latency and completeness over time, as SVG."""
+"""Plots a soak as SVG: memory, descriptors, threads, latency and completeness over time."""
 
 from collections import defaultdict
 from html import escape
@@ -9,11 +9,11 @@ from watch import percentile
 
 WIDTH, PANEL, LEFT, RIGHT, TOP, GAP = 1000, 130, 60, 150, 46, 34
 COLOURS = ['#0b6fb8', '#d1495b', '#2e8b57', '#8d5fd3', '#c77d0a', '#4a4a4a', '#00989d', '#9c3587', '#7a8b00']
-BUCKET_SHARE = 1 / 120  # of the run: what a point of latency and completeness is of
+BUCKET_SHARE = 1 / 120  # share of the run's time in one point of latency and completeness
 
 
 def ticks(most):
-    """A few round numbers from 0 to beyond `most`."""
+    """Returns a few round numbers from 0 to beyond `most`."""
     step = 1
     while most / step > 4:
         step *= 2.5 if str(step).startswith('2') else 2
@@ -22,7 +22,7 @@ def ticks(most):
 
 class Svg:
     def __init__(self, title, panels, seconds, bands):
-        """`bands`, behind all panels: (begin, end, colour)."""
+        """`bands`: coloured times behind all panels, (begin, end, colour)."""
         self.seconds = seconds
         self.height = TOP + panels * (PANEL + GAP) + 10
         self.parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {self.height}" '
@@ -57,7 +57,7 @@ class Svg:
         self.parts.append(f'<text x="{LEFT}" y="{top - 5}" font-weight="bold">{escape(title)}</text>')
         for i, (name, points) in enumerate(series.items()):
             colour = COLOURS[i % len(COLOURS)]
-            # A line ends where nothing was seen for a while.
+            # Gaps in the data interrupt the line.
             path, last = '', None
             for at, value in points:
                 far = last is None or at - last > max(10, 3 * BUCKET_SHARE * self.seconds)
@@ -72,7 +72,7 @@ class Svg:
 
 
 def of_buckets(pictures, seconds, value):
-    """View to points: `value` of the pictures of each stretch of time."""
+    """Returns {view: points}, with `value` of the frames of each time interval."""
     length = max(3, seconds * BUCKET_SHARE)
     buckets = defaultdict(lambda: defaultdict(list))
     for picture in pictures:
@@ -82,7 +82,7 @@ def of_buckets(pictures, seconds, value):
 
 
 def peaks(points, seconds):
-    """The largest of each stretch of time: a few hundred points, however long the run was."""
+    """Returns the maximum of each time interval: at most a few hundred points."""
     largest = {}
     for point in points:
         stretch = int(point[0] / max(3, seconds / 250))
@@ -92,7 +92,7 @@ def peaks(points, seconds):
 
 def draw(run, path):
     watch, seconds = run.watch, run.end
-    bands = [(begin + 0.5, end - laws.HEALS_WITHIN, '#f3dede') for begin, end in laws.troubled(run)]
+    bands = [(begin + 0.5, end - laws.HEALS_WITHIN, '#f3dede') for begin, end in laws.disturbed_times(run)]
     bands.append((0, run.warm, '#eeeeee80'))
 
     def of_programs(what):
@@ -100,7 +100,7 @@ def draw(run, path):
         for s in watch.samples:
             series[s.program].append((s.time, getattr(s, what)))
         return {name: peaks(points, seconds) for name, points in series.items()}
-    svg = Svg(f'{len(laws.stays(run))} visits of three viewers, {len(laws.troubled(run))} kills of nodes and losses of '
+    svg = Svg(f'{len(laws.stays(run))} visits of three viewers, {len(laws.disturbed_times(run))} kills of nodes and losses of '
               f'cameras (red; grey: warm-up)', 6, seconds, bands)
     svg.panel('Memory, MiB (PSS)', of_programs('memory'))
     svg.panel('Descriptors', of_programs('descriptors'))

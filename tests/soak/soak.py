@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The whole system for a while under all that can happen to it; by tests/soak.sh. See there what it does and asks for."""
+"""Runs the whole system under load and failures; started and described by tests/soak.sh."""
 
 import argparse
 import json
@@ -18,16 +18,16 @@ from watch import Watch
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
-CAMERAS = ['0-7', '8-15', '16-23', '24-31', '32-47', '48-63']  # of each camera host
+CAMERAS = ['0-7', '8-15', '16-23', '24-31', '32-47', '48-63']  # per camera host
 RATE = '10/1'
-LOSS = 0.01  # of the packets that come to a host
-HOSTILE = 100  # packets a second
+LOSS = 0.01  # share of the incoming packets of a host
+HOSTILE = 100  # packets per second
 SAMPLE_EVERY = 3  # seconds
-SETTLE = 12  # until who has gone is forgotten: a browser after 5
-ENDS_WITHIN = 15
-MOST_ADDRESSES = 6 << 30  # bytes of a program
+SETTLE = 12  # seconds until servers forget former clients (browsers: 5 s)
+ENDS_WITHIN = 15  # seconds
+MOST_ADDRESSES = 6 << 30  # address space of a program, bytes
 
-# Nodes that are killed; the others, the compositor and lf-serve live as long as the soak.
+# Nodes that are killed. All other nodes, the compositor and lf-serve run for the whole soak.
 MORTAL = [0, 1, 4]
 KILL_EVERY, KILLED_FOR = 40, 6
 LOSE_EVERY, LOST_FOR = 35, 8
@@ -42,15 +42,15 @@ class Soak:
         self.due = []  # (when, what to do)
         self.nodes, self.viewers, self.others, self.failures = {}, {}, {}, []
         self.browser = None
-        self.lost = {}  # files of cameras that are lost: what was in them
-        self.dead = set()  # processes that are known to have ended
+        self.lost = {}  # {path: content} of the files of lost cameras
+        self.dead = set()  # processes with a known end
         self.environment = {**os.environ, 'GST_PLUGIN_PATH': build + '/gst',
                             'GST_REGISTRY': build + '/soak/registry.bin', 'LF_TOOLS_DIR': build + '/tools'}
         self.rig = self.own_cameras(film)
         self.network = Network(['c0', 'c1', 'c2', 'c3', 'c4', 'c5', 'compositor', 'v0', 'v1', 'v2', 'serve', 'evil'],
                                LOSS)
 
-    # The film with camera files of its own, as cameras are lost.
+    # Copies the film, because lost cameras change their files.
     def own_cameras(self, film):
         folder = self.out + '/cameras'
         shutil.rmtree(folder, ignore_errors=True)
@@ -68,7 +68,7 @@ class Soak:
                                   environment={**self.environment, **(environment or {})},
                                   on_line=lambda line: self.watch.on_line(line, view))
 
-    # What would take all of the machine's memory is to end, and be told of.
+    # A program with excessive memory use ends and is reported, before the machine runs out of memory.
     def start_limited(self, *arguments, **more):
         name, host, command = arguments
         return self.start(name, host, ['prlimit', f'--as={MOST_ADDRESSES}', *command], **more)
@@ -76,7 +76,7 @@ class Soak:
     def at(self, host, port):
         return f'{self.network.address(host)}:{port}'
 
-    # Who asks a node: its port there for requests, and its port for answers at home.
+    # The clients of a node, and the node's port for the requests of each client.
     ASKERS = {'compositor': 6000, 'v2': 6001, 'serve': 6002}
 
     def start_node(self, i):
@@ -102,7 +102,6 @@ class Soak:
         targets = [f'{self.at(f"c{i}", port)}:requests' for i in range(len(CAMERAS)) for port in self.ASKERS.values()]
         targets += [f'{self.at(asker, 6100 + i)}:answers' for asker in self.ASKERS for i in range(len(CAMERAS))]
         targets.append(f'{self.at("compositor", 6200)}:requests')
-        # A stranger, and one that viewers share a host with.
         for host in ('evil', 'v2'):
             name = f'hostile {host}'
             self.others[name] = self.start(name, host, [sys.executable, ROOT + '/tests/soak/hostile.py', str(HOSTILE / 2),
@@ -113,7 +112,7 @@ class Soak:
         if i < 2:
             compositor = self.network.address('compositor')
             command = (f'gst-launch-1.0 -m lfviewrequest view-id={i} rig={self.rig} location={path} loop=true is-live=true '
-                       f'framerate={RATE} capture-delay=100000000 navigation-from=pictures ! rtplfpay ! '
+                       f'framerate={RATE} capture-delay=100000000 navigation-element=pictures ! rtplfpay ! '
                        f'udpsink host={compositor} port=6200 sync=false async=false '
                        'udpsrc port=6300 caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26 '
                        f'! lfrtpgate peers={compositor} ! rtpjpegdepay ! jpegdec name=pictures ! videoconvert ! '
@@ -122,7 +121,7 @@ class Soak:
             command = ['gst-launch-1.0', '-m', 'lfviewsrc', f'rig={self.rig}', 'nodes=' + ','.join(self.nodes_for('v2')),
                        f'location={path}', 'loop=true', f'framerate={RATE}', 'post-messages=true', '!',
                        'fakesink', 'sync=false', 'async=false']
-        # The compositor host says itself whose pictures it makes.
+        # Messages of the compositor host name the view.
         self.viewers[i] = self.start_limited(f'viewer {i}', f'v{i}', command, view=i)
 
     def start_browser(self):
@@ -133,7 +132,6 @@ class Soak:
                                   environment={'LF_SOAK_URL': 'http://127.0.0.1:8080/', 'LF_SOAK_STAYS': '25',
                                                'LF_SOAK_AWAY': '5'})
 
-    # What happens, each in its turn.
     def later(self, seconds, what):
         self.due.append((self.watch.now() + seconds, what))
 
@@ -199,7 +197,8 @@ class Soak:
                     event[1]()
                 time.sleep(0.1)
 
-    # All come and go for so long; then they are gone, all that was lost is back, and nothing moves.
+    # Runs viewers and failures for `seconds`, then restores all nodes and cameras and stops all viewers. Returns the
+    # minimum samples of the programs without viewers.
     def busy(self, seconds):
         for i in range(3):
             self.later(2 * i, lambda i=i: self.viewer_comes(i))
@@ -219,7 +218,7 @@ class Soak:
         if self.browser:
             self.end(self.browser, signal.SIGTERM)
             self.browser = None
-        self.watch.event('nobody watches')
+        self.watch.event('no viewer watches')
         self.pass_time(SETTLE)
         quiet = self.watch.now()
         self.pass_time(SETTLE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""What a soak looks at: the memory, descriptors and threads of programs, and the pictures that viewers get."""
+"""Collects the data of a soak: memory, descriptors and threads of programs, and the viewers' frames."""
 
 import os
 import re
@@ -7,7 +7,7 @@ import threading
 import time
 from collections import namedtuple
 
-Sample = namedtuple('Sample', 'time program pid memory descriptors threads')  # seconds since the begin, MiB (PSS)
+Sample = namedtuple('Sample', 'time program pid memory descriptors threads')  # seconds since the start, MiB (PSS)
 Picture = namedtuple('Picture', 'time view complete fragments missing latency')  # milliseconds
 
 _VIEW = re.compile(r'lightfield-view, view-id=\(uint\)(\d+), .*complete=\(boolean\)(\w+), fragments=\(uint\)(\d+), '
@@ -15,7 +15,7 @@ _VIEW = re.compile(r'lightfield-view, view-id=\(uint\)(\d+), .*complete=\(boolea
 
 
 def sample_of(seconds, program):
-    """None where the process has ended meanwhile."""
+    """Returns None if the process has ended."""
     folder = f'/proc/{program.pid}'
     try:
         with open(folder + '/smaps_rollup', encoding='ascii') as file:
@@ -27,7 +27,7 @@ def sample_of(seconds, program):
 
 
 class Watch:
-    """Collects samples, pictures and events, all in seconds since it was made."""
+    """Samples, frames and events with times in seconds since construction."""
 
     def __init__(self):
         self._begun = time.monotonic()
@@ -38,7 +38,7 @@ class Watch:
         return time.monotonic() - self._begun
 
     def on_line(self, line, view=None):
-        """Output of a program: its messages about pictures are taken, as of this view or of the one they name."""
+        """Stores a program's message about a frame. `view` replaces the view id in the message."""
         found = _VIEW.search(line)
         if found:
             with self._lock:
@@ -50,13 +50,14 @@ class Watch:
         print(f'{self.now():7.1f} s  {what}', flush=True)
 
     def look(self, programs):
-        """Samples of those that run."""
+        """Stores and returns samples of the running programs."""
         seen = [sample for program in programs if (sample := sample_of(self.now(), program))]
         self.samples += seen
         return seen
 
     def least(self, programs, since):
-        """What each of these had least of since then: threads that read films come and go. By name."""
+        """Returns {name: last sample since `since`}, with the minimum numbers of descriptors and threads, because
+        threads that read films come and go."""
         result = {}
         for program in programs:
             own = [s for s in self.samples if s.pid == program.pid and s.time >= since]
@@ -81,6 +82,6 @@ class Watch:
 
 
 def percentile(values, percent):
-    """Of a list that is not empty."""
+    """`values` must not be empty."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(len(ordered) * percent / 100))]

@@ -13,12 +13,11 @@
 #include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 
-// One view by way of each of the random access cameras, everything that travels encoded and decoded again.
 namespace lf {
 
 inline constexpr Access kAccesses[] = {Access::kSelf, Access::kWarp, Access::kPixels};
 
-// What cameras know that are told: lenses and sizes.
+// Returns a rig with only lenses and sizes, for cameras with explicit homographies.
 inline Rig without_places(Rig rig) {
   for (Camera& camera : rig.cameras) camera.pose = {Vec3(7, 7, 7), Quat(0.6, 0, 0.8, 0)};
   return rig;
@@ -26,9 +25,12 @@ inline Rig without_places(Rig rig) {
 
 class AccessPictures {
  public:
-  // Images of one family; an empty one: the camera has none.
+  // All images have the same family. An empty image: the camera has no frame.
   AccessPictures(const Rig& rig, const ViewRequest& request, const std::vector<Image>& images)
-      : rig_(std::make_shared<const Rig>(rig)), told_(without_places(rig)), request_(request), images_(images) {
+      : rig_(std::make_shared<const Rig>(rig)),
+        rig_without_poses_(without_places(rig)),
+        request_(request),
+        images_(images) {
     for (const Image& image : images)
       if (image.family() != PixelFamily::kNone) family_ = image.family();
   }
@@ -38,12 +40,12 @@ class AccessPictures {
     if (access == Access::kSelf) return std::make_unique<const RequestPlan>(*rig_, mesh, request_, own);
     const auto bytes = wire::encode_any_request(CameraAccess::of(access)->command(*rig_, mesh, request_));
     MeshCache none;
-    return plan_request(told_, none, wire::decode_any_request(bytes).value(), own);
+    return plan_request(rig_without_poses_, none, wire::decode_any_request(bytes).value(), own);
   }
 
   ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const RenderOptions& options) const {
     const auto plan = this->plan(access, own);
-    const Rig& known = access == Access::kSelf ? *rig_ : told_;
+    const Rig& known = access == Access::kSelf ? *rig_ : rig_without_poses_;
     std::vector<Source> sources;
     CameraSet blind;
     for (const CameraIndex camera : plan->cameras()) {
@@ -63,7 +65,6 @@ class AccessPictures {
     return RequestRenderer().render({plan.get(), header}, sources, options, scratch).bytes;
   }
 
-  // From one answer, or from more (of several nodes).
   Image picture(const std::vector<ByteBuffer>& answers) {
     assembly_.set_rig(rig_);
     assembly_.begin(request_);
@@ -86,7 +87,7 @@ class AccessPictures {
 
  private:
   const std::shared_ptr<const Rig> rig_;
-  const Rig told_;
+  const Rig rig_without_poses_;
   const ViewRequest request_;
   const std::vector<Image>& images_;
   PixelFamily family_ = PixelFamily::kNone;

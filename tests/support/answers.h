@@ -16,10 +16,9 @@
 #include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 
-// Answers as vectors of uncompressed fragments, for those whom a copy does not hurt.
+// Answers as vectors of uncompressed fragments, for tests that can afford a copy.
 namespace lf::wire {
 
-// A whole answer with its fragments uncompressed, 8 bits a value.
 struct Answer : AnswerHeader {
   std::vector<Fragment> fragments;
   bool operator==(const Answer&) const = default;
@@ -39,19 +38,18 @@ inline Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& 
     for (int c = 1; c < 3; c++)
       append_rows(out.pixels, planes.plane[c], planes.stride[c], chroma_size(w), chroma_size(h));
   }
-  if (planes.lost) append_rows(out.lost, planes.lost, planes.lost_stride, w, h);
+  if (planes.lost) append_rows(out.lost, planes.lost, planes.missing_stride, w, h);
   return out;
 }
 
-// Raw. Throws Error naming the field if decode_answer() would not take it back (sizes, rectangles, planes, limits).
+// Encodes raw. Throws Error with the invalid field if decode_answer() would reject the result.
 inline std::vector<uint8_t> encode_answer(const Answer& answer) {
   const ByteBuffer bytes = FragmentEncoder().encode(answer, answer.fragments, 0);
   return {bytes.begin(), bytes.end()};
 }
 
-// Nothing for bytes that are not exactly one valid answer, whole, with sound payloads; `reason` (may be null) then says
-// why, naming the field. Fragments come out with rectangles inside the view and planes of exactly their sizes, whatever
-// their codec: 16-bit sums are rounded (halves up) and saturated to 8 bits.
+// Returns nullopt unless `bytes` is exactly one valid, whole answer with valid payloads; `reason` (may be null) then
+// receives the invalid field. 16-bit sums are rounded (halves up) and saturated to 8 bits.
 inline std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string* reason = nullptr) {
   const std::optional<AnswerView> view = parse_answer(bytes, reason);
   if (!view) return std::nullopt;
@@ -85,7 +83,6 @@ inline std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::
 
 namespace lf {
 
-// Adds an answer as it comes off the wire.
 inline Assembly::Verdict add_answer(Assembly& assembly, const wire::Answer& answer) {
   const std::vector<uint8_t> bytes = wire::encode_answer(answer);
   return assembly.add(wire::parse_answer(bytes).value());
@@ -95,14 +92,14 @@ inline Assembly::Verdict add_answer(Assembly& assembly, const wire::Answer& answ
 
 namespace lf::test {
 
-// The cameras that an answer speaks for and that have pictures, ascending.
+// Returns the answer's cameras that have frames, ascending.
 inline CameraSet seeing(const wire::AnswerHeader& answer) {
   CameraRanges cameras = answer.cameras;
   cameras.remove(answer.blind);
   return cameras.cameras();
 }
 
-// The answer of a node with these cameras, all of which see `image`: the sum alone.
+// Returns the sum of a node with these cameras, which all have the frame `image`.
 inline ByteBuffer node_answer_bytes(const Rig& rig, const ViewRequest& request, const std::vector<CameraIndex>& cameras,
                                     const Image& image, CodecChoice codec = CodecChoice::kRaw) {
   ViewRequest of_sum;
@@ -123,7 +120,6 @@ inline ByteBuffer node_answer_bytes(const Rig& rig, const ViewRequest& request, 
   return RequestRenderer().render({&plan, header}, sources, {.codec = codec}, scratch).bytes;
 }
 
-// The same in 8 bits.
 inline wire::Answer node_answer(const Rig& rig, const ViewRequest& request, const std::vector<CameraIndex>& cameras,
                                 const Image& image) {
   return wire::decode_answer(node_answer_bytes(rig, request, cameras, image)).value();

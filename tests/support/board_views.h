@@ -12,7 +12,7 @@ namespace lf {
 
 inline constexpr Checkerboard kTestBoard = {8, 6, 0.03};
 
-// World = camera; the board's pose in it: about 0.4 m away, tilted by up to `tilt` radians.
+// Returns a random pose of the board in camera coordinates: about 0.4 m away, tilted by up to `tilt` radians.
 inline Pose board_pose(std::mt19937& random, double tilt) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   const double a = tilt * uniform(random), b = tilt * uniform(random), c = uniform(random);
@@ -23,7 +23,7 @@ inline Pose board_pose(std::mt19937& random, double tilt) {
   return {place - glm::mat3_cast(turn) * middle, turn};
 }
 
-// What `lens` sees of the board in `count` poses, with Gaussian noise in x and in y.
+// Returns detections of the board in `count` poses, with Gaussian noise in x and y.
 inline std::vector<BoardView> board_views(const Lens& lens, size_t count, double noise, uint32_t seed,
                                           double tilt = 0.6) {
   std::mt19937 random(seed);
@@ -41,14 +41,15 @@ inline std::vector<BoardView> board_views(const Lens& lens, size_t count, double
   return views;
 }
 
-// The checkerboard in squares from corner 0, white outside, as paper is.
+// Checkerboard in units of squares from corner 0; white outside.
 inline bool is_white_on_checkerboard(const Vec2& at) {
   const int column = static_cast<int>(std::floor(at.x)), row = static_cast<int>(std::floor(at.y));
   const bool outside = column < -1 || row < -1 || column >= kTestBoard.columns || row >= kTestBoard.rows;
   return outside || (column + row) % 2 != 0;
 }
 
-// What `lens` sees of a board in a pose: is_white(place on the board, in squares from corner 0), 4x4 samples a pixel.
+// Renders a board in a pose with 4x4 samples per pixel. is_white() takes a position on the board, in squares from
+// corner 0.
 template <class IsWhite>
 Image picture_of_board(const Lens& lens, const Pose& pose, int width, int height, const IsWhite& is_white) {
   constexpr int kSamples = 4;

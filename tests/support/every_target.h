@@ -8,7 +8,6 @@
 
 namespace lf::test {
 
-// Calls fn() with each instruction set that this machine has.
 template <typename Fn>
 void on_every_target(const Fn& fn) {
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {

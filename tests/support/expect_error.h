@@ -17,6 +17,6 @@ inline std::string text_of_error(const std::function<void()>& action) {
   return "no lf::Error was thrown";
 }
 
-// Expects an lf::Error whose text contains `part`. (gmock's ThrowsMessage compiles several times as long.)
+// Expects an lf::Error with a text that contains `part`. gmock's ThrowsMessage compiles several times as slowly.
 #define EXPECT_ERROR(statement, part) \
   EXPECT_PRED_FORMAT2(::testing::IsSubstring, std::string(part), text_of_error([&] { (void)(statement); }))

@@ -11,7 +11,7 @@ std::vector<Fragment> weighted_fragments(PixelFamily family, int side, int width
   View view;
   view.width = width;
   view.height = height;
-  // An eye one metre behind the array sees the array as the whole view.
+  // One metre behind the array, the array fills the view.
   const double extent = kScenePitch * (side - 1);
   view.lens = Lens(LensModel::kPinhole, {width / extent, height / extent, (width - 1) / 2., (height - 1) / 2.});
   view.pose.position = {0, 0, -1};

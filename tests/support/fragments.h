@@ -13,7 +13,6 @@
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 
-// Fragments made up for tests of what adds them.
 namespace lf::test {
 
 inline constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
@@ -28,7 +27,6 @@ inline Fragment blank(PixelFamily family, const Rect& rect) {
 
 inline size_t area(const Rect& r) { return static_cast<size_t>(r.width()) * r.height(); }
 
-// A whole-picture fragment of one colour: RGB (or Y, Cb, Cr, the latter two signed).
 inline Fragment plain(PixelFamily family, const Rect& rect, int a, int b, int c) {
   Fragment f = blank(family, rect);
   if (family == PixelFamily::kRgb) {
@@ -67,7 +65,6 @@ inline Fragment random_fragment(PixelFamily family, int width, int height, std::
   return f;
 }
 
-// The upper half of a fragment in RGB, and the lower one.
 inline std::vector<Fragment> halves_of(const Fragment& whole) {
   std::vector<Fragment> halves;
   const int width = whole.rect.width(), middle = (whole.rect.y0 + whole.rect.y1) / 2;
@@ -82,15 +79,14 @@ inline std::vector<Fragment> halves_of(const Fragment& whole) {
   return halves;
 }
 
-// What has been added so far, in 8 bits; nothing if nothing was added.
 inline std::optional<Fragment> rounded_sum(const Accumulator& accumulator) {
   const std::optional<ConstSumPlanes> sums = accumulator.sums();
   return sums ? std::optional(rounded_fragment(*sums)) : std::nullopt;
 }
 
-// What a node of one camera gives for a view, in 8 bits and one rectangle; nothing if it has no weight there. `runs`
+// Returns the contribution of a node with one camera, in 8 bits and one rectangle, or nullopt without weight. `runs`
 // hold the camera's chroma-aligned rectangle.
-inline std::optional<Fragment> camera_part(const ViewPlan& plan, const OwnerRuns& runs, const Source& source,
+inline std::optional<Fragment> camera_part(const ViewPlan& plan, const FaceRuns& runs, const Source& source,
                                            Coordinates coordinates = Coordinates::kGrid) {
   const PixelFamily family = source.image.family;
   const SumRenderer renderer(plan, runs, {&source, 1}, family, coordinates);
@@ -100,18 +96,19 @@ inline std::optional<Fragment> camera_part(const ViewPlan& plan, const OwnerRuns
   const size_t area = static_cast<size_t>(rect.width()) * rect.height();
   std::vector<int16_t> samples(3 * area);
   std::vector<uint16_t> lost(area);
-  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
+  const bool any_missing =
+      renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
   return rounded_fragment(
-      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_lost ? lost.data() : nullptr));
+      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_missing ? lost.data() : nullptr));
 }
 
 }  // namespace lf::test
 
 namespace lf {
 
-// What nodes send for a view of `width` x `height` of the built-in scene: the array of side x side cameras fills the
-// view, so that a fragment is about 2 width / side x 2 height / side pixels. `count` of them (at most side * side),
-// cameras around the middle of the array, in the order of their indices.
+// Returns fragments of nodes for a view of `width` x `height` of the built-in scene. The side x side array fills the
+// view, so a fragment has about 2 width / side x 2 height / side pixels. Uses `count` cameras (at most side * side)
+// around the middle of the array, in index order.
 std::vector<Fragment> weighted_fragments(PixelFamily family, int side, int width, int height, int count);
 
 }  // namespace lf

@@ -170,7 +170,7 @@ Image to_i420(const RawPlanes& raw) {
 }
 
 std::shared_ptr<JpegFrame> open_jpeg(const std::vector<uint8_t>& jpeg, std::string* reason) {
-  // Exactly as long as the data, so that a sanitizer sees what reads beyond it.
+  // Allocated with the exact size, so that sanitizers detect reads past the end.
   const auto copy = std::make_shared<std::vector<uint8_t>>(jpeg);
   copy->shrink_to_fit();
   return JpegFrame::open(copy, *copy, reason);

@@ -11,31 +11,30 @@
 
 namespace lf::test {
 
-// How a camera's JPEG may be made.
 struct JpegKind {
   bool grey = false;
-  int h = 2, v = 2;  // sampling factors of luma, and
+  int h = 2, v = 2;  // sampling factors of luma
   int chroma_h = 1, chroma_v = 1;
   int quality = 88;
-  int restart_interval = 0;  // MCUs
-  bool optimise = false;     // Huffman tables of its own
+  int restart_interval = 0;
+  bool optimise = false;
   bool progressive = false;
   bool arithmetic = false;
-  bool rgb = false;         // no YCbCr inside
-  bool one_by_one = false;  // a scan for each component
+  bool rgb = false;
+  bool one_by_one = false;
 };
 
-// An image of smooth parts, edges and noise, the same for the same seed.
+// Returns an image with smooth areas, edges and noise, determined by the seed.
 Image noisy_picture(int width, int height, unsigned seed);
 
 std::vector<uint8_t> encode_jpeg(const Image& rgb, const JpegKind& kind);
-// Without its DHT segments, as in AVI files.
+// Removes the DHT segments, as in AVI files.
 std::vector<uint8_t> without_huffman_tables(const std::vector<uint8_t>& jpeg);
 
-// What libjpeg makes of a baseline frame, as planes of any resolution.
+// A baseline frame as decoded by libjpeg, with planes of any resolution.
 struct RawPlanes {
   struct Plane {
-    int width = 0, height = 0;  // samples of the image
+    int width = 0, height = 0;
     int stride = 0;
     std::vector<uint8_t> samples;
   };
@@ -43,10 +42,8 @@ struct RawPlanes {
 };
 // Throws std::runtime_error with libjpeg's message.
 RawPlanes decode_raw(std::span<const uint8_t> jpeg);
-// By the rule of JpegFrame, written as plainly as possible.
 Image to_i420(const RawPlanes& raw);
 
-// A frame that owns a copy of the bytes.
 std::shared_ptr<JpegFrame> open_jpeg(const std::vector<uint8_t>& jpeg, std::string* reason = nullptr);
 
 }  // namespace lf::test

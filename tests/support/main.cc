@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The main() of tests without GStreamer.
+// main() of tests without GStreamer.
 #include <gtest/gtest.h>
 
 #include "support/select_files.h"

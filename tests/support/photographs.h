@@ -10,8 +10,8 @@
 
 namespace lf::test {
 
-// Writes what each camera sees of the built-in scene at `time` (seconds; `samples` as in render_scene()), NAME.png, and
-// the rig, which names these files, rig.json. Returns the pictures.
+// Renders each camera of the built-in scene at `time` (seconds; `samples` as in render_scene()). Writes NAME.png files
+// and rig.json. Returns the images.
 inline std::vector<Image> save_photographs(Rig& rig, const TempDir& folder, double time, int samples = 2) {
   std::vector<Image> images;
   for (Camera& camera : rig.cameras) {

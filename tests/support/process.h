@@ -9,7 +9,6 @@
 
 namespace lf::test {
 
-// Memory of this process that is in use, KiB.
 inline long resident_kib() {
   std::ifstream file("/proc/self/statm");
   long size = 0, pages = 0;
@@ -17,20 +16,18 @@ inline long resident_kib() {
   return pages * sysconf(_SC_PAGESIZE) / 1024;
 }
 
-// Memory that has been allocated and not freed, KiB; 0 under a sanitizer.
 inline long allocated_kib() {
   const struct mallinfo2 info = mallinfo2();
   return static_cast<long>((info.uordblks + info.hblkhd) / 1024);
 }
 
-// What a folder of this process has: "fd" open files, "task" threads.
+// Returns the number of entries in a folder of /proc/self: "fd" (open files) or "task" (threads).
 inline ptrdiff_t count_of(const char* folder) {
   const std::filesystem::path path = std::filesystem::path("/proc/self") / folder;
   return std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator());
 }
 
-// Whether this is a build with a sanitizer that keeps what was freed resident, so that memory seems to grow, and is so
-// slow that live cameras may fall behind and say so.
+// True with a sanitizer, which keeps freed memory resident and slows live cameras down.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kKeepsFreedMemory = true, kFallsBehind = true;
 #else

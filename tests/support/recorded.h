@@ -13,11 +13,10 @@
 
 namespace lf::test {
 
-// The times, in the file, of the video frames of a Matroska file, and where the last one ends.
 struct RecordedFile {
-  std::string kind;  // of video
+  std::string kind;
   std::vector<GstClockTime> times;
-  std::vector<bool> keys;  // which can be decoded without others
+  std::vector<bool> keys;
   std::vector<std::vector<uint8_t>> frames;
   GstClockTime end = 0;
 };
@@ -43,7 +42,7 @@ inline RecordedFile read_recorded(const std::string& path) {
   return file;
 }
 
-// What is coded of pictures in each frame of an H.264 file, without what is said about them.
+// Returns the coded slices of each frame of an H.264 file, without metadata.
 inline std::vector<std::vector<uint8_t>> slices_of(const RecordedFile& file) {
   std::vector<std::vector<uint8_t>> all;
   for (const std::vector<uint8_t>& frame : file.frames) {

@@ -15,7 +15,6 @@
 #include "rig/rig.h"
 #include "rig/triangulation.h"
 
-// Rigs whose cameras look along +z.
 namespace lf::test {
 
 inline Rig rig_at(const std::vector<Vec3>& positions) {
@@ -29,7 +28,6 @@ inline Rig rig_at(const std::vector<Vec3>& positions) {
   return rig;
 }
 
-// A grid in the plane z = 0 of pinhole cameras, `pitch` metres apart, with ids from `first_id` on; `f` in pixels.
 inline Rig camera_grid(int rows, int columns, double pitch, int width, int height, double f, uint32_t first_id = 0) {
   Rig rig;
   for (int i = 0; i < rows * columns; i++) {
@@ -52,7 +50,7 @@ inline Rig rig_at(const std::vector<IntPoint>& points) {
   return rig_at(positions);
 }
 
-// Places of a grid with this pitch; each off by up to `jitter` in x and y.
+// Returns grid positions, each moved by up to `jitter` in x and y.
 inline std::vector<IntPoint> grid_points(int rows, int columns, int pitch = 1000, int jitter = 0, unsigned seed = 0) {
   std::mt19937 random(seed);
   std::uniform_int_distribution<int> off(-jitter, jitter);
@@ -74,7 +72,6 @@ inline Rig as_triangles(Rig rig, const std::vector<Triangle>& triangles) {
   return rig;
 }
 
-// The cells of a grid, row by row.
 inline std::vector<Triangle> grid_faces(CameraIndex rows, CameraIndex columns) {
   std::vector<Triangle> faces;
   for (CameraIndex row = 0; row + 1 < rows; ++row) {
@@ -93,7 +90,6 @@ inline std::vector<Triangle> corners(const Mesh& mesh) {
   return result;
 }
 
-// `count` different indices below `n`, ascending.
 inline CameraSet random_set(std::mt19937& random, CameraIndex n, size_t count) {
   std::vector<CameraIndex> all(n);
   for (CameraIndex i = 0; i < n; ++i) all[i] = i;
@@ -102,7 +98,7 @@ inline CameraSet random_set(std::mt19937& random, CameraIndex n, size_t count) {
   return set;
 }
 
-// Exact checks of triangle sets whose corners are integer points.
+// Exact checks of triangles with integer corners.
 
 inline int64_t twice_area(std::span<const IntPoint> points, const Triangle& t) {
   return orientation(points[t[0]], points[t[1]], points[t[2]]);
@@ -114,7 +110,7 @@ inline int64_t twice_area(std::span<const IntPoint> points, std::span<const Tria
   return sum;
 }
 
-// Twice the area of the convex hull (Andrew's monotone chain).
+// Returns twice the area of the convex hull (Andrew's monotone chain).
 inline int64_t twice_hull_area(std::vector<IntPoint> points) {
   std::sort(points.begin(), points.end());
   std::vector<IntPoint> hull;
@@ -132,7 +128,7 @@ inline int64_t twice_hull_area(std::vector<IntPoint> points) {
   return area;
 }
 
-// Whether the insides of two counter-clockwise triangles meet: they don't if a side of one separates them.
+// True if the interiors of two counter-clockwise triangles intersect, that is if no side separates the triangles.
 inline bool overlap(std::span<const IntPoint> points, const Triangle& a, const Triangle& b) {
   for (const auto& [one, two] : {std::pair{a, b}, std::pair{b, a}}) {
     for (int k = 0; k < 3; ++k) {
@@ -145,7 +141,7 @@ inline bool overlap(std::span<const IntPoint> points, const Triangle& a, const T
   return true;
 }
 
-// All counter-clockwise, no directed edge twice, and no two overlap.
+// Expects counter-clockwise triangles without overlaps and without duplicate directed edges.
 inline void expect_planar(std::span<const IntPoint> points, std::span<const Triangle> triangles) {
   std::set<std::pair<CameraIndex, CameraIndex>> edges;
   for (size_t i = 0; i < triangles.size(); ++i) {
@@ -160,7 +156,6 @@ inline void expect_planar(std::span<const IntPoint> points, std::span<const Tria
 
 namespace lf {
 
-// A camera of every model, pointing every way.
 inline Rig mixed_rig() {
   using enum LensModel;
   const Lens lenses[] = {Lens(kSimplePinhole, {400, 159.5, 119.5}), Lens(kPinhole, {400, 410, 160, 118}),

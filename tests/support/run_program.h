@@ -18,11 +18,10 @@
 namespace lf {
 
 struct Outcome {
-  int status = -1;     // exit status; 128 and more: ended by a signal
-  std::string output;  // both streams
+  int status = -1;  // exit status; 128 and above: ended by a signal
+  std::string output;
 };
 
-// Runs a command through a shell.
 inline Outcome run_shell(const std::string& command) {
   Outcome outcome;
   FILE* pipe = popen((command + " 2>&1").c_str(), "r");
@@ -34,7 +33,7 @@ inline Outcome run_shell(const std::string& command) {
   return outcome;
 }
 
-// Runs one of this build's tools through a shell, in `directory`.
+// Runs a tool of this build through a shell, in `directory`.
 inline Outcome run_program(const std::string& name, const std::string& arguments, const std::string& directory = ".") {
   return run_shell("cd '" + directory + "' && '" LF_TOOLS_DIR "/" + name + "' " + arguments);
 }
@@ -43,7 +42,7 @@ inline Outcome run_program(const std::string& name, const std::string& arguments
 
 namespace lf::test {
 
-// Expects the exit status of a program, and its output, to be these values or to match these matchers.
+// Expects an exit status and output; both may be values or matchers.
 template <typename Status, typename Output = decltype(testing::_)>
 void expect_outcome(const Outcome& outcome, const Status& status, const Output& output = testing::_,
                     const std::source_location& where = std::source_location::current()) {
@@ -52,9 +51,8 @@ void expect_outcome(const Outcome& outcome, const Status& status, const Output& 
   EXPECT_THAT(outcome.output, output);
 }
 
-// A port that nobody has at any address of this machine just now, and none of the ports that sockets get by themselves
-// (32768 and more), which another program could have by the time it is used. `type`: SOCK_DGRAM (UDP) or SOCK_STREAM
-// (TCP).
+// Returns a port that is free at every address of this machine. The port is below 32768, because the kernel assigns
+// higher ports to other programs. `type`: SOCK_DGRAM (UDP) or SOCK_STREAM (TCP).
 inline int free_port(int type) {
   static std::mt19937 random(std::random_device{}());
   for (int attempt = 0; attempt < 100; attempt++) {

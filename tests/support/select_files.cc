@@ -11,7 +11,7 @@
 namespace lf::test {
 namespace {
 
-// A filter for the tests of a suite that are selected: the suite as a whole where all of its tests are.
+// Returns a filter for the selected tests of a suite: the whole suite if all tests are selected.
 std::string filter_of(const testing::TestSuite& suite, const std::vector<std::string>& parts,
                       std::vector<bool>& matched) {
   const std::string name = suite.name();

@@ -3,10 +3,9 @@
 
 namespace lf::test {
 
-// Narrows what RUN_ALL_TESTS() runs to the tests of the source files that the program's arguments name: each is a part
-// of a path, such as "lib/focus/" or "accumulator_test.cc". Without arguments all tests stay. To be called once, after
-// testing::InitGoogleTest(). Returns false, after a line on standard error, for an argument that no test's file
-// matches, and for files beside a --gtest_filter of other tests.
+// Restricts RUN_ALL_TESTS() to tests from source files that match an argument, a part of a path such as "lib/focus/" or
+// "accumulator_test.cc". Without arguments all tests run. Call once, after testing::InitGoogleTest(). Returns false and
+// prints a line on stderr for an argument without a match, and for files that conflict with --gtest_filter.
 bool select_files(int argc, char** argv);
 
 }  // namespace lf::test

@@ -8,7 +8,7 @@
 
 #include <unistd.h>
 
-// A folder of its own for one test, gone with it.
+// A temporary folder; the destructor removes it.
 class TempDir {
  public:
   TempDir() {
@@ -25,13 +25,12 @@ class TempDir {
 
   std::string operator/(const std::string& name) const { return (path_ / name).string(); }
   std::string path() const { return path_.string(); }
-  // Writes a file, and the folders it is in.
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((path_ / name).parent_path());
     std::ofstream(path_ / name, std::ios::binary) << text;
     return *this / name;
   }
-  // Writes a file that no other user can read, as tokens and keys must be.
+  // Writes a file that only its owner can read, as required for tokens and keys.
   std::string write_secret(const std::string& name, const std::string& text) const {
     write(name, "");
     std::filesystem::permissions(path_ / name,

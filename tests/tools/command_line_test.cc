@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What all programs do with the values of their options, whichever these are.
+// Handling of option values in all programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -16,7 +16,6 @@ namespace {
 
 using testing::HasSubstr;
 
-// The first words of the lines of a program's help that match. Words in [1] of the expression.
 std::vector<std::string> in_help(const std::string& help, const std::string& expression) {
   std::vector<std::string> words;
   const std::regex pattern(expression);
@@ -34,12 +33,12 @@ std::vector<std::string> commands_in(const std::string& help) {
   return commands;
 }
 
-// Its `check` has status 1 for cameras that have moved, and 2 for errors.
+// `check` exits with 1 if cameras have moved, and with 2 on errors.
 constexpr std::string_view kCalibrate = "../calib/lf-calibrate";
 
 class CommandLine : public testing::TestWithParam<const char*> {};
 
-// "nan" passes every range: it is neither smaller nor larger than any number.
+// "nan" passes every range check: it is neither smaller nor larger than any number.
 TEST_P(CommandLine, RealNumbersAreFinite) {
   int options = 0;
   for (const std::string& command : commands_in(run_program(GetParam(), "--help").output)) {

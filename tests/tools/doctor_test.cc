@@ -11,32 +11,29 @@
 namespace lf::cameras {
 namespace {
 
-// What the doctor makes of what it has seen, without cameras.
 using testing::AllOf;
 using testing::HasSubstr;
 
-// Cameras that all do well: 30 frames/s, in step.
 struct Healthy {
   explicit Healthy(int count) : rig(make_grid_rig({1, count, 0.1, 60, 640, 480})) {
     for (int i = 0; i < count; i++) {
-      CameraExam camera{.camera = static_cast<CameraIndex>(i), .delay = 0.03, .format = "JPEG", .stamps = "source"};
+      CameraReport camera{.camera = static_cast<CameraIndex>(i), .delay = 0.03, .format = "JPEG", .stamps = "source"};
       camera.times = {.frames = 120, .period = 1 / 30.0, .first = 1, .jitter = 1e-4};
       camera.brightness = camera.darkest = camera.brightest = 100;
       camera.attachment.device = "/dev/video" + std::to_string(i);
       exam.cameras.push_back(camera);
     }
   }
-  // "error: camera 1 (cam_00_01): WHAT | REMEDY", one a line.
   std::string findings() const {
     std::string text;
-    for (const Finding& finding : find_trouble(rig, exam))
+    for (const DoctorFinding& finding : find_problems(rig, exam))
       text += std::string(finding.error ? "error: " : "warning: ") + finding.cameras + ": " + finding.what + " | " +
               finding.remedy + "\n";
     return text;
   }
-  CameraExam& operator[](size_t i) { return exam.cameras[i]; }
+  CameraReport& operator[](size_t i) { return exam.cameras[i]; }
   Rig rig;
-  Exam exam;
+  DoctorReport exam;
 };
 
 TEST(Doctor, FindsNothingWhereNothingIs) { EXPECT_EQ(Healthy(4).findings(), ""); }
@@ -45,12 +42,12 @@ TEST(Doctor, FilesAreNotPluggedIn) {
   const struct {
     const char *source, *image, *problem, *remedy;
   } cases[] = {
-      {"a.mkv", "", "a.mkv: no such file", "is the path right? One that does not begin with / is relative"},
-      {"file:///a.mkv", "", "/a.mkv: no such file", "is the path right?"},
-      {"", "a.png", "a.png: no such file", "is the path right?"},
-      {"a_%d.png", "", "a_%d.png: no such files (the first number is 0 or 1)", "is the path right?"},
-      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "is the file whole? See whether it plays"},
-      {"a.mkv", "", "a.mkv: there is no picture in it", "is the file whole?"},
+      {"a.mkv", "", "a.mkv: no such file", "check the path; paths that do not begin with / are relative"},
+      {"file:///a.mkv", "", "/a.mkv: no such file", "check the path"},
+      {"", "a.png", "a.png: no such file", "check the path"},
+      {"a_%d.png", "", "a_%d.png: no such files (the first number is 0 or 1)", "check the path"},
+      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "check that the file is complete and plays"},
+      {"a.mkv", "", "a.mkv: the source has no pictures", "check that the file is complete"},
       {"a.mkv", "", "element jpegdec is not installed", "install the GStreamer plugin"},
       {"v4l2:///dev/video9", "", "Cannot identify device '/dev/video9'", "plug it in"},
       {"/dev/video9", "", "/dev/video9: no such file", "plug it in"},
@@ -61,63 +58,64 @@ TEST(Doctor, FilesAreNotPluggedIn) {
     Camera camera;
     camera.source = c.source;
     camera.image = c.image;
-    EXPECT_THAT(remedy_of(camera, c.problem), HasSubstr(c.remedy)) << c.source << c.image << ": " << c.problem;
+    EXPECT_THAT(remedy_for(camera, c.problem), HasSubstr(c.remedy)) << c.source << c.image << ": " << c.problem;
   }
 }
 
 TEST(Doctor, NamesTheCameraAndTheRemedy) {
   const struct {
-    void (*make_ill)(CameraExam&);
+    void (*make_ill)(CameraReport&);
     const char *what, *remedy;
   } cases[] = {
-      {[](CameraExam& c) {
+      {[](CameraReport& c) {
          c.problem = "rig.json: camera 1 (cam_00_01): a.mkv: the picture is 320x240, the rig says 640x480";
        },
        "error: camera 1 (cam_00_01): a.mkv: the picture is 320x240", "write the true width and height"},
-      {[](CameraExam& c) { c.problem = "Device '/dev/video1' is busy"; }, "is busy", "another program has it"},
-      {[](CameraExam& c) { c.problem = "Could not connect to server"; }, "Could not connect",
-       "whether the camera is on"},
-      {[](CameraExam& c) { c.times = {}; }, "error: camera 1 (cam_00_01): gives no frames", "unplug"},
-      {[](CameraExam& c) { c.times.missing = 12; },
-       "warning: camera 1 (cam_00_01): 9 % of its frames are missing (12 of 132)", "fewer frames"},
-      {[](CameraExam& c) {
+      {[](CameraReport& c) { c.problem = "Device '/dev/video1' is busy"; }, "is busy",
+       "another program uses the camera"},
+      {[](CameraReport& c) { c.problem = "Could not connect to server"; }, "Could not connect",
+       "check that the camera is on"},
+      {[](CameraReport& c) { c.times = {}; }, "error: camera 1 (cam_00_01): gives no frames", "unplug"},
+      {[](CameraReport& c) { c.times.missing = 12; },
+       "warning: camera 1 (cam_00_01): 9 % of its frames are missing (12 of 132)", "reduce the frame rate"},
+      {[](CameraReport& c) {
          c.times.missing = 12;
          c.left_undecoded = 5;
        },
        "are missing", "this machine can't decode them all"},
-      {[](CameraExam& c) {
+      {[](CameraReport& c) {
          c.times.missing = 12;
          c.attachment.link = usb_link(1, 480);
        },
-       "are missing", "take MJPEG from it"},
-      {[](CameraExam& c) {
+       "are missing", "use MJPEG"},
+      {[](CameraReport& c) {
          c.times.missing = 12;
          c.attachment.link.kind = Link::Kind::kNetwork;
        },
        "are missing", "packet delay"},
-      {[](CameraExam& c) { c.times.period = 1 / 25.0; }, "gives 25.00 frames/s, most others 30.00", "in the dark"},
-      {[](CameraExam& c) { c.times.backwards = 2; }, "2 frames have stamps", "clock"},
-      {[](CameraExam& c) { c.times.jitter = 0.008; }, "its stamps are uneven by 8.0 ms", "seen double"},
-      {[](CameraExam& c) { c.stamps = "arrival"; }, "dated by when its packets arrive", "sender reports"},
-      {[](CameraExam& c) {
-         c.looked_at = c.damaged = 4;
+      {[](CameraReport& c) { c.times.period = 1 / 25.0; }, "gives 25.00 frames/s, most others 30.00", "in the dark"},
+      {[](CameraReport& c) { c.times.backwards = 2; }, "2 frames have a timestamp", "clock"},
+      {[](CameraReport& c) { c.times.jitter = 0.008; }, "its timestamps jitter by 8.0 ms", "appear double"},
+      {[](CameraReport& c) { c.stamps = "arrival"; }, "packet arrival times are used", "sender reports"},
+      {[](CameraReport& c) {
+         c.decoded_frames = c.damaged = 4;
          c.damage = "no end";
        },
-       "error: camera 1 (cam_00_01): its pictures can't be decoded: no end", "another way"},
-      {[](CameraExam& c) {
-         c.looked_at = 4;
+       "error: camera 1 (cam_00_01): its pictures can't be decoded: no end", "image format"},
+      {[](CameraReport& c) {
+         c.decoded_frames = 4;
          c.damaged = 1;
        },
        "warning: camera 1 (cam_00_01): 1 of 4 pictures are damaged", "cable"},
-      {[](CameraExam& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lid"},
-      {[](CameraExam& c) { c.brightest = c.darkest = 255; }, "is white", "less exposure"},
-      {[](CameraExam& c) { c.darkest = 80; }, "brightness moves, 80 to 100", "lf-rig lock"},
-      {[](CameraExam& c) {
+      {[](CameraReport& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lens cap"},
+      {[](CameraReport& c) { c.brightest = c.darkest = 255; }, "is white", "reduce the exposure"},
+      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies, 80 to 100", "lf-rig lock"},
+      {[](CameraReport& c) {
          c.controls = {{"exposure", std::nullopt}, {"gain", 3}, {"white_balance", std::nullopt}};
        },
        "automatic: exposure, white_balance", "lf-rig lock"},
-      {[](CameraExam& c) { c.not_taken = {"gain"}; }, "does not take the control gain", "own menu"},
-      {[](CameraExam& c) { c.attachment.device = "/dev/video3"; },
+      {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, "does not take the control gain", "own menu"},
+      {[](CameraReport& c) { c.attachment.device = "/dev/video3"; },
        "error: camera 3 (cam_00_03): has the device of camera 1", "its own source"},
   };
   for (const auto& c : cases) {
@@ -131,15 +129,15 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
 
 TEST(Doctor, WhatAllCamerasSeeIsOneFinding) {
   Healthy array(4);
-  for (CameraExam& camera : array.exam.cameras) camera.darkest = 70;
+  for (CameraReport& camera : array.exam.cameras) camera.darkest = 70;
   EXPECT_THAT(array.findings(), HasSubstr("warning: the array: 4 of 4 cameras change their brightness"));
 }
 
 TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {
   Healthy array(64);
   array[9].times.missing = 30;
-  array.exam.findings = find_trouble(array.rig, array.exam);
-  const std::string page = page_of(array.rig, array.exam);
+  array.exam.findings = find_problems(array.rig, array.exam);
+  const std::string page = text_report(array.rig, array.exam);
   EXPECT_LE(std::count(page.begin(), page.end(), '\n'), 10) << page;
   EXPECT_THAT(page, AllOf(HasSubstr("9 (cam_00_09)"), HasSubstr("63 others: JPEG 640x480, 30.00 to 30.00 frames/s"),
                           HasSubstr("64 cameras, 0 errors, 1 warning")));
@@ -148,33 +146,33 @@ TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {
 // --- Links -----------------------------------------------------------------------------------------------------------
 
 LinkLoad load_of(const Link& link, int cameras, double bytes, bool raw) {
-  LinkLoad load{.link = link, .needed = cameras * bytes, .most_needed = bytes, .raw = raw};
+  LinkLoad load{.link = link, .needed = cameras * bytes, .max_needed = bytes, .raw = raw};
   for (int i = 0; i < cameras; i++) load.cameras.push_back(static_cast<CameraIndex>(i));
   load.pixels = cameras * bytes / 2;
   return load;
 }
 
 TEST(Links, AUsbBusThatIsTooSmallIsNamedWithWhatFits) {
-  const double vga = 640 * 480 * 2 * 30;  // 18.4 MB/s
-  EXPECT_TRUE(advise(load_of(usb_link(3, 480), 2, vga, true)).empty()) << "36.9 of 48 MB/s";
-  const std::vector<LinkAdvice> four = advise(load_of(usb_link(3, 480), 4, vga, true));
+  const double vga = 640 * 480 * 2 * 30;
+  EXPECT_TRUE(check_link(load_of(usb_link(3, 480), 2, vga, true)).empty()) << "36.9 of 48 MB/s";
+  const std::vector<LinkWarning> four = check_link(load_of(usb_link(3, 480), 4, vga, true));
   ASSERT_EQ(four.size(), 1u);
-  EXPECT_TRUE(four[0].too_much);
+  EXPECT_TRUE(four[0].overloaded);
   EXPECT_EQ(four[0].what, "USB bus 3 (480 Mbit/s): 4 cameras need 74 of 48 MB/s");
   EXPECT_EQ(four[0].remedy,
-            "MJPEG (about 9.2 MB/s); or 52 % of the frames; or 2 of the cameras at ports of another controller");
-  const std::vector<LinkAdvice> hd = advise(load_of(usb_link(3, 480), 1, 1280 * 720 * 2 * 30, true));
+            "MJPEG (about 9.2 MB/s); or 52 % of the frames; or 2 of the cameras on ports of another controller");
+  const std::vector<LinkWarning> hd = check_link(load_of(usb_link(3, 480), 1, 1280 * 720 * 2 * 30, true));
   ASSERT_EQ(hd.size(), 2u);
-  EXPECT_THAT(hd[0].what, HasSubstr("a camera needs 55 MB/s, and USB gives one camera 25 at most"));
-  EXPECT_TRUE(advise(load_of(usb_link(2, 5000), 4, 1280 * 720 * 2 * 30, true)).empty());
-  EXPECT_TRUE(advise(load_of({}, 100, 1e12, true)).empty()) << "nothing is known of it";
+  EXPECT_THAT(hd[0].what, HasSubstr("a camera needs 55 MB/s, but USB allows at most 25 per camera"));
+  EXPECT_TRUE(check_link(load_of(usb_link(2, 5000), 4, 1280 * 720 * 2 * 30, true)).empty());
+  EXPECT_TRUE(check_link(load_of({}, 100, 1e12, true)).empty()) << "unknown device";
 }
 
 TEST(Links, ANetworkThatIsNearlyFullIsAWarning) {
   const Link network{Link::Kind::kNetwork, "network eth0 (1000 Mbit/s)", 117.5e6, 0};
-  const std::vector<LinkAdvice> advice = advise(load_of(network, 10, 11e6, false));
+  const std::vector<LinkWarning> advice = check_link(load_of(network, 10, 11e6, false));
   ASSERT_EQ(advice.size(), 1u);
-  EXPECT_FALSE(advice[0].too_much);
+  EXPECT_FALSE(advice[0].overloaded);
   EXPECT_THAT(advice[0].remedy, HasSubstr("packet delay"));
 }
 
@@ -214,7 +212,7 @@ TEST(Links, PlansKnowWhatSourcesSay) {
   Rig rig = make_grid_rig({1, 3, 1, 60, 640, 480});
   rig.cameras[0].source = "v4l2src ! video/x-raw,framerate=15/1";
   rig.cameras[1].source = "v4l2src ! image/jpeg,framerate=(fraction)60/1";
-  std::vector<CameraExam> cameras;
+  std::vector<CameraReport> cameras;
   for (CameraIndex i = 0; i < 3; i++) {
     cameras.push_back({.camera = i});
     cameras.back().attachment.link = usb_link(static_cast<int>(i), 480);

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Rigs from other programs, as a user imports, checks and renders them.
+"""Imports, checks and renders rigs from other programs.
 
-Every input ends in the right picture, or in an error that says what to do.
+Every input must end in a correct image, or in an error with a remedy.
 
     foreign_rigs.py BUILD_ROOT [unittest arguments]
 """
@@ -55,7 +55,7 @@ class ForeignRigs(unittest.TestCase):
         return name
 
     def film(self, rig=("--grid", "3x3"), size=(160, 120)):
-        """Pictures of the built-in scene in the folder s, and a view in the middle with its truth in t."""
+        """Creates images of the built-in scene in the folder s, and a view in the middle with its ground truth in t."""
         shape = ("--width", size[0], "--height", size[1]) if rig[0] == "--grid" else ()
         self.tool("lf-scene", *rig, *shape, "--frames", 1, "--format", "png", "--samples", 1, "--out", "s")
         self.tool("lf-path", "--rig", "s/rig.json", "--out", "views.json", "--frames", 1, "--near", 1, "--far", 4)
@@ -68,7 +68,7 @@ class ForeignRigs(unittest.TestCase):
         return json.loads((self.folder / "o.json").read_text())["views"][0]["psnr_db"]
 
     def write_colmap(self, rig, names, jpeg=False):
-        """A COLMAP model of a grid rig in the folder m, with the pictures under other names."""
+        """Creates a COLMAP model of a grid rig in the folder m, with renamed images."""
         p = rig["cameras"][0]["params"]
         size = "%d %d" % (rig["cameras"][0]["width"], rig["cameras"][0]["height"])
         self.write("m/cameras.txt", "1 RADIAL %s %r %r %r %r %r\n" % (size, p[0], p[1] + .5, p[2] + .5, p[3], p[4]))
@@ -158,7 +158,7 @@ class ForeignRigs(unittest.TestCase):
         self.write("m/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n")
         rig, _ = self.import_rig("colmap", "m")
         self.assertEqual(rig["cameras"][0]["width"], 640)
-        # rig.json and views.json, too.
+        # Also rig.json and views.json.
         for key in ("id", "width", "height"):
             rig["cameras"][0][key] = float(rig["cameras"][0][key])
         rig["cameras"][0]["controls"] = {"gain": 3}
@@ -181,8 +181,8 @@ class ForeignRigs(unittest.TestCase):
         names = [c["name"] for c in json.loads((self.folder / "grid.json").read_text())["cameras"]]
         self.assertEqual(names, [f"cam{i + 1}" for i in range(16)])
         self.assertGreater(self.psnr("grid.json"), self.psnr("plain.json") - 0.5)
-        # Columns that are taken for rows do no harm, a shape that is wrong is an error.
-        self.assertIn("by the order of their names the cameras are no grid of 2x8",
+        # Swapped rows and columns are harmless, a wrong shape is an error.
+        self.assertIn("in the order of their names, the cameras form no grid of 2x8",
                       self.refused("colmap", "m", "--grid", "2x8"))
 
     def test_cameras_around_a_scene(self):
@@ -191,7 +191,7 @@ class ForeignRigs(unittest.TestCase):
         self.film(("--rig", "ring.json"))
         self.tool("lf-rig", "export", "nerf", "s/rig.json", "s/transforms.json")
         said = self.tool("lf-rig", "import", "nerf", "s/transforms.json", "--out", "s/back.json")
-        self.assertIn("the cameras stand around a place and look at it", said)
+        self.assertIn("the cameras surround a point and look at it", said)
         for rig in ("s/rig.json", "s/back.json"):
             self.assertIn("0 errors, 0 warnings", self.tool("lf-rig", "check", rig), rig)
         views = []
@@ -210,13 +210,13 @@ class ForeignRigs(unittest.TestCase):
         for ring, back in zip(*covered):
             self.assertGreater(ring, 0.7)
             self.assertGreater(back, ring - 0.02)
-        # A mesh across the middle is named.
+        # A mesh across the middle is reported.
         rig = json.loads((self.folder / "s/back.json").read_text())
         rig["topology"] = {"type": "delaunay"}
         self.write("s/flat.json", rig)
         self.assertIn("triangles, not through them", self.tool("lf-rig", "check", "s/flat.json"))
 
-    # A user's five rigs: the picture is that of our own rig, or the error says what to do.
+    # Five rigs of a user: the image equals the image of the original rig, or the error has a remedy.
 
     def test_colmap_nerfstudio_kalibr_and_opencv_give_our_picture(self):
         rig = self.film()
@@ -229,7 +229,7 @@ class ForeignRigs(unittest.TestCase):
         frames = []
         for c in cameras:
             x, y, z = c["position"]
-            # nerfstudio turns the world by (x, y, z) -> (x, z, -y).
+            # nerfstudio rotates the world by (x, y, z) -> (x, z, -y).
             frames.append({"file_path": "s/" + c["image"], "colmap_im_id": c["id"] + 1, "transform_matrix": [
                 [*flip[0], x], [*flip[2], z], [*[-v for v in flip[1]], -y], [0, 0, 0, 1]]})
         self.write("transforms.json", {
@@ -255,7 +255,7 @@ class ForeignRigs(unittest.TestCase):
         for kind, place in (("colmap", "m"), ("nerf", "transforms.json"), ("kalibr", "chain.yaml"), ("opencv", "cameras.yaml")):
             with self.subTest(kind=kind):
                 found, _ = self.import_rig(kind, place)
-                if kind == "kalibr":  # has no place for pictures
+                if kind == "kalibr":  # the format has no file names
                     for camera, own in zip(found["cameras"], cameras):
                         camera["image"] = "s/" + own["image"]
                     self.write("rig.json", found)
@@ -273,7 +273,7 @@ class ForeignRigs(unittest.TestCase):
                    "T: {rows: 3, cols: 1, data: [-0.12, 0, 0]}\n")
         rig, said = self.import_rig("opencv", "intrinsics.yml")
         self.assertEqual([c["position"][0] for c in rig["cameras"]], [0, 0.12])
-        self.assertIn("note: R and T are those of extrinsics.yml", said)
+        self.assertIn("note: R and T come from extrinsics.yml", said)
 
     def test_a_folder_of_pictures_alone(self):
         for i in range(3):

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Real photographs taken by hand, with a focal surface at the defaults. A surface may be worse nowhere than the plane.
-// ../shared/data/kettle: each camera is left out in turn and compared with what the others make of its place.
-// ../shared/data/fern: views with a photograph of their own, two of them outside of the hull of the cameras.
+// Hand-held photographs, rendered with the default focal surface. The surface must never be worse than the plane.
+// ../shared/data/kettle: renders the view of each camera without this camera and compares.
+// ../shared/data/fern: views with a photograph, two of them outside the hull of the cameras.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -25,12 +25,12 @@ namespace fs = std::filesystem;
 
 const fs::path kKettle = fs::path(LF_SOURCE_ROOT) / "../shared/data/kettle";
 const fs::path kFern = fs::path(LF_SOURCE_ROOT) / "../shared/data/fern";
-constexpr double kLeastCompared = 5;  // percent of a picture that must be covered for its figure to count
+constexpr double kLeastCompared = 5;  // minimum coverage of an image, in percent
 constexpr double kSlack = 0.1;        // dB
 
-// PSNR in dB at the place of a camera that is left out; nothing where the others cover too little of its picture.
+// Returns the PSNR in dB at the position of an excluded camera, or nullopt if the coverage is too low.
 std::optional<double> left_out(const TempDir& dir, uint32_t id, const char* focus) {
-  const std::string arguments = " --left-out " + std::to_string(id) + " --focus " + focus;
+  const std::string arguments = " --held-out-camera " + std::to_string(id) + " --focus " + focus;
   const Outcome outcome = run_program("lf-show", "difference --rig rig.json --out d.png" + arguments, dir.path());
   EXPECT_EQ(outcome.status, 0) << outcome.output;
   double psnr = 0, ssim = 0, compared = 0;
@@ -66,7 +66,7 @@ TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
   EXPECT_GE(better, compared / 3);
 }
 
-// PSNR in dB of the views of the fern that the cameras cover, by name.
+// Returns the PSNR in dB of the covered views of the fern, by name.
 std::map<std::string, double> fern(const TempDir& dir, const std::string& options) {
   const std::string data = "'" + fs::canonical(kFern).string();
   test::expect_outcome(run_program("lf-render",
@@ -87,7 +87,7 @@ TEST(HandHeld, TheSurfaceOfAFernIsFoundAtTheDefaults) {
   const std::map<std::string, double> found = fern(dir, "");
   ASSERT_TRUE(found.contains("v08"));
   EXPECT_GE(found.at("v08"), 20.5) << "18.6 dB on the plane";
-  // Outside of the hull only the nearest cameras make a picture.
+  // Outside the hull, only the nearest cameras contribute.
   const std::map<std::string, double> plane = fern(dir, "--nearest-cameras 4 --focus plane"),
                                       surface = fern(dir, "--nearest-cameras 4");
   for (const char* view : {"v00", "v08", "v16"}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-archive as a program: what of a recording stays when it is kept in less bytes.
+// Runs lf-archive: properties of a recording that compression preserves.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -26,11 +26,9 @@ using testing::HasSubstr;
 class LfArchive : public testing::Test {
  protected:
   Outcome run(const std::string& arguments) const { return run_program("lf-archive", arguments, dir_.path()); }
-  // Films of the built-in scene, 12 frames of 2 cameras.
   void film() const {
     test::expect_outcome(run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path()), 0);
   }
-  // The number behind a text.
   static double number(const std::string& output, const std::string& text) {
     const size_t at = output.find(text);
     return at == std::string::npos ? -1 : std::strtod(output.c_str() + at + text.size(), nullptr);
@@ -58,13 +56,12 @@ TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
     EXPECT_NEAR(static_cast<double>(archived.end), static_cast<double>(film.end), 4e4);
     EXPECT_TRUE(archived.keys[0]);
   }
-  // The better quantizer is nearer, and larger.
   const Outcome better = run("films/rig.json --out better --quantizer 10");
   EXPECT_GT(number(better.output, "times less, "), number(outcome.output, "times less, ") + 2) << better.output;
   EXPECT_GT(number(better.output, "MB -> "), number(outcome.output, "MB -> "));
 }
 
-// As a node has recorded them: times with gaps, an end that all have in common, the time of day.
+// A recording like a node's: gaps in the timestamps, a common end, absolute time.
 TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
@@ -80,7 +77,7 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
     for (GstClockTime i = 0; i < (camera.id == 0 ? 12 : 8); i++) {
       const BufferPtr frame(to_buffer(jpegs.frames[i]));
       const GstClockTime time = i * 33'333'333 + camera.id * 123'456 + (i > 5 ? 7 * GST_SECOND : 0);
-      ASSERT_EQ(file.add(frame.get(), jpeg.get(), time, begins), CameraFile::Added::kTaken);
+      ASSERT_EQ(file.add(frame.get(), jpeg.get(), time, begins), CameraFile::AddResult::kTaken);
     }
     file.end(kEnd);
     file.close(g_get_monotonic_time() + 10 * G_USEC_PER_SEC);
@@ -106,13 +103,11 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
       EXPECT_NEAR(static_cast<double>(after.times[k]), static_cast<double>(before.times[k]), 3e4) << k;
     EXPECT_NEAR(static_cast<double>(after.end), static_cast<double>(kEnd), 4e4);
   }
-  // What is coded by changes already stays as it is.
   const Outcome again = run("archive --out again");
   EXPECT_THAT(again.output, HasSubstr("as it was"));
   EXPECT_EQ(read_recorded(dir_ / "again/camera0.mkv").frames, read_recorded(dir_ / "archive/camera0.mkv").frames);
 }
 
-// Frames that no decoder takes, as a camera on a bad cable sends them.
 TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
@@ -126,7 +121,7 @@ TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
     CameraFile file(rig.cameras[0], dir_ / "films/" + rig.cameras[0].source, 1 << 20);
     for (GstClockTime i = 0; i < 12; i++) {
       const BufferPtr frame(to_buffer(i < good ? jpegs.frames[i] : std::vector<uint8_t>(500, 7)));
-      ASSERT_EQ(file.add(frame.get(), jpeg.get(), i * 66'666'667, ""), CameraFile::Added::kTaken);
+      ASSERT_EQ(file.add(frame.get(), jpeg.get(), i * 66'666'667, ""), CameraFile::AddResult::kTaken);
     }
     file.end(GST_SECOND);
     file.close(g_get_monotonic_time() + 10 * G_USEC_PER_SEC);
@@ -134,7 +129,7 @@ TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
     const Outcome outcome = run("films/damaged.json --out archive");
     if (good > 0) {
       EXPECT_EQ(outcome.status, 0);
-      EXPECT_THAT(outcome.output, HasSubstr("9 frames")) << "those that are kept";
+      EXPECT_THAT(outcome.output, HasSubstr("9 frames")) << "kept recordings";
       EXPECT_THAT(outcome.output, HasSubstr("3 frames that can't be read are left out"));
       EXPECT_EQ(read_recorded(dir_ / "archive/camera0.mkv").times.size(), 9u);
       fs::remove_all(dir_ / "archive");
@@ -154,7 +149,7 @@ TEST_F(LfArchive, AFullDiskIsSaid) {
     GTEST_SKIP() << "a small disk can't be mounted here";
   test::expect_outcome(run("films/rig.json --out disk/archive"), 1,
                        AllOf(HasSubstr("disk/archive/camera"), HasSubstr("No space left")));
-  EXPECT_FALSE(fs::exists(dir_ / "disk/archive/rig.json")) << "what is not whole is no recording";
+  EXPECT_FALSE(fs::exists(dir_ / "disk/archive/rig.json")) << "incomplete folders are no recordings";
   EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
 }
 

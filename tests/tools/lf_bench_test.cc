@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-bench as a program: its page, of a small array.
+// Runs lf-bench: its page for a small array.
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -26,7 +26,6 @@ class LfBench : public testing::Test {
   Outcome run(const std::string& arguments) const {
     return run_program("lf-bench", "--seconds 0.02 " + arguments, folder_.path());
   }
-  // The numbers of the line that begins with `name`.
   static std::vector<double> figures(const std::string& page, const std::string& name) {
     std::istringstream lines(page);
     std::vector<double> out;
@@ -56,7 +55,7 @@ TEST_F(LfBench, SpeedBytesErrorAndQualityOnAPage) {
   for (const std::string focus : {"one focal plane", "focal surface"}) {
     const auto sums = figures(outcome.output, "16-bit sums, " + focus),
                jpeg = figures(outcome.output, "JPEG 90, " + focus);
-    ASSERT_EQ(sums.size(), 5u) << outcome.output;  // ms, views a second, bytes, max error, PSNR
+    ASSERT_EQ(sums.size(), 5u) << outcome.output;  // ms, views per second, bytes, maximum error, PSNR
     ASSERT_EQ(jpeg.size(), 5u) << outcome.output;
     EXPECT_GT(sums[0], 0);
     EXPECT_NEAR(sums[0] * sums[1], 1000, 0.05 * 1000 + sums[0]) << "two digits";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-path as a program: where its focus and its times come from.
+// Runs lf-path: sources of focus and times.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,6 @@ double depth(const View& view) { return -view.focus.plane.d / view.focus.plane.n
 class LfPath : public testing::Test {
  protected:
   Outcome lf_path(const std::string& arguments) const { return run_program("lf-path", arguments, dir.path()); }
-  // `source`, `image`: of every camera.
   void write_rig(const std::string& source, const std::string& image) const {
     Rig rig = scene_rig(3, 3, 32, 24);
     for (Camera& camera : rig.cameras) {
@@ -57,7 +56,7 @@ TEST_F(LfPath, StillsStandAtTimeZero) {
   for (const NamedView& view : load_views(dir / "views.json")) EXPECT_EQ(view.time, 0);
 }
 
-// Eyes at both sides of a view of the path are inside of the array, too.
+// The viewpoints on both sides of a view must be inside the array as well.
 TEST_F(LfPath, APathLeavesRoomForEyes) {
   write_rig("film.mkv", "");
   const auto widest = [&](const std::string& options) {
@@ -70,7 +69,7 @@ TEST_F(LfPath, APathLeavesRoomForEyes) {
   const double all = widest(""), some = widest(" --room " + std::to_string(kScenePitch));
   EXPECT_GT(all, 0);
   EXPECT_LT(some, all);
-  EXPECT_LE(some, kScenePitch / 2 + 1e-9) << "the array is two pitches wide, the eyes are one apart";
+  EXPECT_LE(some, kScenePitch / 2 + 1e-9) << "the array is two pitches wide, the view set one";
 }
 
 TEST_F(LfPath, ErrorsNameFileOrOption) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-render as a program: pictures, figures and errors.
+// Runs lf-render: images, statistics and errors.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -27,7 +27,7 @@ using testing::HasSubstr;
 class LfRender : public testing::Test {
  protected:
   void SetUp() override {
-    // 2x3 cameras, each of one grey; ids from 10.
+    // 2x3 cameras, each with a uniform grey; ids from 10.
     for (int i = 0; i < 6; i++) {
       Camera camera;
       camera.id = static_cast<uint32_t>(10 + i);
@@ -50,7 +50,6 @@ class LfRender : public testing::Test {
     std::fill(image.data().begin(), image.data().end(), static_cast<uint8_t>(value));
     return image;
   }
-  // At camera `camera`, the plane z = 5 in focus.
   NamedView view_at(const std::string& name, int camera) const {
     const Camera& c = rig_.cameras[camera];
     return {name, 0, {c.width, c.height, c.lens, c.pose, {plane_through({0, 0, 5}, {0, 0, 1})}}};
@@ -58,7 +57,6 @@ class LfRender : public testing::Test {
   void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
   std::string path(const std::string& name) const { return folder_ / name; }
 
-  // Exit status; what it printed goes to output_.
   int run(const std::string& more = "", const std::string& rig = "rig.json") {
     const Outcome outcome =
         run_program("lf-render", "--rig " + rig + " --views views.json --out 'out folder' " + more, folder_.path());
@@ -66,7 +64,6 @@ class LfRender : public testing::Test {
     return outcome.status;
   }
   std::string text(const std::string& name) const { return read_text_file(path(name)); }
-  // One line that has all of `parts`, and exit status 1.
   void expect_failure(const std::string& more, const std::vector<std::string>& parts,
                       const std::string& rig = "rig.json") {
     EXPECT_EQ(run(more, rig), 1) << parts[0];
@@ -120,7 +117,7 @@ TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
 
 TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
   save_views({view_at("v", 0)}, path("views.json"));
-  ASSERT_EQ(run("--cameras 13"), 0) << output_;  // one camera: all of the view is its
+  ASSERT_EQ(run("--cameras 13"), 0) << output_;
   const Image out = picture("v");
   EXPECT_EQ(out.pixel(20, 15)[0], grey_of(3));
   ASSERT_EQ(run("--cameras 10,13"), 0) << output_;
@@ -129,7 +126,7 @@ TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
 
 TEST_F(LfRender, EveryNthCamera) {
   save_views({view_at("v", 1)}, path("views.json"));
-  ASSERT_EQ(run("--every 2"), 0) << output_;  // cameras 0 and 2 are left, half of each
+  ASSERT_EQ(run("--every 2"), 0) << output_;
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(2)) / 2, 4);
 }
 
@@ -137,12 +134,12 @@ TEST_F(LfRender, AsManyCamerasAPixelAsAskedFor) {
   save_views({view_at("v", 0)}, path("views.json"));
   for (const char* family : {"", " --i420"}) {
     ASSERT_EQ(run(std::string("--nearest-cameras 2") + family), 0) << output_;
-    expect_grey(picture("v"), grey_of(0), 1);  // it stands there
+    expect_grey(picture("v"), grey_of(0), 1);
     ASSERT_EQ(run(std::string("--aperture 5") + family), 0) << output_;
     EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(5)) / 2, 2);
   }
   expect_failure("--aperture -1", {"blending: the aperture must be above 0"});
-  expect_failure("--nearest-cameras 33", {"blending: must be of the nearest 1 to 32 cameras"});
+  expect_failure("--nearest-cameras 33", {"blending: must use the nearest 1 to 32 cameras"});
   expect_failure("--nearest-cameras 3 --aperture 1", {"--aperture"});
 }
 
@@ -196,7 +193,6 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   expect_failure("", {"views.json: views[0].name: "});
 }
 
-// Of the built-in scene, from between four cameras.
 TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
   const TempDir folder;
   Rig rig = scene_rig(4, 4, 160, 120);
@@ -219,12 +215,12 @@ TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
   EXPECT_GT(sharp, bilinear + 0.2);
 }
 
-// A camera that points elsewhere than its rig says is predicted badly by the others.
+// A misaligned camera does not fit the prediction from its neighbours.
 TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   const TempDir folder;
   Rig rig = scene_rig(5, 5, 80, 60);
   test::save_photographs(rig, folder, 0.5, 1);
-  rig.cameras[6].name = "row/one";  // as COLMAP's names may be
+  rig.cameras[6].name = "row/one";  // COLMAP's names may contain slashes
   rig.cameras[7].name = "../above";
   const std::string off = rig.cameras[12].name;
   rig.cameras[12].pose.orientation = glm::angleAxis(0.05, Vec3(0, 1, 0));
@@ -235,13 +231,13 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
     return outcome.output;
   };
   const std::string said = run("--focus surface --focus-near 1 --focus-far 6 --json out.json");
-  EXPECT_THAT(said, ContainsRegex(off + " stands out .* looks elsewhere"));
+  EXPECT_THAT(said, ContainsRegex(off + " stands out .* has another direction"));
   EXPECT_EQ(said.find("stands out"), said.rfind("stands out")) << "one alone: " << said;
   for (const char* name : {"out/row_one.png", "out/.._above.png"})
     EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
   EXPECT_GT(nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>(), 20);
   EXPECT_THAT(run("--focus surface --focus-near 1 --focus-far 6 --i420"),
-              ContainsRegex(off + " stands out .* looks elsewhere"));
+              ContainsRegex(off + " stands out .* has another direction"));
   rig.cameras[12].pose.orientation = {1, 0, 0, 0};
   save_rig(rig, folder / "rig.json");
   EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("stands out"), std::string::npos);

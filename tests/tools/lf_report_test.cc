@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-report as a program: the figures of a run, and what it refuses.
+// Runs lf-report: results of a run, and rejected input.
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -37,7 +37,6 @@ class LfReport : public testing::Test {
     write_log("log", {{10.0, 100, 4'000'000}, {10.5, 200, 6'000'000}, {11.0, 300, 5'000'000}});
   }
 
-  // The ground truth made lighter by `error`, as far as it goes.
   void write_frames(size_t count, int error, const std::string& name = "frames.rgb") {
     std::ofstream file(dir_ / name, std::ios::binary);
     for (size_t i = 0; i < count; i++) {
@@ -105,7 +104,7 @@ TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
   write_frames(2, 0);
   expect_failure("frames.rgb: has 2 pictures for 3 views and 3 messages");
   std::ofstream(dir_ / "frames.rgb", std::ios::app) << "x";
-  expect_failure("frames.rgb: is not a number of RGB pictures of 33x24");
+  expect_failure("frames.rgb: size is not a multiple of RGB frames of 33x24");
   write_log("log", {});
   expect_failure("log: no lightfield-view messages");
   std::ofstream(dir_ / "log") << "1 (element): lightfield-view, view-id=(uint)0;\n";

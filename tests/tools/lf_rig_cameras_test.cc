@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-rig's commands that open cameras, on simulated ones: elements, files and RTSP servers.
+// Runs the lf-rig commands that open cameras, with simulated cameras: elements, files and RTSP servers.
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -33,13 +33,11 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-// Runs lf-rig where it finds the plugin of this build.
 Outcome lf_rig(const std::string& arguments, const TempDir& dir) {
   g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
   return run_program("lf-rig", arguments, dir.path());
 }
 
-// A rig of one row, whose sources are given.
 void write_rig(const TempDir& dir, const std::vector<std::string>& sources) {
   Rig rig = make_grid_rig({1, static_cast<int>(sources.size()), 0.1, 60, 64, 48});
   for (size_t i = 0; i < sources.size(); i++) rig.cameras[i].source = sources[i];
@@ -48,8 +46,7 @@ void write_rig(const TempDir& dir, const std::vector<std::string>& sources) {
 
 const std::string kGood = "videotestsrc is-live=true pattern=smpte ! video/x-raw,framerate=15/1";
 
-// Each JPEG file of 64 cameras takes some 30 ms. The time is that of the thread that asks, as lf-serve's main thread
-// does.
+// Each JPEG file of 64 cameras takes about 30 ms. Measures the time of the calling thread, like lf-serve's main thread.
 TEST(Mosaic, ManyRequestsCostLittle) {
   Rig rig = make_grid_rig({8, 8, 0.1, 60, 320, 240});
   cameras::Mosaic mosaic(rig);
@@ -60,7 +57,7 @@ TEST(Mosaic, ManyRequestsCostLittle) {
   };
   const std::vector<uint8_t> first = mosaic.jpeg(0);
   ASSERT_GT(first.size(), 2u);
-  EXPECT_EQ(first[0] << 8 | first[1], 0xffd8) << "a JPEG file, though no camera has given a frame";
+  EXPECT_EQ(first[0] << 8 | first[1], 0xffd8) << "a JPEG file even without frames";
   const double began = seconds();
   for (int i = 0; i < 1000; i++) EXPECT_FALSE(mosaic.jpeg(0.001 * i).empty());
   EXPECT_LT(seconds() - began, 1);
@@ -115,10 +112,9 @@ TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
         "error: camera 5 (cam_00_05): ", "nosuchelement",
         "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the device of camera 6"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
-  EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "who does well is left alone";
+  EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "no message about working cameras";
 }
 
-// A rig whose first camera writes a file when it is opened.
 std::string write_rig_that_writes(const TempDir& dir) {
   const std::string mark = dir / "written-by-the-rig";
   write_rig(dir,
@@ -131,7 +127,7 @@ std::string write_rig_that_writes(const TempDir& dir) {
 
 constexpr const char* kCommandsThatOpenCameras[] = {
     "doctor rig.json --seconds 1 --patience 3",
-    "snapshot rig.json --out stills --after 0",
+    "snapshot rig.json --out stills --warm-up 0",
     "identify rig.json --port 0",
     "lock rig.json --settle 0.1 --no-check",
     "record rig.json --out films --seconds 0.3",
@@ -151,10 +147,10 @@ TEST(LfRigTrust, NoCommandRunsElementsThatMayWrite) {
     EXPECT_FALSE(std::filesystem::exists(mark)) << command;
   }
   EXPECT_EQ(lf_rig("doctor rig.json --seconds 1 --trust-rig", dir).status, 0);
-  EXPECT_TRUE(std::filesystem::exists(mark)) << "or the rig would have written nothing in any case";
+  EXPECT_TRUE(std::filesystem::exists(mark)) << "otherwise the test proves nothing";
 }
 
-// Commands that open a copy check the file that the copy is of.
+// Commands that open a copy must check the original file.
 TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
   const TempDir dir;
   const std::string mark = write_rig_that_writes(dir);
@@ -172,7 +168,7 @@ TEST(LfRigTrust, NoCommandTellsPasswords) {
   const TempDir dir;
   write_rig(dir, {"rtsp://admin:Hunter2Secret@127.0.0.1:1/none", "rtsp://admin:Hunter2Secret@127.0.0.1:1/none"});
   std::vector<std::string> commands(std::begin(kCommandsThatOpenCameras), std::end(kCommandsThatOpenCameras));
-  commands.erase(commands.begin() + 2);  // identify runs for ever
+  commands.erase(commands.begin() + 2);  // identify does not terminate
   commands.insert(commands.end(), {"info rig.json", "check rig.json", "doctor rig.json --seconds 1 --patience 3 --json",
                                    "subset rig.json --cameras 7 --out other.json"});
   for (const std::string& command : commands)
@@ -203,10 +199,10 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
   const TempDir dir;
   write_rig(dir, {"videotestsrc is-live=true pattern=red ! video/x-raw,framerate=30/1",
                   "videotestsrc is-live=true pattern=blue ! video/x-raw,framerate=30/1 ! jpegenc", "none.mkv"});
-  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0.3", dir);
+  const Outcome outcome = lf_rig("snapshot rig.json --out stills --warm-up 0.3", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
   EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): "), HasSubstr("2 stills of one instant"),
-                                    HasSubstr("is the path right?")));
+                                    HasSubstr("check the path")));
   const Rig rig = load_rig(dir / "stills/rig.json");
   EXPECT_EQ(rig.cameras[0].image, "cam_00_00.png");
   EXPECT_EQ(rig.cameras[2].image, "");
@@ -217,7 +213,7 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
   EXPECT_LT(red.pixel(32, 24)[2], 60);
   EXPECT_GT(blue.pixel(32, 24)[2], 200);
 
-  const Outcome one = lf_rig("snapshot rig.json --cameras 0 --out one --after 0", dir);
+  const Outcome one = lf_rig("snapshot rig.json --cameras 0 --out one --warm-up 0", dir);
   EXPECT_EQ(one.status, 0) << one.output;
   EXPECT_TRUE(std::filesystem::exists(dir / "one/cam_00_00.png"));
 }
@@ -225,20 +221,20 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
 TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
   const TempDir dir;
   write_rig(dir, {kGood});
-  ASSERT_EQ(lf_rig("snapshot rig.json --out stills --after 0", dir).status, 0);
+  ASSERT_EQ(lf_rig("snapshot rig.json --out stills --warm-up 0", dir).status, 0);
   const std::string before = read_text_file(dir / "stills/rig.json");
   write_rig(dir, {"none.mkv"});
-  test::expect_outcome(lf_rig("snapshot rig.json --out stills --after 0", dir), 1,
+  test::expect_outcome(lf_rig("snapshot rig.json --out stills --warm-up 0", dir), 1,
                        HasSubstr("no camera gave a still: stills stays as it was"));
   EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
   EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
 }
 
-// Frames that tell their time by their brightness: all stills must be of one instant.
+// Brightness encodes the time of each frame: all stills must show the same instant.
 TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
   const TempDir dir;
   write_rig(dir, std::vector<std::string>(3, "videotestsrc is-live=true ! video/x-raw,framerate=20/1"));
-  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0.2", dir);
+  const Outcome outcome = lf_rig("snapshot rig.json --out stills --warm-up 0.2", dir);
   ASSERT_EQ(outcome.status, 0) << outcome.output;
   std::vector<double> offsets;
   for (size_t at = outcome.output.find(".png, "); at != std::string::npos; at = outcome.output.find(".png, ", at + 1))
@@ -247,7 +243,7 @@ TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
   for (const double offset : offsets) EXPECT_LE(std::abs(offset), 25.1) << "half the time between frames, ms";
 }
 
-// Stamps of a film's frames, seconds, as calibrations read them.
+// Returns the frame timestamps of a film in seconds, as read by calibration.
 std::vector<double> stamps_of(const std::string& film) {
   std::vector<double> stamps;
   GstElement* pipeline = gst_parse_launch(
@@ -272,14 +268,14 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
   const std::string live = "videotestsrc is-live=true pattern=red ! video/x-raw,framerate=";
   write_rig(dir, {live + "30/1", live + "15/1 ! jpegenc", "none.mkv"});
   Rig rig = load_rig(dir / "rig.json");
-  rig.cameras[1].time_offset = 5;  // of an earlier calibration: films have the camera's own stamps
+  rig.cameras[1].time_offset = 5;  // set by an earlier calibration; films have the camera's own timestamps
   save_rig(rig, dir / "rig.json");
   std::filesystem::create_directory(dir / "films");
   dir.write("films/cam_00_02.mkv", "of last week");
   const Outcome outcome = lf_rig("record rig.json --out films --seconds 2", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
   EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): 0 frames: "), HasSubstr("films: 2 of 3 cameras")));
-  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_02.mkv")) << "what is old is of another evening";
+  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_02.mkv")) << "older than the recording session";
   for (const auto& [name, rate] : {std::pair("cam_00_00", 30.0), std::pair("cam_00_01", 15.0)}) {
     const std::vector<double> stamps = stamps_of(dir / "films/" + name + ".mkv");
     ASSERT_GT(stamps.size(), 5u) << outcome.output;
@@ -302,12 +298,12 @@ TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
   const Outcome one = lf_rig("record rig.json --out films --seconds 0.5", dir);
   EXPECT_EQ(one.status, 1);
   EXPECT_GT(std::filesystem::file_size(dir / "films/cam_00_00.mkv"), 100u) << one.output;
-  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "of another evening than the new film";
+  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "older than the new recording";
   EXPECT_EQ(read_text_file(dir / "films/earlier/cam_00_01.mkv"), "of last week");
-  EXPECT_THAT(one.output, HasSubstr("its film of before is now films/earlier/cam_00_01.mkv"));
+  EXPECT_THAT(one.output, HasSubstr("its previous film is now films/earlier/cam_00_01.mkv"));
 }
 
-// Of cameras that run freely each has its first frame a while after the recording's beginning.
+// The first frame of each unsynchronised camera comes some time after the start of the recording.
 TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
   gst_init(nullptr, nullptr);
   const TempDir dir;
@@ -321,7 +317,7 @@ TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
   for (size_t i = 0; i < times.size(); i++) EXPECT_NEAR(stamps[i], times[i], 2e-5);
 }
 
-// The first sender report moves the stamps of a network camera: a film begins after it.
+// The first sender report shifts the timestamps of a network camera: its film starts after the report.
 TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
   gst_init(nullptr, nullptr);
@@ -332,10 +328,10 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
     const Outcome outcome = lf_rig("record rig.json --out films --seconds 4", dir);
     ASSERT_EQ(outcome.status, 0) << outcome.output;
     const size_t undated = outcome.output.find("camera 1 (cam_00_01)"),
-                 note = outcome.output.find("dated as they came");
+                 note = outcome.output.find("capture times are arrival times");
     ASSERT_NE(note, std::string::npos) << outcome.output;
     EXPECT_LT(undated, note) << outcome.output;
-    EXPECT_EQ(outcome.output.find("dated as they came", note + 1), std::string::npos) << outcome.output;
+    EXPECT_EQ(outcome.output.find("capture times are arrival times", note + 1), std::string::npos) << outcome.output;
     const std::vector<double> stamps = stamps_of(dir / "films/cam_00_00.mkv");
     ASSERT_GT(stamps.size(), 10u);
     for (const double stamp : stamps) {
@@ -378,11 +374,11 @@ TEST(LfRigLock, NeedsACameraThatTells) {
   const TempDir dir;
   write_rig(dir, {kGood});
   EXPECT_THAT(lf_rig("lock rig.json --settle 0.2", dir).output,
-              HasSubstr("camera 0 (cam_00_00): its source tells no exposure, gain, white balance or focus"));
+              HasSubstr("camera 0 (cam_00_00): its source reports no exposure, gain, white balance or focus"));
   EXPECT_THAT(lf_rig("lock rig.json --camera 4", dir).output, HasSubstr("rig.json: has no camera 4"));
 }
 
-// Films of a moved bar as cameras: where it came to while it is filmed, and what looking costs.
+// Uses films of a moving bar as cameras. Checks the detected positions during filming, and the cost.
 class Watching : public testing::Test {
  protected:
   Watching() {
@@ -400,33 +396,33 @@ TEST_F(Watching, FollowsTheLightsInTheFilmsThatAreTaken) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(2, 2, 640, 480), "--framerate 30 --seconds 8"));
   const std::string path = dir_ / "lights/rig.json";
   const auto rig = std::make_shared<const Rig>(load_rig(path));
-  cameras::LightWatch watch(*rig, 2);
-  const std::vector<cameras::Recorded> recorded = cameras::record_cameras(
+  cameras::LightTracker watch(*rig, 2);
+  const std::vector<cameras::RecordedCamera> recorded = cameras::record_cameras(
       rig, path, dir_ / "films", {.seconds = 6, .shown = [&](const cameras::CameraFrame& frame) { watch.see(frame); }},
       [](double) { return true; });
-  for (const cameras::Recorded& one : recorded) EXPECT_EQ(one.problem, "");
+  for (const cameras::RecordedCamera& one : recorded) EXPECT_EQ(one.problem, "");
   const uint64_t looks = watch.looks();
   EXPECT_GT(looks, 4u * 10);
   EXPECT_LE(looks, 4u * 32) << "five a second";
-  std::printf("%.2f ms of the processor a look at 640x480\n", 1e3 * watch.busy() / static_cast<double>(looks));
-  // Not more places than the lights came to, and not far fewer.
-  const auto truth = parse_light_sights(read_text_file(dir_ / "lights/lights.json"), "lights.json");
+  std::printf("%.2f ms of CPU time per 640x480 frame\n", 1e3 * watch.busy() / static_cast<double>(looks));
+  // At most as many positions as the lights visited, and only a few fewer.
+  const auto truth = parse_light_detections(read_text_file(dir_ / "lights/lights.json"), "lights.json");
   ASSERT_TRUE(truth);
   for (CameraIndex i = 0; i < 4; i++) {
-    PicturePlaces places(640, 480);
-    for (const LightSights::Frame& frame : truth->cameras[i].frames)
-      for (const Sight& sight : frame.sights) places.come(sight.pixel);
+    CoverageGrid places(640, 480);
+    for (const LightDetections::Frame& frame : truth->cameras[i].frames)
+      for (const LightDetection& sight : frame.sights) places.come(sight.pixel);
     EXPECT_LE(watch.places(i).share(), places.share() + 1.5 / 12);
     EXPECT_GE(watch.places(i).share(), 0.5 * places.share());
   }
-  EXPECT_THAT(watch.told(), AllOf(HasSubstr("The light came to "), HasSubstr("Next: ")));
+  EXPECT_THAT(watch.summary(), AllOf(HasSubstr("The light has covered "), HasSubstr("Next: ")));
 }
 
 TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
   test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
                        0,
-                       AllOf(HasSubstr("the left is on your right"), HasSubstr("The light came to "),
+                       AllOf(HasSubstr("left is on your right"), HasSubstr("The light has covered "),
                              HasSubstr("Next: "), HasSubstr("films: 2 of 2 cameras")));
   EXPECT_NE(run_program("lf-rig", "record lights/rig.json --out films --lights 3", dir_.path()).status, 0);
 }

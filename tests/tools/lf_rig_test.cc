@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The program as people use it: its files, its output, its exit status.
+// Runs lf-rig: files, output and exit status.
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -32,7 +32,6 @@ const fs::path kData = fs::path(LF_SOURCE_ROOT) / "../shared/data";
 class LfRig : public testing::Test {
  protected:
   Outcome lf_rig(const std::string& arguments) const { return run_program("lf-rig", arguments, dir.path()); }
-  // A rig of 3x3 cameras with images in a folder beside it.
   void write_rig() const {
     ASSERT_EQ(lf_rig("new --grid 3x3 --pitch 0.1 --fov 60 --width 8 --height 6 --out plain.json").status, 0);
     Rig rig = load_rig(dir / "plain.json");
@@ -75,7 +74,7 @@ TEST_F(LfRig, NewMakesCylinders) {
   expect_outcome(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json"), 1,
                  HasSubstr("radius: must be positive"));
   expect_outcome(lf_rig("new --grid 2x2 --radius 1 --pitch 1 --fov 60 --out no.json"), 1,
-                 HasSubstr("--radius: of --arc"));
+                 HasSubstr("--radius: only for --arc"));
 }
 
 TEST_F(LfRig, NewRefusesNonsense) {
@@ -105,7 +104,7 @@ TEST_F(LfRig, CheckFailsOnErrorsAlone) {
   expect_outcome(lf_rig("check none.json"), 1, HasSubstr("none.json: can't be read: No such file or directory"));
 }
 
-// Processor time of all programs that have been run and have ended, seconds.
+// Returns the processor time of all finished child processes, in seconds.
 double seconds_of_programs() {
   struct rusage usage {};
   getrusage(RUSAGE_CHILDREN, &usage);
@@ -113,7 +112,7 @@ double seconds_of_programs() {
          1e-6 * static_cast<double>(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
 }
 
-// With all pairs of cameras, each of these takes minutes.
+// Comparing all pairs of cameras would take minutes for each command.
 TEST_F(LfRig, TheLargestRigsTakeSeconds) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> number(0, 1);
@@ -228,7 +227,7 @@ TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
-// Hand-held photographs: the files are undistorted ones, of sizes and under names of their own.
+// Hand-held photographs: the files are undistorted, with different sizes and names.
 TEST_F(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";
   const std::string import = "import colmap '" + fs::canonical(kData / "kettle").string() + "' --out rig.json";

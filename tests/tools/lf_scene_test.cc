@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-scene as a program: what it writes is whole, named by its rig file, and the scene.
+// Runs lf-scene: its output is complete, matches the rig file, and shows the scene.
 #include <gst/app/gstappsink.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "image/image.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/run_program.h"
@@ -28,14 +28,12 @@ class LfScene : public testing::Test {
  protected:
   void SetUp() override { gst_init(nullptr, nullptr); }
 
-  // Exit status; what it prints on both channels goes to output_.
   int run(const std::string& arguments) {
     const Outcome outcome = run_program("lf-scene", arguments);
     output_ = outcome.output;
     return outcome.status;
   }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
-  // --out and, so that names with blanks are met too, quotes.
   std::string out(const std::string& name) const { return "--out '" + path(name) + "' "; }
 
   static Image rendered(const Camera& c, double time) {
@@ -56,7 +54,6 @@ struct Frame {
   double time;
 };
 
-// All frames of a Matroska file, and the colorimetry of its pictures.
 std::vector<Frame> decode(const std::string& file, std::string& colorimetry) {
   const std::string line = "filesrc location=\"" + file +
                            "\" ! matroskademux ! jpegdec ! video/x-raw,format=I420 ! appsink name=s sync=false";
@@ -104,7 +101,7 @@ TEST_F(LfScene, FilmsMotionJpeg) {
     ASSERT_EQ(frames.size(), 3u) << camera.name;
     EXPECT_EQ(colorimetry.substr(0, 3), "1:4") << "full range, BT.601";
     for (int n = 0; n < 3; n++) {
-      EXPECT_NEAR(frames[n].time, n / 12.5, 0.0011);  // Matroska counts milliseconds
+      EXPECT_NEAR(frames[n].time, n / 12.5, 0.0011);  // Matroska timestamps are in milliseconds
       const Image expected = to_rgb(to_i420(rendered(camera, n / 12.5)));
       EXPECT_GT(compare(to_rgb(frames[n].i420), expected).psnr_db, 34) << camera.name << " frame " << n;
     }
@@ -131,7 +128,7 @@ TEST_F(LfScene, FilmsImageSequencesOfAnyRig) {
       const Image image = load_image(path("o/" + camera.name + "_000" + std::to_string(n) + ".png"));
       EXPECT_EQ(image.data(), rendered(camera, n * 1001 / 30000.0 + camera.time_offset).data()) << camera.name << n;
     }
-    EXPECT_FALSE(fs::exists(path("o/" + camera.name + "_0003.png"))) << "left over from the longer film";
+    EXPECT_FALSE(fs::exists(path("o/" + camera.name + "_0003.png"))) << "left over from the longer recording";
   }
 }
 
@@ -168,7 +165,7 @@ TEST_F(LfScene, SaysWhatIsWrong) {
   expect_refused(out("o") + "--framerate nan", "--framerate nan");
   expect_refused(out("o") + "--grid 2x2 --rig r.json", "--grid");
   expect_refused(out("o") + "--rig '" + path("none.json") + "'", "none.json");
-  expect_refused(out("log/o") + "--grid 1x1 --frames 1", "log/o");  // a file is in the way
+  expect_refused(out("log/o") + "--grid 1x1 --frames 1", "log/o");  // a file has the name of the folder
   Rig rig = scene_rig(1, 2, 8, 8);
   rig.cameras[1].name = "../outside";
   save_rig(rig, path("rig.json"));
@@ -191,13 +188,12 @@ TEST_F(LfScene, AFailedRunLeavesTheOldRecording) {
   EXPECT_EQ(content("o/cam_00_00.mkv"), film);
 }
 
-// What the options of `lights` change in the recording of the first camera.
 class LfSceneLights : public LfScene {
  protected:
   struct Film {
     uintmax_t bytes = 0;
     int darkest = 255, brightest = 0;
-    double apart = 0;  // pixels from light to light in the first frame
+    double apart = 0;  // distance between the lights in the first frame, pixels
   };
   Film film(const std::string& options) {
     const std::string name = "lights" + std::to_string(films_++);
@@ -227,7 +223,7 @@ class LfSceneLights : public LfScene {
 TEST_F(LfSceneLights, OptionsDoWhatTheySay) {
   const Film usual = film("");
   const Film near = film("--near 1 --far 1.2"), far = film("--near 3 --far 3.2");
-  EXPECT_NEAR(near.apart / far.apart, 3.1 / 1.1, 0.5) << "three times as far the lights are a third as far apart";
+  EXPECT_NEAR(near.apart / far.apart, 3.1 / 1.1, 0.5) << "at three times the distance, a third of the spacing";
   const Film weak = film("--power 0.05");
   EXPECT_LT(weak.brightest, usual.brightest / 2) << usual.brightest;
   const Film lit = film("--ambient 0.3");

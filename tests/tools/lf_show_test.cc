@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-show as a program: each of its pictures, of a small array before the built-in scene, and errors.
+// Runs lf-show with a small array in the built-in scene: all images, and errors.
 #include <algorithm>
 #include <filesystem>
 
@@ -30,7 +30,6 @@ class LfShow : public testing::Test {
   }
   std::string path(const std::string& name) const { return folder_ / name; }
   Outcome run(const std::string& arguments) const { return run_program("lf-show", arguments, folder_.path()); }
-  // v.json: three views, each `step` metres right of the one before.
   void save_path(double step) const {
     std::vector<NamedView> views;
     for (int i = 0; i < 3; i++) {
@@ -41,7 +40,6 @@ class LfShow : public testing::Test {
     }
     save_views(views, path("v.json"));
   }
-  // The picture that the command writes to out.png.
   Image picture(const std::string& arguments) const {
     test::expect_outcome(run(arguments + " --rig rig.json --out out.png"), 0);
     return load_image(path("out.png"));
@@ -55,7 +53,6 @@ class LfShow : public testing::Test {
   static int light(const Image& image, int x, int y) {
     return image.pixel(x, y)[0] + image.pixel(x, y)[1] + image.pixel(x, y)[2];
   }
-  // Pixels of a part that are as bright as that.
   static int count(const Image& image, const Rect& part, int least) {
     int n = 0;
     for (int y = part.y0; y < part.y1; y++)
@@ -74,16 +71,16 @@ TEST_F(LfShow, MosaicHasWhatEachCameraSawAndItsName) {
   ASSERT_EQ(mosaic.width(), 400);
   ASSERT_EQ(mosaic.height(), 300);
   EXPECT_GT(count(mosaic, {0, 0, 100, 60}, 150), 3000);
-  EXPECT_EQ(count(mosaic, {100, 75, 200, 135}, 150), 0) << "one that gave nothing";
-  EXPECT_GT(count(mosaic, {100, 135, 200, 150}, 600), 50) << "its name";
+  EXPECT_EQ(count(mosaic, {100, 75, 200, 135}, 150), 0) << "camera without an image";
+  EXPECT_GT(count(mosaic, {100, 135, 200, 150}, 600), 50) << "camera name";
 }
 
 TEST_F(LfShow, ContributionsFromTheEyeAndFromBehind) {
   const Image eye = picture("contributions --focus plane");
-  EXPECT_GT(count(eye, {4, 4, 92, 68}, 60), 80 * 60) << "cameras make all of the home view";
+  EXPECT_GT(count(eye, {4, 4, 92, 68}, 60), 80 * 60) << "cameras cover the home view";
   const Image behind = picture("contributions --behind --size 200x150 --ids");
   ASSERT_EQ(behind.width(), 200);
-  EXPECT_EQ(count(behind, {0, 0, 200, 14}, 1), 0) << "a tenth of the view is left around the array";
+  EXPECT_EQ(count(behind, {0, 0, 200, 14}, 1), 0) << "margin of a tenth of the view";
   EXPECT_GT(count(behind, {40, 20, 160, 130}, 60), 4000);
   expect_failure("contributions --rig rig.json --behind --views v.json --out o.png", "--behind: ");
 }
@@ -92,12 +89,12 @@ TEST_F(LfShow, CoverageTellsLostWeightFromNoCamera) {
   const Image all = picture("coverage --focus plane");
   EXPECT_EQ(all.width(), 96);
   EXPECT_GT(all.height(), 72) << "a scale below";
-  EXPECT_NEAR(all.pixel(48, 36)[0], all.pixel(48, 36)[1], 6) << "nothing is lost: dim and grey";
-  // A wide view: of its outer parts the cameras see nothing. Moved aside and back: part of it has no cameras.
+  EXPECT_NEAR(all.pixel(48, 36)[0], all.pixel(48, 36)[1], 6) << "no missing weight: dim and grey";
+  // The cameras do not cover the outer parts of a wide view.
   const Image wide = picture("coverage --focus plane --fov 90");
   EXPECT_EQ(wide.pixel(2, 2)[2], heat_colour(1)[2]);
   const Image beside = picture("coverage --focus plane --move 0.05,0,-0.3");
-  EXPECT_EQ(light(beside, 94, 36), 3 * kNoHeat);
+  EXPECT_EQ(light(beside, 94, 36), 3 * kNoValueGrey);
 }
 
 TEST_F(LfShow, EpipolarPlaneImageOfARowAndAColumn) {
@@ -127,13 +124,11 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   const Outcome scene = run("difference --rig rig.json --scene --out scene.png");
   ASSERT_EQ(scene.status, 0) << scene.output;
   EXPECT_THAT(scene.output, HasSubstr("PSNR 2"));
-  const Outcome out = run("difference --rig rig.json --left-out 5 --out left.png");
+  const Outcome out = run("difference --rig rig.json --held-out-camera 5 --out left.png");
   ASSERT_EQ(out.status, 0) << out.output;
   EXPECT_THAT(out.output, HasSubstr("PSNR "));
-  // A camera of a corner sees what is beside the view of all others.
-  test::expect_outcome(run("difference --rig rig.json --left-out 0 --out corner.png"), 0,
-                       HasSubstr("left out: nothing compared: the cameras cover no pixel of it\n"));
-  // At a camera, what it saw: no difference.
+  test::expect_outcome(run("difference --rig rig.json --held-out-camera 0 --out corner.png"), 0,
+                       HasSubstr("left out: nothing compared: the cameras cover no pixel\n"));
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
   const Outcome same =
@@ -141,8 +136,8 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   ASSERT_EQ(same.status, 0) << same.output;
   EXPECT_THAT(same.output, HasSubstr("SSIM 1.0000"));
   EXPECT_EQ(count(load_image(path("same.png")), {0, 0, 96, 72}, 20), 0);
-  expect_failure("difference --rig rig.json --out o.png", "give one of --truth, --scene and --left-out");
-  expect_failure("difference --rig rig.json --out o.png --left-out 99", "99");
+  expect_failure("difference --rig rig.json --out o.png", "give one of --truth, --scene and --held-out-camera");
+  expect_failure("difference --rig rig.json --out o.png --held-out-camera 99", "99");
   expect_failure("difference --rig rig.json --out o.png --size 40x30 --truth " + camera.image,
                  "must have the view's size");
 }
@@ -166,13 +161,12 @@ TEST_F(LfShow, ErrorsNameTheOptionOrTheFile) {
     EXPECT_EQ(run(std::string(command) + " --help").status, 0) << command;
 }
 
-// The line goes below the cameras' axes, and out of their pictures.
 TEST_F(LfShow, AnEpipolarLineLiesAsideAsFarAsAsked) {
   const std::string row = "epi --row 1 --focus-distance 2.2 --stripe 4";
   const Image middle = picture(row), below = picture(row + " --across 0.1"), outside = picture(row + " --across 5");
   EXPECT_NE(middle.data(), below.data());
   EXPECT_GT(count(below, {0, 0, 96, 16}, 60), 96 * 8);
-  EXPECT_EQ(count(outside, {0, 0, 96, 16}, 1), 0) << "nobody sees it";
+  EXPECT_EQ(count(outside, {0, 0, 96, 16}, 1), 0) << "no camera sees this region";
 }
 
 TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
@@ -184,7 +178,7 @@ TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
       for (int x = 0; x < 96; x++) sum += image.pixel(x, y) == nullptr ? 0 : light(image, x, y);
     return sum;
   };
-  const int coarse = bright(" --full 255"), usual = bright(""), fine = bright(" --full 8");
+  const int coarse = bright(" --full-scale 255"), usual = bright(""), fine = bright(" --full-scale 8");
   EXPECT_LT(coarse, usual);
   EXPECT_LT(usual, fine);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Controls of cameras, as an element has them that speaks like aravissrc: a light that is as bright as exposure and
-// gain make it, some of which do not listen.
+// Camera controls, with a fake element like aravissrc: brightness follows exposure and gain; some cameras ignore their
+// controls.
 #include "../../tools/cameras/lock.h"
 
 #include <gmock/gmock.h>
@@ -29,7 +29,7 @@ GType fake_auto_get_type() {
 
 struct FakeCamera {
   GstPushSrc parent;
-  gdouble exposure, gain;  // microseconds, decibels that are none
+  gdouble exposure, gain;  // exposure in microseconds; gain not in decibels
   gint exposure_auto, gain_auto;
   gboolean stuck;
 };
@@ -42,7 +42,7 @@ enum { PROP_0, PROP_EXPOSURE, PROP_EXPOSURE_AUTO, PROP_GAIN, PROP_GAIN_AUTO, PRO
 constexpr char kCaps[] = "video/x-raw, format=RGB, width=64, height=48, framerate=30/1";
 constexpr double kChosenExposure = 14000, kChosenGain = 2;
 
-// What its automatic would choose; a stuck one shows its own exposure for ever.
+// Simulates automatic exposure; a stuck camera keeps its own exposure forever.
 GstFlowReturn fake_fill(GstPushSrc* source, GstBuffer* buffer) {
   auto* self = reinterpret_cast<FakeCamera*>(source);
   if (self->exposure_auto != 0) self->exposure = kChosenExposure;
@@ -108,7 +108,7 @@ void fake_camera_init(FakeCamera* self) {
 class LockTest : public testing::Test {
  protected:
   static void SetUpTestSuite() { gst_element_register(nullptr, "fakecamera", GST_RANK_NONE, fake_camera_get_type()); }
-  // A pause behind each frame, so that they do not spin.
+  // A pause after each frame prevents busy loops.
   static Rig rig_of(const std::vector<std::string>& sources) {
     Rig rig = make_grid_rig({1, static_cast<int>(sources.size()), 0.1, 60, 64, 48});
     for (size_t i = 0; i < sources.size(); i++) rig.cameras[i].source = sources[i] + " ! identity sleep-time=20000";
@@ -126,10 +126,10 @@ TEST_F(LockTest, TakesWhatTheCameraHasChosen) {
 }
 
 TEST_F(LockTest, ExposuresAreWholeHalfWaves) {
-  EXPECT_NEAR(without_flicker(0.031, 50), 0.03, 1e-12);
-  EXPECT_NEAR(without_flicker(0.02, 50), 0.02, 1e-12);
-  EXPECT_NEAR(without_flicker(0.004, 50), 0.004, 1e-12) << "shorter than any";
-  EXPECT_NEAR(without_flicker(0.02, 60), 2 / 120.0, 1e-12);
+  EXPECT_NEAR(flicker_free_exposure(0.031, 50), 0.03, 1e-12);
+  EXPECT_NEAR(flicker_free_exposure(0.02, 50), 0.02, 1e-12);
+  EXPECT_NEAR(flicker_free_exposure(0.004, 50), 0.004, 1e-12) << "shorter than any";
+  EXPECT_NEAR(flicker_free_exposure(0.02, 60), 2 / 120.0, 1e-12);
 }
 
 TEST_F(LockTest, NamesTheCameraThatDoesNotListen) {
@@ -159,10 +159,10 @@ TEST_F(LockTest, TheDoctorSeesAutomaticControls) {
   put_controls({{1, {{"exposure", 0.012}, {"gain", 2}, {"sharpness", 3}}}}, text);
   save_rig(rig, dir / "rig.json", &text);
   const auto read = std::make_shared<const Rig>(load_rig(dir / "rig.json"));
-  const Exam exam = examine(read, dir / "rig.json", {.seconds = 1, .trusted = true});
+  const DoctorReport exam = run_doctor(read, dir / "rig.json", {.seconds = 1, .trusted = true});
   EXPECT_EQ(exam.cameras[0].controls, (Controls{{"exposure", std::nullopt}, {"gain", std::nullopt}}));
   EXPECT_EQ(exam.cameras[1].controls, (Controls{{"exposure", 0.012}, {"gain", 2}}));
-  EXPECT_EQ(exam.cameras[1].not_taken, std::vector<std::string>{"sharpness"});
+  EXPECT_EQ(exam.cameras[1].unsupported_controls, std::vector<std::string>{"sharpness"});
 }
 
 }  // namespace

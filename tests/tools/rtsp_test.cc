@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Cameras on a network, each behind an RTSP server, are recorded and calibrated.
+// Records and calibrates network cameras, each behind an RTSP server.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -36,11 +36,10 @@ using testing::Not;
 
 using test::RtspServer;
 
-// The film of a camera, a file of JPEG pictures, that an RTSP server gives out at its times, again and again. It must
-// outlive the server.
+// A JPEG film that an RTSP server streams in a loop with its timestamps. Must outlive the server.
 class LiveFilm {
  public:
-  // `hold`: each picture of the file stays for so many frames, at 15 a second; 0: the file's own times.
+  // `hold`: number of frames, at 15 per second, for which each image is repeated; 0: the timestamps of the file.
   explicit LiveFilm(const std::string& path, int hold = 0) {
     GstElement* pipeline = gst_parse_launch(
         ("filesrc location=" + path + " ! matroskademux ! image/jpeg ! appsink name=sink sync=false").c_str(), nullptr);
@@ -68,7 +67,7 @@ class LiveFilm {
   LiveFilm(const LiveFilm&) = delete;
   LiveFilm& operator=(const LiveFilm&) = delete;
 
-  // Films that begin at one time of the system's clock, which has come, show one instant.
+  // Films that start at the same past time of the system clock show the same instant.
   void serve(GstRTSPServer* server, const std::string& path, GstClockTime begin) {
     begin_ = begin;
     GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server);
@@ -96,7 +95,6 @@ class LiveFilm {
     GstClockTime time;
   };
 
-  // The next frame, when its time has come.
   static void give(GstElement* source, guint, gpointer data) {
     const auto* film = static_cast<LiveFilm*>(data);
     GstClock* clock = gst_element_get_clock(source);
@@ -119,7 +117,7 @@ class LiveFilm {
   std::vector<Frame> frames_;
 };
 
-// Cameras of a rig, each behind an RTSP server of its own that gives out FOLDER/NAME.mkv. All show one instant.
+// The cameras of a rig, each behind an RTSP server that streams FOLDER/NAME.mkv. All show the same instant.
 class FilmServers {
  public:
   FilmServers(Rig rig, const std::string& folder, int hold = 0) : rig_(std::move(rig)) {
@@ -139,7 +137,6 @@ class FilmServers {
     RtspServer::clean_up();
   }
 
-  // The rig with its cameras' addresses.
   const Rig& rig() const { return rig_; }
 
  private:
@@ -148,8 +145,8 @@ class FilmServers {
   std::vector<std::unique_ptr<RtspServer>> servers_;
 };
 
-// Network cameras that run freely, at 15 and 30 frames/s, film a moved bar: lf-rig records them through RTSP, and
-// lf-calibrate is to find by how much each of them is late.
+// Unsynchronised network cameras, at 15 and 30 frames/s, film a moving bar. lf-rig records them through RTSP, and
+// lf-calibrate must find the delay of each camera.
 TEST(RtspOffsets, AreFoundToHalfAMillisecond) {
   g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
   gst_init(nullptr, nullptr);
@@ -168,7 +165,7 @@ TEST(RtspOffsets, AreFoundToHalfAMillisecond) {
     const FilmServers servers(free, dir / "films");
     save_rig(servers.rig(), dir / "rig.json");
     test::expect_outcome(run_program("lf-rig", "record rig.json --out lights --seconds 10 --lights 2", dir.path()), 0,
-                         Not(HasSubstr("dated as they came")));
+                         Not(HasSubstr("capture times are arrival times")));
   }
   const Outcome solved =
       run_program("../calib/lf-calibrate", "all rig.json --lights lights --bar 0.3 --out found.json", dir.path());
@@ -185,8 +182,8 @@ TEST(RtspOffsets, AreFoundToHalfAMillisecond) {
   EXPECT_LE(rms, 5e-4);
 }
 
-// The afternoon as somebody has it whose cameras are on a network: each is behind an RTSP server, all run freely, and
-// the array is not as it was planned. lf-rig records a bar and a chart, lf-calibrate makes a rig of that.
+// Calibrates an array of unsynchronised network cameras that are not at their planned poses: lf-rig records a bar and a
+// chart through RTSP, and lf-calibrate computes a rig.
 
 Outcome timed(const std::string& name, const std::string& arguments, const TempDir& dir) {
   const auto begin = std::chrono::steady_clock::now();
@@ -220,7 +217,7 @@ void rehearse(int rows, int columns) {
   const Outcome all =
       timed("../calib/lf-calibrate", "all rig.json --lights lights --bar 0.3 --colour colours --out found.json", dir);
   std::printf("%s", all.output.c_str());
-  EXPECT_EQ(all.status, 1) << "the stuck camera needs somebody";
+  EXPECT_EQ(all.status, 1) << "the stuck camera needs attention";
   EXPECT_THAT(all.output, HasSubstr("camera " + stuck + " " + name + ": its exposure is stuck"));
   ASSERT_TRUE(std::filesystem::exists(dir / "found.json")) << all.output;
   const Rig found = load_rig(dir / "found.json");

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Options that would have no effect beside others, or that have no sensible value, are errors that name them.
+"""Options without an effect in combination with other options, or with an invalid value, must cause an error.
 
     unused_options.py BUILD_ROOT [unittest arguments]
 """
@@ -18,7 +18,7 @@ import unittest
 BUILD = pathlib.Path(sys.argv.pop(1)).resolve()
 os.environ["GST_PLUGIN_PATH"] = str(BUILD / "gst")
 
-# Program, arguments, what the error names. The files need not be there: command lines are checked first.
+# Program, arguments, text of the error. The files need not exist: command lines are checked first.
 REFUSED = [
     ("lf-calibrate", "all r.json --lights l --page 8090", "--record"),
     ("lf-calibrate", "all r.json --lights l --charuco 5X5_100", "--boards"),

@@ -10,7 +10,7 @@
 
 #include "support/temp_dir.h"
 
-// A provider with devices of several systems, out of order, stands for hardware.
+// A fake device provider with devices of several systems, out of order.
 namespace {
 
 struct FakeDevice {
@@ -21,7 +21,7 @@ struct FakeDeviceClass {
 };
 G_DEFINE_TYPE(FakeDevice, fake_device, GST_TYPE_DEVICE)
 
-// Those of no path are made by their name, as libcamera's and Aravis' are.
+// Devices without a path are created by name, like devices of libcamera and Aravis.
 GstElement* fake_create(GstDevice* device, const gchar*) {
   g_autofree gchar* name = gst_device_get_display_name(device);
   if (!g_str_has_prefix(name, "industrial")) return nullptr;
@@ -73,7 +73,7 @@ class VideoDevices : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     gst_init(nullptr, nullptr);
-    // Real cameras of the machine that runs the test must not get in.
+    // Exclude real cameras of the machine.
     GList* providers = gst_device_provider_factory_list_get_device_providers(GST_RANK_NONE);
     for (GList* item = providers; item; item = item->next)
       gst_registry_remove_feature(gst_registry_get(), GST_PLUGIN_FEATURE(item->data));
@@ -98,7 +98,7 @@ TEST_F(VideoDevices, AreFoundByNumberEachOnce) {
   EXPECT_EQ(devices[0].name, "zero");
   EXPECT_EQ(devices[1].source, "v4l2:///dev/video2");
   EXPECT_EQ(devices[2].source, "v4l2:///dev/video10");
-  for (const VideoDevice& device : devices) EXPECT_FALSE(device.stable) << "the next start may number them otherwise";
+  for (const VideoDevice& device : devices) EXPECT_FALSE(device.stable) << "numbers may change at the next start";
 }
 
 TEST_F(VideoDevices, AreNamedByTheirPort) {
@@ -133,7 +133,7 @@ TEST_F(VideoDevices, OfOtherProvidersAreElements) {
     g_autofree gchar* location = nullptr;
     gint buffers = 0;
     g_object_get(element, "location", &location, "num-buffers", &buffers, nullptr);
-    EXPECT_EQ(device.name.rfind(location, 0), 0u) << "the element is that of the device: " << device.source;
+    EXPECT_EQ(device.name.rfind(location, 0), 0u) << "element of the device: " << device.source;
     EXPECT_EQ(buffers, 7);
     gst_object_unref(element);
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Who may ask, and where viewers come from.
+// Permissions, and addresses of viewers.
 #include "serve/access.h"
 
 #include <gtest/gtest.h>
@@ -37,7 +37,7 @@ TEST(Access, Hosts) {
                            "cameras.example", "cameras.example:8080"})
     EXPECT_TRUE(access.allows_host(host)) << host;
   for (const char* host : {"evil.org:8080", "", "127.0.0.1.evil.org", "cameras.example.evil.org", "[evil]", ":80"})
-    EXPECT_FALSE(access.allows_host(host)) << host << ": a name made to point here";
+    EXPECT_FALSE(access.allows_host(host)) << host << ": DNS rebinding";
   EXPECT_FALSE(access.allows_host(nullptr));
 }
 
@@ -103,7 +103,7 @@ TEST(ClientAddress, OnlyProxiesAreBelieved) {
   EXPECT_EQ(client_address("192.0.2.7", "198.51.100.1", proxies), "192.0.2.7");
   EXPECT_EQ(client_address("127.0.0.1", "198.51.100.1", proxies), "198.51.100.1");
   EXPECT_EQ(client_address("127.0.0.1", "10.0.0.1, 203.0.113.9 , 198.51.100.1", proxies), "198.51.100.1")
-      << "what is before was written by the client";
+      << "earlier entries come from the client";
   EXPECT_EQ(client_address("127.0.0.1", nullptr, proxies), "127.0.0.1");
   for (const char* wrong : {"", ",", "unknown", "198.51.100.1,"})
     EXPECT_EQ(client_address("127.0.0.1", wrong, proxies), "127.0.0.1") << wrong;
@@ -111,7 +111,7 @@ TEST(ClientAddress, OnlyProxiesAreBelieved) {
 
 TEST(ClientAddress, HasOneForm) {
   EXPECT_EQ(plain_address("192.0.2.7"), "192.0.2.7");
-  EXPECT_EQ(plain_address("::FFFF:192.0.2.7"), "192.0.2.7") << "as a socket that listens at :: names it";
+  EXPECT_EQ(plain_address("::FFFF:192.0.2.7"), "192.0.2.7") << "IPv4-mapped address";
   EXPECT_EQ(plain_address("2001:DB8:0:0::1"), "2001:db8::1");
   for (const char* wrong : {"", "localhost", "192.0.2.7:80", "[::1]"}) EXPECT_EQ(plain_address(wrong), "") << wrong;
   EXPECT_EQ(proxy_addresses("localhost"), (std::set<std::string>{"127.0.0.1", "::1"}));

@@ -11,12 +11,12 @@
 namespace lf::serve {
 namespace {
 
-TEST(Pace, TellsWhatPartIsMade) {
-  Pace pace(1);
+TEST(RequestPacer, TellsWhatPartIsMade) {
+  RequestPacer pace(1);
   EXPECT_EQ(pace.kept(), 1);
   pace.set_interval(10);
   EXPECT_TRUE(pace.begin(0));
-  EXPECT_FALSE(pace.begin(5)) << "too soon: nobody wanted it";
+  EXPECT_FALSE(pace.begin(5)) << "too early";
   EXPECT_FALSE(pace.begin(10));
   EXPECT_EQ(pace.kept(), 0.5);
   pace.end(0);
@@ -24,57 +24,57 @@ TEST(Pace, TellsWhatPartIsMade) {
   EXPECT_EQ(pace.kept(), 1);
 }
 
-TEST(Pace, WaitsForPicturesButNotForEver) {
-  Pace pace(2);
+TEST(RequestPacer, WaitsForPicturesButNotForEver) {
+  RequestPacer pace(2);
   EXPECT_TRUE(pace.begin(10));
   EXPECT_TRUE(pace.begin(20));
   EXPECT_FALSE(pace.begin(30));
   pace.end(10);
   EXPECT_TRUE(pace.begin(40));
   EXPECT_FALSE(pace.begin(50));
-  pace.end(40);  // that of 20 was left out
+  pace.end(40);
   EXPECT_TRUE(pace.begin(60));
   EXPECT_TRUE(pace.begin(70));
-  EXPECT_FALSE(pace.begin(60 + Pace::kPatience));
-  EXPECT_TRUE(pace.begin(61 + Pace::kPatience));
+  EXPECT_FALSE(pace.begin(60 + RequestPacer::kPatience));
+  EXPECT_TRUE(pace.begin(61 + RequestPacer::kPatience));
   pace.end(60);
-  EXPECT_FALSE(pace.begin(62 + Pace::kPatience)) << "what comes too late gives no credit";
-  pace.end(70 + Pace::kPatience);
+  EXPECT_FALSE(pace.begin(62 + RequestPacer::kPatience)) << "late frames give no credit";
+  pace.end(70 + RequestPacer::kPatience);
   pace.set_interval(100);
-  EXPECT_FALSE(pace.begin(160 + Pace::kPatience));
-  EXPECT_TRUE(pace.begin(161 + Pace::kPatience));
+  EXPECT_FALSE(pace.begin(160 + RequestPacer::kPatience));
+  EXPECT_TRUE(pace.begin(161 + RequestPacer::kPatience));
 }
 
-TEST(Pace, MakesNoMoreThanAreAnswered) {
-  Pace pace(2);
+TEST(RequestPacer, MakesNoMoreThanAreAnswered) {
+  RequestPacer pace(2);
   EXPECT_TRUE(pace.begin(100));
   EXPECT_TRUE(pace.begin(200));
   EXPECT_FALSE(pace.begin(300));
   pace.end(100);
   EXPECT_TRUE(pace.begin(400));
   EXPECT_DOUBLE_EQ(pace.kept(), 3.0 / 4);
-  EXPECT_DOUBLE_EQ(pace.kept(), 1) << "none was wanted since";
+  EXPECT_DOUBLE_EQ(pace.kept(), 1) << "no request since";
 }
 
-TEST(Pace, WhatBecomesNoPictureIsNotWaitedForLong) {
-  Pace pace(1);
+TEST(RequestPacer, WhatBecomesNoPictureIsNotWaitedForLong) {
+  RequestPacer pace(1);
   EXPECT_TRUE(pace.begin(100));
-  EXPECT_FALSE(pace.begin(100 + Pace::kPatience));
-  EXPECT_TRUE(pace.begin(101 + Pace::kPatience));
+  EXPECT_FALSE(pace.begin(100 + RequestPacer::kPatience));
+  EXPECT_TRUE(pace.begin(101 + RequestPacer::kPatience));
 }
 
-TEST(Pace, LeavesOutWhatIsTooSoon) {
-  Pace pace(9);
+TEST(RequestPacer, LeavesOutWhatIsTooSoon) {
+  RequestPacer pace(9);
   pace.set_interval(50);
   EXPECT_TRUE(pace.begin(100));
   EXPECT_FALSE(pace.begin(149));
   EXPECT_TRUE(pace.begin(150));
-  EXPECT_DOUBLE_EQ(pace.kept(), 1) << "that one was not wanted";
+  EXPECT_DOUBLE_EQ(pace.kept(), 1) << "not requested";
 }
 
-// Also where there is room by the time that the other eye's request comes, or where it would be too soon by itself.
-TEST(Pace, BothEyesAreAskedForOrNone) {
-  Pace pace(1);
+// Views for the two eyes start together or not at all, even if capacity frees up in between.
+TEST(RequestPacer, BothEyesAreAskedForOrNone) {
+  RequestPacer pace(1);
   pace.set_interval(50);
   EXPECT_TRUE(pace.begin(100));
   EXPECT_TRUE(pace.begin(100));
@@ -92,7 +92,7 @@ TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
   EXPECT_FALSE(quality.update(0, 0.01));
   EXPECT_TRUE(quality.update(0.1, 0.01));
   EXPECT_EQ(quality.bits_per_second(), 4500000);
-  EXPECT_FALSE(quality.update(0.03, 0.01)) << "stays where some is lost";
+  EXPECT_FALSE(quality.update(0.03, 0.01)) << "unchanged with some loss";
   EXPECT_TRUE(quality.update(0, 0.2)) << "packets queue up";
   EXPECT_LT(quality.bits_per_second(), 4500000);
   for (int i = 0; i < 100; i++) quality.update(0.5, 0);
@@ -107,43 +107,41 @@ TEST(QualityControl, LeavesOutPicturesAndThenPixels) {
     for (int i = 0; i < times; i++) quality.update(0.1, 0);
   };
   EXPECT_EQ(quality.pictures_left_out(), 0);
-  lossy(2);  // 562 kbit/s
+  lossy(2);
   EXPECT_EQ(quality.pictures_left_out(), 0);
-  lossy(1);  // 422: 0.046 bits a pixel
+  lossy(1);  // 422: 0.046 bits per pixel
   EXPECT_EQ(quality.pictures_left_out(), 1);
   EXPECT_EQ(quality.size_divisor(), 1);
-  lossy(3);  // 178
+  lossy(3);
   EXPECT_EQ(quality.pictures_left_out(), 1);
   EXPECT_EQ(quality.size_divisor(), 2);
-  // Back, a little later than it fell.
-  for (int i = 0; i < 5; i++) quality.update(0, 0);  // 262
+  for (int i = 0; i < 5; i++) quality.update(0, 0);
   EXPECT_EQ(quality.size_divisor(), 2);
-  for (int i = 0; i < 2; i++) quality.update(0, 0);  // 305
+  for (int i = 0; i < 2; i++) quality.update(0, 0);
   EXPECT_EQ(quality.size_divisor(), 1);
   EXPECT_EQ(quality.pictures_left_out(), 1);
   for (int i = 0; i < 30; i++) quality.update(0, 0);
   EXPECT_EQ(quality.pictures_left_out(), 0);
 }
 
-class SheddingTest : public testing::Test {
+class LoadSheddingTest : public testing::Test {
  protected:
-  // Seconds until something changes, at most `most`.
   int seconds(double busy, double kept, int most = 1000) {
     for (int i = 1; i <= most; i++)
       if (shedding_.update(busy, kept)) return i;
     return most + 1;
   }
-  Shedding shedding_;
+  LoadShedding shedding_;
 };
 
-TEST_F(SheddingTest, TrialsGoFirstThenRateThenSize) {
+TEST_F(LoadSheddingTest, TrialsGoFirstThenRateThenSize) {
   struct Step {
     unsigned trials;
     int left_out, divisor;
   };
   for (const Step& step : {Step{3, 0, 1}, Step{8, 0, 1}, Step{8, 1, 1}, Step{8, 1, 2}}) {
-    EXPECT_EQ(seconds(1, 0.5), Shedding::kPatience);
-    EXPECT_EQ(shedding_.trial_interval(), step.trials);
+    EXPECT_EQ(seconds(1, 0.5), LoadShedding::kPatience);
+    EXPECT_EQ(shedding_.depth_interval(), step.trials);
     EXPECT_EQ(shedding_.pictures_left_out(), step.left_out);
     EXPECT_EQ(shedding_.size_divisor(), step.divisor);
   }
@@ -152,19 +150,19 @@ TEST_F(SheddingTest, TrialsGoFirstThenRateThenSize) {
     seconds(0.3, 1);
     EXPECT_EQ(shedding_.step(), step);
   }
-  EXPECT_EQ(shedding_.trial_interval(), 1u);
+  EXPECT_EQ(shedding_.depth_interval(), 1u);
 }
 
-TEST_F(SheddingTest, OnlyWhereProcessorsAreWhatIsMissing) {
+TEST_F(LoadSheddingTest, OnlyWhereProcessorsAreWhatIsMissing) {
   EXPECT_EQ(seconds(0.5, 0.1, 100), 101) << "cameras on other hosts may be slow";
-  EXPECT_EQ(seconds(1, 1, 100), 101) << "all pictures are made";
+  EXPECT_EQ(seconds(1, 1, 100), 101) << "all pictures are rendered";
   for (int i = 0; i < 50; i++) {
     shedding_.update(1, 0.5);
-    EXPECT_FALSE(shedding_.update(1, 1)) << "a moment is none";
+    EXPECT_FALSE(shedding_.update(1, 1)) << "a short overload does not count";
   }
 }
 
-TEST_F(SheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
+TEST_F(LoadSheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
   seconds(1, 0.5);
   int before = 0;
   for (int i = 0; i < 4; i++) {
@@ -172,9 +170,9 @@ TEST_F(SheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
     EXPECT_GT(rest, before);
     before = rest;
     EXPECT_EQ(shedding_.step(), 0);
-    EXPECT_EQ(seconds(1, 0.5), Shedding::kPatience);
+    EXPECT_EQ(seconds(1, 0.5), LoadShedding::kPatience);
   }
-  EXPECT_EQ(seconds(0.8, 1, 1000), 1001) << "there would not be enough";
+  EXPECT_EQ(seconds(0.8, 1, 1000), 1001) << "not enough bandwidth";
 }
 
 TEST(ProcessorLoad, IsAShare) {
@@ -192,9 +190,9 @@ TEST(QualityControl, RepeatsTheKeyFrameOfANewSizeWherePacketsAreLost) {
   QualityControl quality(100000, 1000000, 640 * 480 * 30);
   while (quality.size_divisor() == 1) {
     quality.update(0.3, 0);
-    EXPECT_FALSE(quality.wants_key_frame()) << "the new size has one of its own";
+    EXPECT_FALSE(quality.wants_key_frame()) << "the new size has its own rate";
   }
-  for (int i = 0; i < QualityControl::kRepeats; i++) {
+  for (int i = 0; i < QualityControl::kKeyFrameRepeats; i++) {
     quality.update(i == 2 ? 0 : 0.3, 0);
     EXPECT_EQ(quality.wants_key_frame(), i != 2) << i;
   }
@@ -212,18 +210,18 @@ TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
   quality.update(0.1, 0);
   EXPECT_EQ(quality.pictures_left_out(), 1);
   for (int i = 0; i < 10; i++) quality.update(0, 0);
-  EXPECT_EQ(quality.pictures_left_out(), 0) << "there is no more to wait for";
+  EXPECT_EQ(quality.pictures_left_out(), 0) << "nothing left to wait for";
 }
 
 TEST(Turn, ViewersThatComeOneAfterTheOtherAreFarApart) {
   for (const uint32_t first : {0u, 1u, 6u, 1000000u, 4294967280u})
     for (const int count : {1, 2, 4, 8}) {
       std::vector<double> turns;
-      for (int i = 0; i < count; i++) turns.push_back(turn_of(first + static_cast<uint32_t>(i)));
+      for (int i = 0; i < count; i++) turns.push_back(request_phase(first + static_cast<uint32_t>(i)));
       std::ranges::sort(turns);
       EXPECT_GE(turns.front(), 0);
       EXPECT_LT(turns.back(), 1);
-      turns.push_back(turns.front() + 1);  // the next picture's
+      turns.push_back(turns.front() + 1);
       for (size_t i = 1; i < turns.size(); i++)
         EXPECT_GE(turns[i] - turns[i - 1], 0.5 / count) << count << " viewers from " << first;
     }
@@ -231,7 +229,6 @@ TEST(Turn, ViewersThatComeOneAfterTheOtherAreFarApart) {
 
 using Bytes = std::vector<uint8_t>;
 
-// A packet of `type`, `format` or count, and so many bytes behind the sender's SSRC.
 Bytes packet(uint8_t type, uint8_t format, size_t more, uint32_t ssrc = 1) {
   Bytes bytes{static_cast<uint8_t>(0x80 | format), type, 0, static_cast<uint8_t>(1 + more / 4)};
   for (int shift = 24; shift >= 0; shift -= 8) bytes.push_back(static_cast<uint8_t>(ssrc >> shift));
@@ -247,7 +244,7 @@ const Bytes kReport = packet(201, 1, 24), kNack = packet(205, 1, 8), kPli = pack
 
 TEST(RtcpFilter, KeepsWhatAViewerNeeds) {
   for (const Bytes& needed : {kReport, kNack, kPli, kFir, kReport + kNack + kPli})
-    EXPECT_EQ(RtcpFilter::needed_part(needed), std::nullopt);
+    EXPECT_EQ(RtcpFilter::filter_compound(needed), std::nullopt);
 }
 
 TEST(RtcpFilter, TakesEverythingElseOut) {
@@ -256,9 +253,9 @@ TEST(RtcpFilter, TakesEverythingElseOut) {
               application = packet(204, 0, 4), bandwidth = packet(206, 15, 12);
   for (const Bytes& other :
        {synchronise, congestion, goodbye, names, sender_report, extended, application, bandwidth}) {
-    EXPECT_EQ(RtcpFilter::needed_part(other), Bytes{});
-    EXPECT_EQ(RtcpFilter::needed_part(kReport + other), kReport);
-    EXPECT_EQ(RtcpFilter::needed_part(other + kReport + other + kNack), kReport + kNack);
+    EXPECT_EQ(RtcpFilter::filter_compound(other), Bytes{});
+    EXPECT_EQ(RtcpFilter::filter_compound(kReport + other), kReport);
+    EXPECT_EQ(RtcpFilter::filter_compound(other + kReport + other + kNack), kReport + kNack);
   }
 }
 
@@ -268,8 +265,8 @@ TEST(RtcpFilter, EndsWhereAPacketIsMalformed) {
   wrong_version[0] = 0x41;
   padded[0] |= 0x20;
   for (const Bytes& bad : {too_long, wrong_version, padded, Bytes{0x81}, Bytes{0x81, 201, 0, 0, 0, 0, 0, 1}}) {
-    EXPECT_EQ(RtcpFilter::needed_part(bad), Bytes{});
-    EXPECT_EQ(RtcpFilter::needed_part(kReport + bad), kReport);
+    EXPECT_EQ(RtcpFilter::filter_compound(bad), Bytes{});
+    EXPECT_EQ(RtcpFilter::filter_compound(kReport + bad), kReport);
   }
 }
 
@@ -282,9 +279,9 @@ TEST(RtcpFilter, RandomBytesGiveNeededPacketsAlone) {
       if (random() % 3 == 0) bytes[random() % bytes.size()] = static_cast<uint8_t>(random());
     }
     if (random() % 2 && !bytes.empty()) bytes.resize(random() % bytes.size());
-    const Bytes kept = RtcpFilter::needed_part(bytes).value_or(bytes);
+    const Bytes kept = RtcpFilter::filter_compound(bytes).value_or(bytes);
     ASSERT_LE(kept.size(), bytes.size());
-    ASSERT_EQ(RtcpFilter::needed_part(kept), kept.empty() ? std::optional(kept) : std::nullopt);
+    ASSERT_EQ(RtcpFilter::filter_compound(kept), kept.empty() ? std::optional(kept) : std::nullopt);
   }
 }
 
@@ -292,22 +289,22 @@ TEST(RtcpFilter, TakesRtcpOfAFewSendersAndNoRtp) {
   RtcpFilter filter;
   const Bytes dtls(20, 22), rtp = packet(96, 0, 100);
   for (int i = 0; i < 1000; i++) {
-    EXPECT_TRUE(filter.take_sealed(dtls, i));
-    EXPECT_FALSE(filter.take_sealed(rtp, i));
+    EXPECT_TRUE(filter.accept_encrypted(dtls, i));
+    EXPECT_FALSE(filter.accept_encrypted(rtp, i));
   }
   size_t passed = 0;
-  for (uint32_t ssrc = 0; ssrc < 100; ssrc++) passed += filter.take_sealed(packet(201, 0, 0, ssrc), 1000);
+  for (uint32_t ssrc = 0; ssrc < 100; ssrc++) passed += filter.accept_encrypted(packet(201, 0, 0, ssrc), 1000);
   EXPECT_EQ(passed, RtcpFilter::kMostSenders);
-  EXPECT_TRUE(filter.take_sealed(packet(201, 0, 0, 0), 1000)) << "those that have passed go on";
-  EXPECT_FALSE(filter.take_sealed({}, 1000));
-  EXPECT_FALSE(filter.take_sealed(Bytes(7, 0x80), 1000));
-  EXPECT_FALSE(filter.take_sealed(packet(201, 0, 2000, 0), 1000));
+  EXPECT_TRUE(filter.accept_encrypted(packet(201, 0, 0, 0), 1000)) << "admitted requests continue";
+  EXPECT_FALSE(filter.accept_encrypted({}, 1000));
+  EXPECT_FALSE(filter.accept_encrypted(Bytes(7, 0x80), 1000));
+  EXPECT_FALSE(filter.accept_encrypted(packet(201, 0, 2000, 0), 1000));
 }
 
 TEST(RtcpFilter, LimitsTheRate) {
   RtcpFilter filter;
   double passed = 0;
-  for (int ms = 0; ms < 10'000; ms++) passed += filter.take_sealed(kReport, ms * 1000);
+  for (int ms = 0; ms < 10'000; ms++) passed += filter.accept_encrypted(kReport, ms * 1000);
   EXPECT_NEAR(passed, RtcpFilter::kAtOnce + 10 * RtcpFilter::kPerSecond, 2);
 }
 
@@ -321,8 +318,8 @@ TEST(PacketLoss, IsThatBetweenReports) {
   EXPECT_EQ(loss.update({{1, 70200, 50}}), 0);
   EXPECT_EQ(loss.update({{1, 70300, 45}}), 0) << "some came after all";
   EXPECT_EQ(loss.update({{1, 70310, 90}}), 1) << "and others were late";
-  EXPECT_EQ(loss.update({{1, 70350, 100}, {2, 0xfffffff0, 3}}), 0.25) << "of the new one nothing is known";
-  EXPECT_EQ(loss.update({{1, 70400, 100}, {2, 34, 28}}), 0.25) << "both, and numbers begin again";
+  EXPECT_EQ(loss.update({{1, 70350, 100}, {2, 0xfffffff0, 3}}), 0.25) << "the new stream is unknown";
+  EXPECT_EQ(loss.update({{1, 70400, 100}, {2, 34, 28}}), 0.25) << "both, with restarted numbers";
 }
 
 }  // namespace

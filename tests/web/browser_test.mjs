@@ -9,8 +9,7 @@ import { artefacts, close, closeClean, compare, connectBrowser, expect, half, la
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
-// On planes: what is seen is then easily said.
-const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane'];
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-mode', 'plane'];
 const browser = await launchBrowser();
 
 async function expectTruth(page, state, viewSize, what, side, eyeOffset) {
@@ -34,18 +33,17 @@ async function showsAndFlies() {
   const second = await expectTruth(page, focused, size, 'focused farther');
   expect((await compare(page, first, second)).psnr < 35, 'focus changes nothing');
 
-  // A drag to the right takes the scene along: the eye goes to the left.
+  // A drag to the right moves the scene to the right, so the viewer moves to the left.
   await page.mouse.move(300, 200);
   await page.mouse.down();
   for (let x = 300; x <= 340; x += 10) await page.mouse.move(x, 200);
-  await page.waitForTimeout(200);  // held still, a drag does not go on when it is let go
+  await page.waitForTimeout(200);  // a drag that ends at rest has no momentum
   await page.mouse.up();
   await until(async () => (await stateOf(page)).x < home.x - 0.01, 'the drag moves the eye');
   const dragged = await setView(page, { fov: home.fov });
   const third = await expectTruth(page, dragged, size, 'dragged');
   expect((await compare(page, second, third)).psnr < 35, 'the drag changes nothing');
 
-  // However far it goes, it does not end in the dark.
   await page.mouse.move(320, 240);
   await page.mouse.down();
   for (let x = 320; x <= 1600; x += 40) await page.mouse.move(x, 240 + x / 4);
@@ -74,7 +72,6 @@ async function linkKeyboardNamesAndSize() {
   const link = await page.evaluate(() => inside().share.link);
   expect(/x=0\.02&/.test(link) && /yaw=2&/.test(link), link);
   await expectTruth(page, await setView(page, { roll: 0 }), size, 'what a link shows');
-  // Everything is reached with Tab and has a name.
   const seen = new Set();
   for (let i = 0; i < 13; i++) {
     await page.keyboard.press('Tab');
@@ -90,7 +87,7 @@ async function linkKeyboardNamesAndSize() {
   for (let i = 0; i < 20; i++) await page.keyboard.press('ArrowRight');
   await until(async () => (await stateOf(page))['focus-distance'] > before * 1.2, 'the slider focuses');
   await page.focus('lightfield-viewer video');
-  const kept = await setView(page, { fov: (await stateOf(page)).fov });  // all keys have been taken
+  const kept = await setView(page, { fov: (await stateOf(page)).fov });
   await page.setViewportSize({ width: 320, height: 240 });
   await page.waitForFunction(() => inside().video.videoWidth === 320, null,
     { timeout: patience });
@@ -103,7 +100,6 @@ async function linkKeyboardNamesAndSize() {
   await close(page, served);
 }
 
-// The overlay of cameras against what the server says of the pixels that it marks.
 async function showsItsCameras() {
   const served = await serve(...rig);
   const page = await openShown(browser, served.url, size, 5);
@@ -119,7 +115,7 @@ async function showsItsCameras() {
     return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.filter(value => value).length;
   });
   expect(drawn > 5000, `the mesh is not drawn: ${drawn}`);
-  // Where the fifth camera is drawn it makes the picture alone.
+  // At the position of the fifth camera, this camera is the only contributor.
   const at = await page.evaluate(async position => {
     const { axesOf, inView } = await import('/src/view.js');
     const { flight: { seen }, picture } = inside(), { box } = picture.eyes[0];
@@ -159,8 +155,8 @@ async function twoEyes() {
 
   const anaglyph = await choose('anaglyph', 1280);
   await expectTruth(page, anaglyph, size, 'left eye of the anaglyph', 0, -0.0315);
-  // Red is the left eye's, green and blue are the right eye's, of what both see, so that no
-  // bar is one eye's alone. (Frames may differ in their last bits.)
+  // Red comes from the left eye, green and blue from the right. Both eyes see the same region, so no bar is visible to
+  // one eye only. (Frames may differ in their last bits.)
   const wrong = await page.evaluate(() => {
     const viewer = inside(), { canvas } = viewer.anaglyph, { width, height } = canvas;
     viewer.anaglyph.draw(viewer.flight.seen, viewer.eyeDistance);
@@ -179,7 +175,6 @@ async function twoEyes() {
   await closeClean(page, served);
 }
 
-// The figure stands 2.2 m away, the globe nearer.
 async function clickFocuses() {
   const served = await serve(...rig, '--focus', '2');
   const page = await openShown(browser, served.url, size, 20);
@@ -205,15 +200,15 @@ async function clickFocuses() {
     { timeout: patience });
   await shown(page, 20);
   await setView(page, { 'focus-distance': 3 });
-  await focuses(320 + 207, 190, 1.9, 2.5);  // in the right eye's
+  await focuses(320 + 207, 190, 1.9, 2.5);
   await closeClean(page, served);
 }
 
-// A headset that exists in this page alone: WebXR as far as the viewer needs it. Its eyes are 60 mm apart and look
-// through displays that reach farther to their outer sides.
+// A simulated headset with the parts of WebXR that the viewer uses. Its eyes are 60 mm apart, and the displays extend
+// farther outwards than inwards.
 function pretendHeadset() {
   const turn = angle => ({ x: 0, y: Math.sin(angle / 2), z: 0, w: Math.cos(angle / 2) });
-  globalThis.head = { x: 0.01, y: 0.02, z: -0.03, angle: 0.05 };  // to the left, metres up and back
+  globalThis.head = { x: 0.01, y: 0.02, z: -0.03, angle: 0.05 };  // left, up and back, metres
   globalThis.XRWebGLLayer = class {
     constructor(session, gl) { Object.assign(this, { gl, framebuffer: null }); }
     getViewport({ eye }) { return { x: eye === 'left' ? 0 : 320, y: 0, width: 320, height: 320 }; }
@@ -262,12 +257,12 @@ async function headset() {
     const { flight: { seen }, video } = inside();
     return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3;
   }, null, { timeout: patience });
-  await page.evaluate(async () => {  // the encoder makes it sharp
+  await page.evaluate(async () => {  // the encoder sharpens a still image over several frames
     const { video } = inside();
     for (let i = 0; i < 30; i++) await new Promise(done => video.requestVideoFrameCallback(done));
   });
   const state = await stateOf(page);
-  // WebXR's y is up and its z back.
+  // In WebXR, y points up and z back.
   for (const [name, by] of [['x', 0.01], ['y', -0.02], ['z', 0.03]])
     expect(Math.abs(state[name] - home[name] - by) < 1e-6, `the head moves ${name}: ${state[name]}`);
   const { width, height } = await page.evaluate(() => {
@@ -276,7 +271,7 @@ async function headset() {
   });
   for (const [side, offset] of [[0, -0.03], [1, 0.03]])
     await expectTruth(page, state, { width, height }, `eye ${side} of the headset`, side, offset);
-  // On the displays it is where the eye expects it, also when the head has turned since.
+  // The image is at the expected position on the displays, even after the head has turned.
   for (const turned of [0, 0.02]) {
     const url = await page.evaluate(turned => {
       const viewer = inside(), { headset } = viewer, { gl } = headset;
@@ -302,7 +297,7 @@ async function headset() {
   await closeClean(page, served);
 }
 
-// The same where the browser has media layers: what its compositor would show, by the layer's place, is what the eye sees.
+// With media layers: checks the image that a compositor would show for the layer's pose.
 async function headsetOfLayers() {
   const served = await serve(...rig, '--max-width', '480', '--max-height', '320');
   const page = await openPage(browser, served.url, size, { before: pretendHeadset });
@@ -316,7 +311,7 @@ async function headsetOfLayers() {
   const { layout, isVideo, layers, lines, eye, most } = await page.evaluate(async () => {
     await new Promise(done => session.requestAnimationFrame(done));
     const { headset, flight: { seen }, video } = inside(), { transform: { position: p, orientation: q }, width, height } = quad;
-    // Corners of the layer, as the head sees them; a rotation by a quaternion.
+    // Corners of the layer in head coordinates; rotation by a quaternion.
     const turned = ([x, y, z]) => {
       const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
       const u = [q.x, q.y, q.z], t = cross(u, [x, y, z]).map(v => 2 * v), c = cross(u, t);
@@ -331,7 +326,6 @@ async function headsetOfLayers() {
     return { layout: quad.layout, isVideo: quad.video === video, layers: session.renderState.layers.length, lines, most, eye: head };
   });
   expect(layout === 'stereo-left-right' && isVideo && layers === 1, 'the video itself is the layer');
-  // The head of pretendHeadset() is turned about its y alone.
   const [c, s] = [Math.cos(eye.angle), Math.sin(eye.angle)];
   for (const [k, [i, j]] of [[-1, 1], [1, 1], [1, -1], [-1, -1]].entries()) {
     const [x, y, z] = [lines[k][0] - eye.x, lines[k][1] - eye.y, lines[k][2] - eye.z];
@@ -344,7 +338,7 @@ async function headsetOfLayers() {
   await closeClean(page, served);
 }
 
-// A link to a path that the server flies: the picture is that of the file, and nobody can change it.
+// A link to a path that the server flies: shows the frames of the file, and no user can change the view.
 async function kiosk() {
   const views = join(folder, 'kiosk.json'), state = { x: 0.02, y: -0.01, z: 0, yaw: 2, pitch: 1, roll: 0, fov: 30,
     'focus-distance': 1.2 }, viewSize = { width: 400, height: 300 };
@@ -361,11 +355,10 @@ async function kiosk() {
   await page.screenshot({ path: join(artefacts, 'kiosk.png') });
   await page.context().close();
   const wrong = await openPage(browser, new URL('#path=none', served.url).href, size);
-  await until(async () => /no such path/.test(await wrong.getByRole('status').textContent()), 'an unknown path is told');
+  await until(async () => /no such path/.test(await wrong.getByRole('status').textContent()), 'an unknown path is reported');
   await close(wrong, served);
 }
 
-// Fingers and sticks.
 async function touchesAndSticks() {
   const served = await serve(...rig);
   const phone = { width: 360, height: 640 };
@@ -375,7 +368,6 @@ async function touchesAndSticks() {
   } });
   await shown(page, 10);
   await page.screenshot({ path: join(artefacts, 'phone.png') });
-  // Everything is large enough for a finger, and nothing covers anything else.
   const boxes = await page.evaluate(() => [...inside().root
     .querySelectorAll('button, select, label')].filter(part => part.checkVisibility()).map(part => {
     const { left, right, top, bottom } = part.getBoundingClientRect();
@@ -419,7 +411,6 @@ async function touchesAndSticks() {
   await closeClean(page, served);
 }
 
-// What a screen reader is told; and that nothing is asked for elsewhere.
 async function toldInWords() {
   const served = await serve(...rig);
   const page = await openPage(browser, 'about:blank', size), asked = [];
@@ -429,7 +420,7 @@ async function toldInWords() {
   expect(!/unsafe/.test(response.headers()['content-security-policy']), 'the policy is strict');
   await shown(page, 5);
   const words = await page.locator('lightfield-viewer').ariaSnapshot();
-  for (const part of ['- application "Live picture of the light field', '- slider "Distance of what is sharp"',
+  for (const part of ['- application "Live picture of the light field', '- slider "Distance in focus"',
     '- button "Sweep"', '- button "Home"', '- combobox "Eyes"', '- button "Cameras"', '- button "Figures"',
     '- button "Share"', '- log "What happened"'])
     expect(words.includes(part), `${part} is not in\n${words}`);
@@ -445,14 +436,14 @@ async function toldInWords() {
   await until(async () => Math.abs((await stateOf(page))['focus-distance'] / first - 1) > 0.2, 'the focus sweeps');
   await pressed.press('Enter');
   await page.getByRole('button', { name: 'Home' }).press('Enter');
-  await until(async () => /Back at the start/.test(await page.getByRole('log').textContent()), 'Home is told');
+  await until(async () => /Back at the start/.test(await page.getByRole('log').textContent()), 'Home is announced');
   await page.getByRole('button', { name: 'Share' }).press('Enter');
-  await until(async () => /link/.test(await page.getByRole('log').textContent()), 'Share is told');
+  await until(async () => /link/.test(await page.getByRole('log').textContent()), 'Share is announced');
   expect(/focus-distance=/.test(page.url()), 'the address is the link');
   const elsewhere = asked.filter(url => new URL(url).origin !== new URL(served.url).origin && !url.startsWith('data:'));
   expect(asked.length > 5 && !elsewhere.length, `asked elsewhere: ${elsewhere}`);
   await served.stop();
-  await until(async () => /\w/.test(await page.getByRole('status').textContent()), 'it is told that the server is gone');
+  await until(async () => /\w/.test(await page.getByRole('status').textContent()), 'a lost server is reported');
   await page.context().close();
 }
 
@@ -472,7 +463,6 @@ async function fourViewers() {
   await served.stop();
 }
 
-// The cameras on two other hosts, under a key; here they are processes.
 async function nodes() {
   const key = join(folder, 'lightfield.key');
   await writeFile(key, 'k'.repeat(40), { mode: 0o600 });
@@ -481,7 +471,6 @@ async function nodes() {
       `listen=${port + i}`, `answers=127.0.0.1:${port + 10 + i}`, `key-file=${key}`));
   const served = await serve(...rig, '--key-file', key, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
   const page = await openShown(browser, served.url, { width: 320, height: 240 }, 30);
-  // A host may take its time to begin.
   await until(async () => await page.evaluate(async () => {
     const viewer = document.querySelector('lightfield-viewer'), before = viewer.statistics;
     await new Promise(done => viewer.addEventListener('statistics', done, { once: true }));
@@ -492,7 +481,6 @@ async function nodes() {
   await close(page, served);
 }
 
-// Quality falls step by step, and comes back.
 async function lossyNetwork() {
   const served = await serve(...rig, '--bitrate', '480000');
   const page = await newPage(browser, size);
@@ -541,7 +529,6 @@ async function comesAndGoes() {
   for (let i = 0; i < cycles; i++) {
     if (i === Math.min(20, cycles >> 1)) warm = await served.metric('resident_bytes');
     const page = await openPage(browser, served.url, { width: 320, height: 240 });
-    // Some leave before there is a picture.
     if (i % 4 !== 3) await shown(page, 2);
     await page.context().close();
   }
@@ -563,7 +550,6 @@ async function refusals() {
   const right = await openShown(browser, new URL('#token=sesame', served.url).href, size, 2);
   const second = await openPage(browser, new URL('#token=sesame', served.url).href, size);
   await until(async () => /too many viewers/.test(await status(second)), 'the page says that there are too many');
-  // A flood of messages is dropped and said once; the viewer and the server go on.
   await right.evaluate(() => {
     const { channel } = inside().stream.connection;
     for (let i = 0; i < 5000; i++) channel.send('{"id":1,"request":{"type":"navigationEvent"}}');
@@ -577,7 +563,6 @@ async function refusals() {
   await close(second, served);
 }
 
-// The element in somebody else's page.
 async function fiveLines() {
   let html = '';
   const site = createServer((request, response) => {
@@ -594,13 +579,11 @@ async function fiveLines() {
 <lightfield-viewer controls autoplay style="width: 320px; height: 240px"></lightfield-viewer>`;
   const page = await openShown(browser, origin, size, 5);
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'in another page');
-  // What else it asks for may be asked for from there.
   await page.getByRole('button', { name: 'Cameras' }).press('Enter');
   await page.waitForFunction(() => inside().cameras.array, null,
     { timeout: patience });
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
-  // A file, whose server is named.
   const file = join(folder, 'mine.html');
   await writeFile(file, html.replace('<lightfield-viewer', `<lightfield-viewer src="${served.url}whep"`));
   const local = await openShown(browser, `file://${file}`, size, 5);
@@ -618,7 +601,7 @@ await runTests([
   ['a headset with media layers', headsetOfLayers],
   ['a path of the server', kiosk],
   ['touches and sticks', touchesAndSticks],
-  ['told in words, from here alone', toldInWords],
+  ['text alternatives, and no outside resources', toldInWords],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['a network that loses packets', lossyNetwork],

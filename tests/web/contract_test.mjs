@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What web/README.md and lightfield-viewer.d.ts promise: each attribute, property, method and event does what it says.
+// Checks the contract of web/README.md and lightfield-viewer.d.ts: every attribute, property, method and event.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, patience, picture,
   runTests, serve, shown, site, source, until, viewFile } from './harness.mjs';
 
 const folder = await makeRig('4x4'), rigFile = join(folder, 'rig.json');
-const rig = ['--rig', rigFile, '--connects', '100', '--address-views', '8', '--focus-on', 'plane', '--origin', '*'];
+const rig = ['--rig', rigFile, '--connects', '100', '--address-views', '8', '--focus-mode', 'plane', '--origin', '*'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
 const kEvents = ['first-frame', 'view-change', 'focus-change', 'connected', 'disconnected', 'error', 'rig', 'statistics'];
 
 const html = (body, script = '') => `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title>
   <style>body { margin: 0 } lightfield-viewer { width: 640px; height: 480px }</style>${script}${body}`;
 
-// Another site's page with one element `v`, whose events are in `told`.
+// Opens a page on another site with an element `v` and stores its events in `told`.
 async function open(served, attributes, { hash = '', before = '', inside: slotted = '', ...options } = {}) {
   const mine = await site({ '/': html(`${before}<lightfield-viewer id="v" ${attributes}>${slotted}</lightfield-viewer>
     <script>globalThis.told = [];
       for (const name of ${JSON.stringify(kEvents)}) v.addEventListener(name, ({ detail }) => told.push([name, detail]));</script>
     <script type="module" src="${served.url}lightfield-viewer.js"></script>`) });
   const page = await newPage(browser, size, options);
-  page.asked = [];  // offers
+  page.asked = [];
   page.on('request', request => /\/whep(\?|$)/.test(request.url()) && request.method() === 'POST' && page.asked.push(new URL(request.url())));
   page.toldOf = name => page.evaluate(name => told.filter(([told]) => told === name).map(([, detail]) => detail), name);
   page.view = () => page.evaluate(() => v.view);
@@ -38,10 +38,10 @@ const isAt = (page, wanted, what) => until(async () => {
   const view = await page.view();
   return Object.entries(wanted).every(([name, value]) => isNear(view[name], value));
 }, what);
-// How a promise in the page ends: 'done', or the name of its error.
+// Returns 'done', or the name of the error of a promise in the page.
 const ending = (page, script) => page.evaluate(script => (0, eval)(script).then(() => 'done', error => error.name), script);
 
-// Home is what `view` and `focus` say; who moves the view is told.
+// `view` and `focus` define the home view; events name the source of a change.
 async function homeAndWho() {
   const served = await serve(...rig);
   const page = await open(served, 'view="x=0.02 yaw=3" focus="3" controls autoplay');
@@ -49,7 +49,7 @@ async function homeAndWho() {
   const start = { x: 0.02, yaw: 3, focusDistance: 3 };
   await isAt(page, start, 'it begins at view and focus');
   const { fov } = await page.view();
-  // Moves away by a script, comes back by `how`, and all that is told on the way is by `who`.
+  // Moves away by script and returns by `how`; all events on the way must name `who`.
   const comesHome = async (how, who, what) => {
     await page.evaluate(() => v.setView({ x: -0.02, yaw: -2, pitch: 1, focusDistance: 2, fov: 20 }));
     expect((await page.toldOf('view-change')).at(-1).by === 'script', `${what}: setView is a script's`);
@@ -60,7 +60,6 @@ async function homeAndWho() {
     expect(changes.length && changes.every(({ by }) => by === who), `${what} is a ${who}'s: ${JSON.stringify(changes)}`);
   };
   await comesHome(() => page.evaluate(() => v.goHome()), 'script', 'goHome()');
-  // The bar comes with the pointer.
   const click = async name => {
     await page.mouse.move(300, 100 + Math.random());
     await page.getByRole('button', { name }).click();
@@ -78,12 +77,11 @@ async function homeAndWho() {
   });
   await comesHome(() => page.evaluate(() => { pad.buttons[0].pressed = true; }), 'person', 'a gamepad');
 
-  // What comes after it counts.
   await page.evaluate(async () => {
     await v.setView({ yaw: -2 });
     v.goHome();
     await v.setView({ yaw: 1 });
-    await new Promise(done => setTimeout(done, 600));  // longer than the way home
+    await new Promise(done => setTimeout(done, 600));
   });
   expect(isNear((await page.view()).yaw, 1), 'a view that is set on the way home stays');
 
@@ -92,8 +90,7 @@ async function homeAndWho() {
     await page.evaluate(() => told.length = 0);
     await how();
     await until(async () => !isNear((await page.view())[field], before[field]), `${what} moves it`);
-    // It is told with the next frame of the page.
-    await until(async () => (await page.toldOf('view-change')).length, `${what} is told`);
+    await until(async () => (await page.toldOf('view-change')).length, `${what} is reported`);
     const [{ by }] = await page.toldOf('view-change');
     expect(by === who, `${what} is a ${who}'s, not a ${by}'s`);
   };
@@ -116,7 +113,7 @@ async function homeAndWho() {
   await page.evaluate(() => v.goHome());
   await isAt(page, { yaw: 1.5 }, 'and home is there');
 
-  // Where there is no stream the next one begins at home.
+  // Without a stream, the next stream starts at the home view.
   await page.evaluate(() => v.setView({ yaw: -1 }));
   await page.evaluate(() => {
     v.pause();
@@ -162,7 +159,6 @@ async function sharing() {
   expect(await page.evaluate(() => v.hasAttribute('share') && v.shares), 'shares is the attribute share');
   const second = await page.evaluate(() => v.share());
   expect(await page.evaluate(() => location.href) === second, 'with share the address is the link');
-  // Other links are followed.
   await page.evaluate(() => location.hash = '#yaw=-3');
   await isAt(page, { yaw: -3 }, 'another link goes there');
   await page.leaves();
@@ -173,7 +169,7 @@ async function eyes() {
   const served = await serve(...rig);
   const page = await open(served, 'autoplay eyes="side" eye-distance="0"');
   const sides = async () => {
-    await page.evaluate(async () => {  // the encoder makes it sharp
+    await page.evaluate(async () => {  // the encoder sharpens a still image over several frames
       await v.setView({ x: 0.01, yaw: 2 });
       for (let i = 0; i < 15; i++) await new Promise(done => inside().video.requestVideoFrameCallback(done));
     });
@@ -200,7 +196,7 @@ async function eyes() {
   await served.stop();
 }
 
-// A path is flown by the server; nothing that moves the view waits for ever.
+// The server flies a path; calls that move the view must not wait forever.
 async function paths() {
   const tour = join(folder, 'tour.json'), state = { x: 0, y: 0, z: 0, yaw: -2, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 };
   const views = [-2, 2].map((yaw, i) => ({ ...viewFile({ ...state, yaw }, { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
@@ -220,7 +216,6 @@ async function paths() {
   await isAt(page, { yaw: 3 }, 'without path it begins where view says');
   await page.evaluate(() => Object.assign(v, { path: '', src: '', token: '' }));
   expect(isNear((await page.evaluate(() => v.setView({ yaw: 2 }))).yaw, 2), 'empty attributes are as none');
-  // Views that nobody has seen when another light field comes.
   const lost = await page.evaluate(() => {
     const view = v.setView({ yaw: 1 }).then(() => 'done', error => error.name);
     v.path = 'tour';
@@ -231,7 +226,7 @@ async function paths() {
   await served.stop();
 }
 
-// Another server: what is set from then on is for it.
+// After a change of the server, settings apply to the new server.
 async function otherSource() {
   const [one, two] = [await serve(...rig), await serve(...rig)];
   const page = await open(one, `autoplay src="${one.url}whep"`);
@@ -270,7 +265,7 @@ async function tokens() {
   await until(async () => (await page.toldOf('error')).length, 'a wrong token is an error');
   const [error] = await page.toldOf('error');
   expect(error.status === 401 && error.reason === 'token' && error.message && error.cause && error.retryAfter === Infinity,
-    `which is told: ${JSON.stringify(error)}`);
+    `and reported: ${JSON.stringify(error)}`);
   expect(await page.evaluate(() => v.status instanceof HTMLElement && !v.status.hidden), 'status says it');
   await page.evaluate(() => v.token = 'sesame');
   await page.loads();
@@ -279,7 +274,6 @@ async function tokens() {
   await served.stop();
 }
 
-// play(), pause() and reconnect(); what can be read; the events of a stream and of another rig.
 async function streams() {
   const own = await makeRig('4x4');
   const served = await serve('--rig', join(own, 'rig.json'), ...rig.slice(2), '--watch');
@@ -313,7 +307,7 @@ async function streams() {
   const text = JSON.parse(await readFile(join(own, 'rig.json'), 'utf8'));
   text.cameras[0].position[0] += 0.001;
   await writeFile(join(own, 'rig.json'), JSON.stringify(text));
-  await until(async () => (await page.toldOf('rig')).length, 'another rig is told');
+  await until(async () => (await page.toldOf('rig')).length, 'another rig is reported');
   expect(/^[0-9a-f]{16}$/.test((await page.toldOf('rig'))[0].hash), JSON.stringify(await page.toldOf('rig')));
   await isAt(page, { yaw: 2 }, 'the view stays');
 
@@ -346,7 +340,6 @@ async function iceServers() {
   await served.stop();
 }
 
-// Parts, slots and custom properties of the README.
 async function looks() {
   const served = await serve(...rig);
   const readme = await readFile(join(source, 'web/README.md'), 'utf8');
@@ -376,7 +369,6 @@ async function looks() {
   await served.stop();
 }
 
-// Under the strictest policy that a page may have.
 async function trustedTypes() {
   const served = await serve(...rig), server = new URL(served.url).origin;
   const policy = `default-src 'none'; script-src ${server}/ 'nonce-mine'; connect-src ${server}/; style-src 'nonce-mine'; base-uri 'none'; ` +

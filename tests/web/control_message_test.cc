@@ -52,7 +52,7 @@ TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
 }
 
 TEST(ControlMessage, ViewsBecomeCustomEvents) {
-  for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);  // as lfviewrequest does
+  for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);
   const ControlMessage message = parse(view(R"({"x":0.25,"focus-distance":3})"));
   ASSERT_TRUE(message.event) << message.error;
   const GstStructure* structure = gst_event_get_structure(message.event.get());
@@ -138,7 +138,7 @@ TEST(ControlMessage, RefusesEverythingElse) {
 TEST(ControlMessage, AnswersInWebrtcsinksFormat) {
   EXPECT_EQ(control_response(7, ""), R"({"error":null,"id":7,"type":"ControlResponseMessage"})");
   EXPECT_EQ(control_response(8, "no"), R"({"error":"no","id":8,"type":"ControlResponseMessage"})");
-  EXPECT_EQ(parse(R"({"id":9,"request":{"type":"x"}})").id, 9u) << "so that an error can be answered";
+  EXPECT_EQ(parse(R"({"id":9,"request":{"type":"x"}})").id, 9u) << "for the error reply";
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// <lightfield-viewer> as strangers use it: in pages of other sites, frames and frameworks, and from npm.
+// <lightfield-viewer> in third-party pages, frames and frameworks, and from npm.
 import { execFile } from 'node:child_process';
 import { cp, mkdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
@@ -10,12 +10,11 @@ import { artefacts, close, closeClean, compare, expect, launchBrowser, makeFolde
 
 const run = promisify(execFile);
 const folder = await makeRig('4x4');
-const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--address-views', '8', '--focus-on', 'plane', '--origin', '*'];
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--address-views', '8', '--focus-mode', 'plane', '--origin', '*'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
 
 const script = served => `<script type="module" src="${served.url}lightfield-viewer.js"></script>`;
 const page = body => `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title><style>body { margin: 0 }</style>${body}`;
-// Frames that an element has shown since it is there.
 const frames = (page, id) => page.evaluate(
   id => inside(document.getElementById(id)).video.getVideoPlaybackQuality().totalVideoFrames, id);
 const goesOn = async (page, id, what) => {
@@ -23,7 +22,7 @@ const goesOn = async (page, id, what) => {
   await until(async () => await frames(page, id) > before + 3, what);
 };
 
-// npm pack, npm install in an empty folder, and the page of the README as it is, but for the server's address.
+// npm pack, npm install in an empty folder, and the page of the README with only the server's address changed.
 async function fromNpm() {
   const fresh = await makeFolder();
   const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], { cwd: join(source, 'web') });
@@ -44,7 +43,6 @@ async function fromNpm() {
   expect(!stranger.problems.length, stranger.problems.join('; '));
   await stranger.screenshot({ path: join(artefacts, 'readme.png') });
   await stranger.context().close();
-  // Where there is no DOM it can be imported; and what it is made of, it is for TypeScript, too.
   await run('node', ['--input-type=module', '-e', 'import { LightfieldViewer } from "lightfield-viewer"; if (!LightfieldViewer) throw 1;'],
     { cwd: fresh });
   await writeFile(join(fresh, 'use.ts'), `import { LightfieldViewer, type LightfieldView } from 'lightfield-viewer';
@@ -68,7 +66,6 @@ viewer.setView({ zoom: 2 });
   mine.close();
 }
 
-// Two elements, whose attributes change later, which are removed, added again and moved.
 async function twoOfThem() {
   const served = await serve(...rig), { url } = served;
   const mine = await site({ '/': page(`${script(served)}
@@ -94,14 +91,13 @@ async function twoOfThem() {
   expect(await two.evaluate(() => location.hash) === '#x=5&yaw=40&token=mine', 'the page keeps its address');
   expect(!(await two.evaluate(() => written)).length, `attributes are written: ${await two.evaluate(() => written)}`);
 
-  // Attributes that change later.
   await two.evaluate(() => {
     b.controls = true;
     b.alt = 'A globe';
     b.setAttribute('max-width', 160);
     b.setAttribute('view', 'x=0.02 focus-distance=3');
   });
-  // What is asked for: where the machine is busy the server may send less.
+  // Checks the requested size, because a busy server may send less.
   const asks = width => two.waitForFunction(width => b.connected && inside(b).stream.asked.width === width, width, { timeout: patience });
   await asks(160);
   await until(async () => Math.abs((await view('b')).x - 0.02) < 1e-6 && (await view('b')).focusDistance === 3, 'view goes there');
@@ -114,13 +110,13 @@ async function twoOfThem() {
     b.eyes = null;
     b.src = '/nowhere';
   });
-  await until(async () => /refuses|reached/.test(await two.locator('#b').getByRole('status').textContent()), 'a wrong src is told');
+  await until(async () => /refuses|reached/.test(await two.locator('#b').getByRole('status').textContent()), 'a wrong src is reported');
   await two.evaluate(url => {
     b.src = `${url}whep`;
   }, url);
   await goesOn(two, 'b', 'a right one goes on');
 
-  // Moved it is not interrupted; removed and added again it is where it was.
+  // Moving does not interrupt the stream; after removal and insertion the view is unchanged.
   const opened = await served.metric('viewers_total');
   await two.evaluate(() => there.append(a));
   await goesOn(two, 'a', 'moved, it goes on');
@@ -134,7 +130,7 @@ async function twoOfThem() {
   mine.close();
 }
 
-// Everything is set again and again, as frameworks do that know no more than what a page should be like.
+// Sets all properties repeatedly, like declarative frameworks.
 async function rerendered() {
   const served = await serve(...rig);
   const mine = await site({ '/': page(`<div id="root"></div><script type="module">
@@ -163,7 +159,7 @@ async function rerendered() {
   await until(async () => Math.abs(await yaw() - 1) < 1e-6, 'what was set before the element was defined counts');
   await react.evaluate(() => c.setView({ yaw: -2 }));
   await react.waitForTimeout(500);
-  expect(Math.abs(await yaw() + 2) < 1e-6, 'rendered anew, nobody is thrown back');
+  expect(Math.abs(await yaw() + 2) < 1e-6, 'rendering again keeps the view');
   expect(await served.metric('viewers_total') === 1, 'nor is there another stream');
   await react.evaluate(() => {
     clearInterval(timer);
@@ -175,7 +171,6 @@ async function rerendered() {
   mine.close();
 }
 
-// Two sites: the outer page scrolls, the inner one has the element.
 async function framed() {
   const served = await serve(...rig);
   const inner = await site({ '/': page(`${script(served)}
@@ -207,7 +202,6 @@ async function framed() {
   for (const one of [inner, outer]) one.close();
 }
 
-// Scrolled away, or in a hidden tab, it leaves its seat; it comes back with its view.
 async function outOfSight() {
   const served = await serve(...rig);
   const mine = await site({ '/': page(`${script(served)}
@@ -238,7 +232,6 @@ async function outOfSight() {
   mine.close();
 }
 
-// What happens is told, by whom; what is shown can be had.
 async function eventsAndPictures() {
   const served = await serve(...rig);
   const mine = await site({ '/': page(`<script>
@@ -257,7 +250,7 @@ async function eventsAndPictures() {
   await tab.evaluate(() => v.play());
   await shown(tab, 10);
   expect(!await tab.evaluate(() => inside().root.querySelector('.poster').checkVisibility()), 'and goes');
-  expect(JSON.stringify(await toldOf('first-frame')) === '[{"width":640,"height":480}]', 'the first frame is told');
+  expect(JSON.stringify(await toldOf('first-frame')) === '[{"width":640,"height":480}]', 'the first frame is reported');
   expect((await toldOf('connected')).length === 1, 'connected');
   const view = await tab.evaluate(() => v.setView({ yaw: 2, focusDistance: 3 }));
   expect(view.yaw === 2 && view.focusDistance === 3, `setView ends with the view: ${JSON.stringify(view)}`);
@@ -285,7 +278,7 @@ async function eventsAndPictures() {
   await tab.waitForFunction(() => document.fullscreenElement === v);
   await tab.evaluate(() => document.exitFullscreen());
   await served.stop();
-  await until(async () => (await toldOf('error')).length, 'an error is told');
+  await until(async () => (await toldOf('error')).length, 'an error is reported');
   const error = (await toldOf('error'))[0];
   expect((await toldOf('disconnected')).length === 1 && error.retryAfter > 0 && error.message, JSON.stringify(error));
   expect(await tab.evaluate(() => v.querySelector('b').checkVisibility()), 'the slot error is for it');
@@ -294,7 +287,6 @@ async function eventsAndPictures() {
   mine.close();
 }
 
-// A page that knows WHEP and nothing else; the path flies.
 async function barePlayer() {
   const states = [-2, 2].map((yaw, i) => ({ ...viewFile({ x: 0, y: 0, z: 0, yaw, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 },
     { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
@@ -317,10 +309,8 @@ async function barePlayer() {
   mine.close();
 }
 
-// In an application of React in strict mode (react_page.tsx), with TypeScript and a bundler.
 const work = join(artefacts, 'react');
 
-// The application, from the package as it is published.
 async function built() {
   await rm(work, { recursive: true, force: true });
   const installed = join(work, 'node_modules/lightfield-viewer');
@@ -356,7 +346,6 @@ async function application() {
   await page.getByRole('application', { name: 'Mine' }).waitFor();
   expect(await served.metric('viewers_total') === 1, 'in strict mode there is one stream');
 
-  // Rendered again: nobody is thrown back. Other props: it goes there.
   await page.evaluate(() => app.element.setView({ yaw: -2 }));
   const renders = await page.evaluate(() => app.renders);
   for (let i = 0; i < 10; i++) await render({ src: `${served.url}whep` });
@@ -364,10 +353,9 @@ async function application() {
   await isAt(-2, 'rendered again it stays');
   await render({ yaw: 2, alt: undefined });
   await isAt(2, 'another prop is another view');
-  expect((await told()).includes('script 2'), `told by a script: ${await told()}`);
+  expect((await told()).includes('script 2'), `reported by a script: ${await told()}`);
   expect(await page.evaluate(() => app.element.alt) === null, 'a prop that is gone is an attribute that is gone');
 
-  // Moved it goes on with the same stream.
   await render({ last: true });
   expect(await page.evaluate(() => document.querySelector('figure').previousElementSibling.localName === 'h1'), 'it has moved');
   const frames = () => page.evaluate(() => inside(app.element).video.getVideoPlaybackQuality().totalVideoFrames);
@@ -375,7 +363,6 @@ async function application() {
   await until(async () => await frames() > before + 3, 'moved it goes on');
   expect(await served.metric('viewers_total') === 1, 'with the same stream');
 
-  // Taken away it leaves; put there again it is another element, at the prop's view.
   await render({ shown: false });
   await until(async () => await served.metric('viewers') === 0, 'unmounted it leaves');
   const gone = await page.evaluate(() => (globalThis.first = app.element).isConnected);

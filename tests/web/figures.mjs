@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What viewers cost and how long a movement takes until it is seen: tests/web/browser.sh BUILD tests/web/figures.mjs
+// Cost per viewer and latency of movements: tests/web/browser.sh BUILD tests/web/figures.mjs
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { createInterface } from 'node:readline';
@@ -10,7 +10,6 @@ import { close, launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, s
 const seconds = Number(process.env.LF_SECONDS ?? 10);
 const browser = await launchBrowser();
 
-// Seconds of processor time of a process so far.
 async function processorTime(pid) {
   const fields = (await readFile(`/proc/${pid}/stat`, 'utf8')).split(') ')[1].split(' ');
   return (Number(fields[11]) + Number(fields[12])) / 100;
@@ -22,7 +21,7 @@ const decoded = page => page.evaluate(async () => {
     if (entry.type === 'inbound-rtp') return { frames: entry.framesDecoded, time: performance.now() };
 });
 
-// Viewers in the browser: begins, and returns what ends with the pictures a second of each.
+// Starts viewers in the browser. Returns a function that stops them and returns their frame rates.
 async function browsers(served, count, size) {
   const pages = [];
   for (let i = 0; i < count; i++)
@@ -36,7 +35,7 @@ async function browsers(served, count, size) {
   };
 }
 
-// The same without a browser, which takes more of the machine than the server does.
+// Like browsers(), without the browser, which uses more processor time than the server.
 async function receivers(served, count, { width, height }) {
   const child = spawn(join(process.env.LF_TOOLS_DIR, '../tests/watch'),
     [served.url, count, width, height, seconds], { stdio: ['ignore', 'pipe', 'inherit'] });
@@ -86,8 +85,8 @@ async function growth() {
     console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / least).toFixed(2)}`);
 }
 
-// Movements at any moment between two pictures, one at a time. `received`: the last packet of the picture that shows it is
-// there; `decoded`: the frame leaves the decoder; `painted`: the browser says it is on the screen.
+// Measures the latency of single movements at random times between two frames. `received`: arrival of the last packet
+// of the frame; `decoded`: output of the decoder; `painted`: display time from the browser.
 async function motion(folder, loss = 0) {
   const served = await serve('--rig', join(folder, 'rig.json'));
   const page = await newPage(browser, { width: 640, height: 480 });
@@ -154,8 +153,8 @@ async function motion(folder, loss = 0) {
   await close(page, served);
 }
 
-// From the moment that the page is asked for until its first picture is on the screen, of a server and a browser that have done
-// it before; and from the moment that an element is in sight again.
+// Measures the time from the page request to the first visible frame, with a warm server and browser. Also measures the
+// time from an element's return to view.
 async function firstPicture(folder) {
   const served = await serve('--rig', join(folder, 'rig.json'), '--connects', '100');
   const first = [], again = [];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the browser tests share: TAP, a running lf-serve, headless Chromium, and pictures compared.
+// Shared code of the browser tests: TAP, a running lf-serve, headless Chromium, and image comparison.
 import { execFile, spawn } from 'node:child_process';
 import { createSocket } from 'node:dgram';
 import { once } from 'node:events';
@@ -13,14 +13,14 @@ import { chromium } from 'playwright-core';
 
 const tools = process.env.LF_TOOLS_DIR;
 const run = promisify(execFile);
-export const patience = 60000;  // milliseconds; machines are busy
+export const patience = 60000;  // milliseconds, for busy machines
 export const artefacts = process.env.LF_ARTEFACTS;
 
-process.setMaxListeners(0);  // each program has one, for the end
+process.setMaxListeners(0);  // one exit handler per program
 
 export const source = process.env.LF_SOURCE_ROOT;
 
-// A program in the background, ended with the tests at the latest. What it says is shown where a test fails.
+// Starts a program in the background and kills it when the tests end. A test failure prints the output.
 export function start(program, ...args) {
   const child = spawn(program, args, { stdio: ['ignore', 'pipe', 'pipe'] });
   process.on('exit', () => child.kill('SIGKILL'));
@@ -28,9 +28,9 @@ export function start(program, ...args) {
   return child;
 }
 
-const heard = [];  // what each program said
+const heard = [];
 
-// Keeps the lines of a program for the report of a failure, and hands each to `take`.
+// Stores the lines of a program for failure reports and passes each to `take`.
 function listen(program, child, take = () => {}) {
   const lines = [];
   heard.push({ program, lines });
@@ -42,13 +42,12 @@ function listen(program, child, take = () => {}) {
     });
 }
 
-// Why a test failed. On stderr, which is what `meson test --print-errorlogs` shows of a TAP test.
+// Prints the reason of a failure to stderr, which `meson test --print-errorlogs` shows for TAP tests.
 function report(error) {
   const said = heard.flatMap(({ program, lines }) => [`${program} said at last:`, ...lines.splice(0)]);
   console.error([String(error.stack ?? error), ...said].join('\n').replace(/^/gm, '# '));
 }
 
-// Runs the tests one after the other, in the order they are in.
 export async function runTests(tests) {
   const chosen = process.env.LF_TESTS ? tests.filter(([name]) => name.match(process.env.LF_TESTS)) : tests;
   console.log(`1..${chosen.length}`);
@@ -80,21 +79,20 @@ export async function until(condition, what) {
   }
 }
 
-// Empty, outside of everything, gone at the end.
 export async function makeFolder() {
   const folder = await mkdtemp(join(tmpdir(), 'lf_web_'));
   process.on('exit', () => spawn('rm', ['-rf', folder], { detached: true }));
   return folder;
 }
 
-// JPEG video of the built-in scene, which moves, from each camera of a rig. Returns its folder, gone at the end.
+// Records JPEG video of the moving built-in scene. Returns the folder, which is removed at the end.
 export async function makeFilm(grid) {
   const folder = await makeFolder();
   await run(join(tools, 'lf-scene'), ['--out', folder, '--grid', grid, '--frames', '30']);
   return folder;
 }
 
-// A rig of stills of the built-in scene: its pictures do not move. Returns its folder, which is gone at the end.
+// Creates a rig with still images of the built-in scene. Returns the folder, which is removed at the end.
 export async function makeRig(grid) {
   const folder = await makeFolder();
   await run(join(tools, 'lf-scene'), ['--out', folder, '--grid', grid, '--frames', '1', '--format', 'png']);
@@ -104,11 +102,11 @@ export async function makeRig(grid) {
   return folder;
 }
 
-// lf-serve with these options; stop() it. `said` grows as it speaks.
+// Starts lf-serve with these options; stop() ends the server. `said` collects its output.
 export async function serve(...options) {
   const port = options.includes('--port') ? [] : ['--port', '0'];
   const child = spawn(join(tools, 'lf-serve'), [...port, ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
-  process.on('exit', () => child.kill('SIGKILL'));  // of a test that failed
+  process.on('exit', () => child.kill('SIGKILL'));
   const served = { said: '', pid: child.pid };
   const url = new Promise((resolve, reject) => {
     listen('lf-serve', child, line => {
@@ -136,20 +134,20 @@ export async function serve(...options) {
 const launchOptions = {
   executablePath: process.env.LF_CHROMIUM,
   args: ['--allow-loopback-in-peer-connection', '--disable-features=WebRtcHideLocalIpsWithMdns', '--disable-gpu',
-    '--enable-unsafe-swiftshader',  // WebGL
+    '--enable-unsafe-swiftshader',
     ...(process.getuid() === 0 ? ['--no-sandbox'] : [])],
 };
 export const launchBrowser = (...args) => chromium.launch({ ...launchOptions, args: [...launchOptions.args, ...args] });
 export const launchBrowserServer = () => chromium.launchServer(launchOptions);
 export const connectBrowser = server => chromium.connect(server.wsEndpoint());
 
-// The element's own parts, which pages can't name: inside() of the first or of any element of a page.
+// Defines inside(), which returns the internals of the first or of a given element.
 function showInside() {
   globalThis.inside = (element = document.querySelector('lightfield-viewer')) =>
     element && element[Object.getOwnPropertySymbols(element).find(({ description }) => description === 'inside')];
 }
 
-// A page in a window of its own (tabs in the background are throttled). `page.problems` has what went wrong in it.
+// Opens a page in a separate window, because background tabs are throttled. `page.problems` collects errors.
 export async function newPage(browser, size = { width: 640, height: 480 }, { before, ...options } = {}) {
   const context = await browser.newContext({ viewport: size, ...options });
   context.setDefaultTimeout(patience);
@@ -176,7 +174,6 @@ export async function shown(page, frames = 1) {
   });
 }
 
-// A page that has shown so many frames.
 export async function openShown(browser, url, size, frames, options) {
   const page = await openPage(browser, url, size, options);
   await shown(page, frames);
@@ -187,29 +184,27 @@ export async function close(page, served) {
   await page.context().close();
   await served.stop();
 }
-// The same, of a page in which nothing went wrong.
 export async function closeClean(page, served) {
   expect(!page.problems.length, page.problems.join('; '));
   await close(page, served);
 }
 
-// Sets the view, waits for a picture that shows it, and returns the view's state.
+// Sets the view, waits for a frame with this view, and returns the state.
 export async function setView(page, view) {
   return page.evaluate(async view => {
     await document.querySelector('lightfield-viewer').setView(view);
-    // The encoder has a few pictures to make a still one sharp.
+    // The encoder needs a few frames to sharpen a still image.
     const { video, flight } = inside();
     for (let i = 0; i < 15; i++) await new Promise(done => video.requestVideoFrameCallback(done));
     return flight.state;
   }, view);
 }
 
-// Waits until a drag has come to rest, a picture shows all that was asked for, and the statistics are of that view.
+// Waits until a drag has come to rest, a frame shows the requested view, and the statistics match this view.
 export async function settled(page) {
   await page.waitForFunction(() => inside().controls.gliding === undefined && !inside().flight.way);
   await page.evaluate(async () => {
     const { flight, host } = inside();
-    // Sets nothing new, and is answered as what does.
     await new Promise((done, failed) => flight.asked.push([flight.follow(flight.follows), done, failed, {}]));
     await new Promise(done => host.addEventListener('statistics', done, { once: true }));
   });
@@ -220,7 +215,7 @@ export async function stateOf(page) {
   return page.evaluate(() => inside().flight.state);
 }
 
-// The decoded picture as a PNG; of two eyes' the half of side 0 or 1.
+// Returns the decoded frame as a PNG; with two eyes, the half of side 0 or 1.
 export async function picture(page, side) {
   const url = await page.evaluate(side => {
     const { video } = inside();
@@ -232,7 +227,7 @@ export async function picture(page, side) {
   return Buffer.from(url.split(',')[1], 'base64');
 }
 
-// Decibels between two PNGs of one size; the mean and the deviation of the first.
+// Returns the PSNR in dB between two PNGs of the same size, and the mean and deviation of the first.
 export async function compare(page, a, b) {
   return page.evaluate(async ([a, b]) => {
     const pixels = async data => {
@@ -257,7 +252,6 @@ export async function compare(page, a, b) {
   }, [a.toString('base64'), b.toString('base64')]);
 }
 
-// The left (0) or the right (1) half of a PNG.
 export async function half(page, png, side) {
   const url = await page.evaluate(async ([data, side]) => {
     const image = new Image(), canvas = document.createElement('canvas');
@@ -270,7 +264,7 @@ export async function half(page, png, side) {
   return Buffer.from(url.split(',')[1], 'base64');
 }
 
-// The view that the server tells, or that of an eye beside it, as views.json has it.
+// Returns the server's view, or the view of an eye beside it, as views.json.
 export function viewFile(state, { width, height, lens }, eyeOffset = 0) {
   const half = degrees => degrees * Math.PI / 360;
   const [[cy, sy], [cp, sp], [cr, sr]] =
@@ -284,7 +278,6 @@ export function viewFile(state, { width, height, lens }, eyeOffset = 0) {
     focus_distance: state['focus-distance'] };
 }
 
-// What lf-render makes of it: a PNG.
 export async function rendered(folder, state, size, eyeOffset) {
   const out = await mkdtemp(join(tmpdir(), 'lf_web_view_'));
   await writeFile(join(out, 'views.json'),
@@ -297,12 +290,11 @@ export async function rendered(folder, state, size, eyeOffset) {
   return png;
 }
 
-// The built-in scene itself, seen by the view at each of these times: PNGs.
 export async function truthOf(state, size, times = [0]) {
   const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
   const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
   await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
-  // It films something beside the truth, always.
+  // lf-scene requires a grid even for the truth.
   await run(join(tools, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
     '--height', '48', '--frames', '1', '--format', 'png', '--truth', join(out, 'views.json')]);
   const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
@@ -310,11 +302,11 @@ export async function truthOf(state, size, times = [0]) {
   return truths;
 }
 
-// Other people's sites: pages and files from an origin of their own.
+// Serves third-party sites: pages and files with a separate origin.
 const kTypes = { '.js': 'text/javascript', '.html': 'text/html', '.css': 'text/css' };
 
-// `pages`: texts by path. Other paths are files of `root`, if there is one. `host` is another origin than its namesake's.
-// `headers` are those of every answer.
+// `pages`: texts by path. Other paths are files of `root`, if given. `host` selects the origin. `headers` are added to
+// every response.
 export async function site(pages, root, host = '127.0.0.1', headers = {}) {
   const server = createServer(async (request, response) => {
     const { pathname } = new URL(request.url, 'http://site');
@@ -333,8 +325,8 @@ export async function site(pages, root, host = '127.0.0.1', headers = {}) {
   return { origin: `http://${host}:${server.address().port}`, close: () => server.close() };
 }
 
-// A network that is not as good as loopback, between a page and its lf-serve.
-// Packets of the page's next connection go through a relay that loses `relay.loss` of the media, both ways.
+// Simulates a bad network between a page and its lf-serve. The page's next connection uses a relay that drops
+// `relay.loss` of the media packets in both directions.
 export async function throughRelay(page) {
   const relay = { loss: 0, passed: 0, lost: 0, close: () => sockets.forEach(socket => socket.close()) };
   const sockets = [];
@@ -345,7 +337,7 @@ export async function throughRelay(page) {
     if (port) body = body.replaceAll(`127.0.0.1 ${port} typ`, `127.0.0.1 ${await open(Number(port))} typ`);
     await route.fulfill({ response, body });
   });
-  // Two sockets: one that the browser takes for the server, one that the server takes for the browser.
+  // Two sockets: one represents the server, the other represents the browser.
   async function open(server) {
     const [near, far] = [createSocket('udp4'), createSocket('udp4')];
     sockets.push(near, far);

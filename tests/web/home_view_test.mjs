@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What somebody sees who opens the page and touches nothing, in windows of many shapes: lf-serve's `auto` is not worse
-// than the viewer's plane, neither soon nor later. With LF_SECONDS=60 all windows are watched for so long, stills and
-// film.
+// The home view in windows of many shapes: lf-serve's `auto` must not be worse than the viewer's plane, neither at the
+// start nor later. LF_SECONDS=60 watches all windows for 60 seconds, with stills and film.
 //
-// Both are seen as a browser shows them: two servers that differ in --focus-on alone, one encoder, bit rate and
-// decoder, so that what video costs is in both figures. The truth is ray-traced. Pixels count where cameras cover them
-// in the plane's picture, but for a border that video may blur into the dark.
+// Both modes are compared in a browser: two servers that differ only in --focus-mode, with the same encoder, bit rate
+// and decoder, so that video artifacts affect both. The truth is ray-traced. Pixels count if cameras cover them in the
+// plane mode, except for a border that video may blur into the dark.
 import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, closeClean, expect, launchBrowser, makeFilm, makeRig, openPage, rendered, runTests, serve,
@@ -13,19 +12,19 @@ import { artefacts, closeClean, expect, launchBrowser, makeFilm, makeRig, openPa
 
 const kWindows = [[1280, 720], [800, 480], [480, 640], [360, 640], [640, 360]];
 const kFilm = Array.from({ length: 30 }, (_, i) => i / 15);  // times of makeFilm()'s frames, seconds
-// Seconds to look at it, and from one look to the next; the first is after one second. Of the plane enough to see it at
-// its best, and every moment of a film.
+// Sampling times in seconds; the first sample is after one second. The plane is sampled until it is sharp, a film at
+// every frame.
 const kStep = 0.5, kPlane = { stills: { seconds: 2, step: 0.5 }, film: { seconds: 5, step: 0.1 } };
 const kSlack = 0.1;   // dB
-const kGain = 3;      // dB, that there must be in the end: the surface has come
-const kPatience = 20;  // seconds until then on a busy machine
+const kGain = 3;      // dB; minimum improvement after the surface has arrived
+const kPatience = 20;  // seconds until the improvement, on a busy machine
 const chosenSeconds = Number(process.env.LF_SECONDS ?? 0);
 const browser = await launchBrowser();
 
-// In a page that is not connected: connects, and looks `step` by `step` at what is shown, from one second after the
-// first picture on, for so long, and until a look has `enough` dB, but no longer than `patience` seconds. Each look is
-// compared with the truth that fits best, which is number `frame`. Returns the part of pixels that count, the looks, and
-// the last picture and the worst as PNGs.
+// Connects a page that is not connected and samples the video every `step` seconds, from one second after the first
+// frame. Ends after `seconds` when a sample has `enough` dB, but not later than `patience` seconds. Compares each
+// sample with the best match `frame` of the truth. Returns the share of compared pixels, the samples, and the last and
+// worst images as PNGs.
 async function watchVideo({ truths, covered, seconds, step, enough = 0, patience = 0 }) {
   const pixelsOf = async data => {
     const image = await createImageBitmap(new Blob([Uint8Array.from(atob(data), c => c.charCodeAt(0))]));
@@ -45,7 +44,7 @@ async function watchVideo({ truths, covered, seconds, step, enough = 0, patience
     for (let x = 0; x < width; x++)
       if (![[0, 0], [border, 0], [-border, 0], [0, border], [0, -border]].some(([dx, dy]) => isDark(x + dx, y + dy)))
         counted.push(4 * (y * width + x));
-  const some = counted.filter((_, i) => i % 29 === 0);  // which truth it is, these pixels tell as well
+  const some = counted.filter((_, i) => i % 29 === 0);  // these pixels suffice to find the best match
   const errorOf = (data, scene, pixels) => {
     let error = 0;
     for (const i of pixels)
@@ -76,7 +75,7 @@ async function watchVideo({ truths, covered, seconds, step, enough = 0, patience
     await new Promise(done => setTimeout(done, began + 1000 * second - performance.now()));
     await nextPicture();
     const at = (performance.now() - began) / 1000;
-    context.drawImage(video, 0, 0, width, height);  // where the network is bad, video is smaller
+    context.drawImage(video, 0, 0, width, height);  // the video is smaller on a bad network
     const { data } = context.getImageData(0, 0, width, height);
     const errors = scenes.map(scene => errorOf(data, scene, some)), frame = errors.indexOf(Math.min(...errors));
     const psnr = 10 * Math.log10(255 ** 2 / Math.max(errorOf(data, scenes[frame], counted), 1e-9));
@@ -87,7 +86,6 @@ async function watchVideo({ truths, covered, seconds, step, enough = 0, patience
   return { part: counted.length / (width * height), looks, last: png(), worst: worstPng };
 }
 
-// A page that has left the server, what its home view was, and how large: its sides are not always the window's.
 async function openAndLeave(served, window) {
   const page = await openPage(browser, served.url, window);
   await shown(page);
@@ -100,13 +98,12 @@ async function openAndLeave(served, window) {
   return { page, state, size };
 }
 
-// Watches the viewer's plane for a little, then `auto` for these seconds, and compares.
+// Watches the viewer's plane briefly, then `auto` for these seconds, and compares.
 async function homeView(folder, kind, [width, height], seconds) {
   const seen = {};
   let known;
   for (const mode of ['plane', 'auto']) {
-    // From where the page of lf-serve without a rig begins.
-    const served = await serve('--rig', join(folder, 'rig.json'), '--focus', '2.2', '--focus-on', mode);
+    const served = await serve('--rig', join(folder, 'rig.json'), '--focus', '2.2', '--focus-mode', mode);
     const { page, state, size } = await openAndLeave(served, { width, height });
     if (!known) {
       const truths = await truthOf(state, size, kind === 'film' ? kFilm : [0]);
@@ -124,7 +121,7 @@ async function homeView(folder, kind, [width, height], seconds) {
   for (const which of ['last', 'worst'])
     await writeFile(join(artefacts, `home-${kind}-${width}x${height}-${which}.png`),
       Buffer.from(auto[which], 'base64'));
-  // The plane at its best: of film when it was nearest to the same moment of the scene.
+  // The plane's best PSNR; for film, at the nearest scene time.
   const apart = (a, b) => Math.min(Math.abs(a - b), known.truths.length - Math.abs(a - b));
   const planeAt = frame => {
     const nearest = Math.min(...plane.looks.map(look => apart(look.frame, frame)));
@@ -139,14 +136,14 @@ async function homeView(folder, kind, [width, height], seconds) {
     `worst: ${told(worst)}; contrast ${rows.at(-1).contrast.toFixed(3)} of the scene's`);
   expect(auto.part > 0.3, `${name}: only ${(100 * auto.part).toFixed(0)} % of the picture is covered`);
   expect(worst.gain >= -kSlack, `${name}: ${told(worst)}: ${JSON.stringify(worst.focus)}`);
-  // What blur leaves; levels of 0 to 255 that are taken for video's have 1.16 times that.
+  // Blur reduces the contrast. Full-range levels mistaken for video levels increase it by 1.16.
   const { contrast } = rows.at(-1);
   expect(contrast > 0.85 && contrast < 1.05, `${name}: ${contrast.toFixed(3)} of the scene's contrast`);
   expect(rows.at(-1).gain >= kGain, `${name}: no surface: ${told(rows.at(-1))}`);
 }
 
 const stills = await makeRig('8x8');
-const film = await makeFilm(chosenSeconds ? '8x8' : '4x4');  // the large one takes a minute
+const film = await makeFilm(chosenSeconds ? '8x8' : '4x4');
 const watched = (kind, folder, window, seconds) =>
   [`the home view of ${kind} in ${window.join('x')}`, () => homeView(folder, kind, window, chosenSeconds || seconds)];
 await runTests([

@@ -15,13 +15,12 @@ class Eviction : public testing::Test {
   void add(const std::string& subscriber, double seconds_ago, Progress progress) {
     all_.push_back({subscriber, kNow - static_cast<int64_t>(seconds_ago * kSecond), progress});
   }
-  const Connections::Standing& victim() const { return all_.at(Connections::choose_victim(all_, kNow)); }
+  const Connections::ConnectionInfo& victim() const { return all_.at(Connections::choose_victim(all_, kNow)); }
 
   static constexpr int64_t kNow = 1000 * kSecond;
-  std::vector<Connections::Standing> all_;
+  std::vector<Connections::ConnectionInfo> all_;
 };
 
-// However the addresses sort.
 TEST_F(Eviction, TheOldestIdleOneGoes) {
   for (const char* honest : {"127.0.0.1", "9.9.9.9"}) {
     all_.clear();
@@ -35,21 +34,21 @@ TEST_F(Eviction, ARequestIsAnsweredBeforeAnotherIsRead) {
   add("a", 20, Progress::kRequest);
   add("b", 0.5, Progress::kNothing);
   add("c", 0.7, Progress::kSome);
-  EXPECT_EQ(victim().subscriber, "c") << "of those without a whole request the oldest";
+  EXPECT_EQ(victim().subscriber, "c") << "the oldest without a complete request";
   add("d", 1.1, Progress::kNothing);
-  EXPECT_EQ(victim().subscriber, "d") << "no honest client connects and says nothing";
+  EXPECT_EQ(victim().subscriber, "d") << "silent connections go first";
   all_.resize(1);
   EXPECT_EQ(victim().subscriber, "a");
 }
 
 TEST_F(Eviction, WhoHasManyLosesOneFirst) {
-  for (size_t i = 0; i <= Connections::kFair; i++)
+  for (size_t i = 0; i <= Connections::kFairShare; i++)
     add("greedy", 0.1 + 0.001 * static_cast<double>(i), Progress::kRequest);
   for (int i = 0; i < 30; i++) add("slow" + std::to_string(i), 9, Progress::kNothing);
   EXPECT_EQ(victim().subscriber, "greedy");
-  EXPECT_EQ(victim().since, all_[Connections::kFair].since) << "its oldest";
+  EXPECT_EQ(victim().since, all_[Connections::kFairShare].since) << "the oldest connection of that address";
   all_.erase(all_.begin());
-  EXPECT_NE(victim().subscriber, "greedy") << "a browser may have a few";
+  EXPECT_NE(victim().subscriber, "greedy") << "browsers open several connections";
 }
 
 }  // namespace

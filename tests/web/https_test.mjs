@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-serve over HTTPS, with a certificate of an authority of its own: what an operator has who listens to others.
+// lf-serve over HTTPS, with a certificate from a private authority, as on a server with public access.
 import { execFile } from 'node:child_process';
 import { createHash, X509Certificate } from 'node:crypto';
 import { chmod, readFile, rename, writeFile } from 'node:fs/promises';
@@ -19,7 +19,6 @@ await run('openssl', ['req', '-x509', ...key, '-days', '2', '-subj', '/CN=our au
   '-addext', 'keyUsage=critical,keyCertSign']);
 const authority = await readFile(file('ca.pem'));
 
-// Signs a certificate for this machine. The chain goes to `name`.pem, the key to `name`.key.
 async function issue(name, serial) {
   await run('openssl', ['req', ...key, '-subj', '/CN=lf-serve', '-keyout', file(`${name}.key`), '-out', file(`${name}.csr`)]);
   await writeFile(file('names'), 'subjectAltName=IP:127.0.0.1,DNS:localhost\nextendedKeyUsage=serverAuth\n');
@@ -30,12 +29,11 @@ async function issue(name, serial) {
 }
 
 await issue('server', 1);
-// Chromium trusts what this key has signed, and nothing else that it does not know.
+// Makes Chromium trust only certificates signed with this key.
 const spki = new X509Certificate(authority).publicKey.export({ type: 'spki', format: 'der' });
 const browser = await launchBrowser(`--ignore-certificate-errors-spki-list=${createHash('sha256').update(spki).digest('base64')}`);
 const options = ['--rig', join(rig, 'rig.json'), '--tls-certificate', file('server.pem'), '--tls-key', file('server.key')];
 
-// The status of a request over a connection of its own, which trusts the authority alone, and the serial number there.
 function ask(url) {
   return new Promise((resolve, reject) => get(url, { ca: authority, agent: false }, response => {
     const { serialNumber } = response.socket.getPeerCertificate();
@@ -51,7 +49,7 @@ async function aPageOverHttps() {
   expect(await page.evaluate(() => isSecureContext), 'it is a secure context');
   expect(!page.problems.length, page.problems.join('; '));
 
-  // A certificate is renewed: who watches goes on, and who comes gets the new one.
+  // After renewal, current viewers continue and new viewers get the new certificate.
   const health = new URL('healthz', served.url);
   expect((await ask(health)).serial === 1, 'the first certificate');
   await issue('next', 2);

@@ -25,11 +25,10 @@ using testing::StartsWith;
 
 long resident_megabytes() { return resident_kib() / 1024; }
 
-// The server on this thread, asked by another one.
 class IdentifyServerTest : public testing::Test {
  protected:
   static constexpr std::chrono::seconds kPatience{20};
-  // What comes back once the body has been sent as often as that, "" if nothing does within seconds.
+  // Sends the body repeatedly and returns the response, or "" after a timeout.
   std::string post(const std::string& path, const std::string& headers, const std::string& body, int times = 1) {
     return request("POST", path, headers, body, times);
   }
@@ -49,7 +48,7 @@ class IdentifyServerTest : public testing::Test {
     return response;
   }
 
-  std::atomic<long> most_resident_ = 0;  // megabytes, while that was sent
+  std::atomic<long> most_resident_ = 0;
   std::string swapped_;
   cameras::IdentifyServer server_{0,
                                   {.jpeg = [] { return std::vector<uint8_t>{}; },
@@ -89,7 +88,7 @@ class IdentifyServerTest : public testing::Test {
   }
 };
 
-// A page of another site may send any body: it is refused on its length, and nothing of it is kept.
+// Pages of other sites can send any body. The server rejects it by its length and stores nothing.
 TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
   const std::string piece(1'000'000, 'x');
   const long before = resident_megabytes();
@@ -103,11 +102,11 @@ TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
   const std::string chunk = "4000\r\n" + std::string(0x4000, 'x') + "\r\n";
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_EQ(post("/swap", "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n", chunk, 1000), "");
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, kPatience) << "a body without end is cut off";
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, kPatience) << "an endless body is cut off";
   EXPECT_EQ(swapped_, "");
 }
 
-// Browsers send no Origin with <img>, but say that it is in a page of another site.
+// Browsers send no Origin with <img>, but mark the request as cross-site.
 TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
   for (const char* path : {"/mosaic.jpg", "/mosaic.json"}) {
     for (const char* site : {"cross-site", "same-site"})
@@ -118,11 +117,11 @@ TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
     EXPECT_THAT(own, HasSubstr("Cross-Origin-Resource-Policy: same-origin")) << path;
   }
   EXPECT_THAT(request("GET", "/", "Sec-Fetch-Site: cross-site\r\n"), testing::Not(StartsWith("HTTP/1.1 403")))
-      << "a link may lead here";
+      << "links from other sites are allowed";
   EXPECT_THAT(request("GET", "/mosaic.json", "Host: evil.example\r\n"), StartsWith("HTTP/1.1 400")) << "two hosts";
 }
 
-// Each range would be sent, and thousands of them fit into a request.
+// A request can contain thousands of ranges, and a server would send each.
 TEST_F(IdentifyServerTest, AnswersAreWholeWhateverRangesAreAskedFor) {
   const std::string response = request("GET", "/mosaic.json", "Range: bytes=0-,0-,0-\r\n");
   EXPECT_THAT(response, StartsWith("HTTP/1.1 200"));

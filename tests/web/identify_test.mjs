@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which camera is where: the pages of lf-rig identify and of lf-serve, in headless Chromium. A camera that blinks stands
-// for one that somebody waves at.
+// Identifying cameras: the pages of lf-rig identify and of lf-serve, in headless Chromium. A blinking
+// camera simulates a camera that a user waves at.
 import { execFile, spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { readFile, writeFile } from 'node:fs/promises';
@@ -23,11 +23,10 @@ async function makeRig() {
   await writeFile(file, JSON.stringify(rig));
 }
 
-// Of the cameras in the file, the place of the one that is waved at.
 const wavedAt = async () =>
   JSON.parse(await readFile(file, 'utf8')).cameras.findIndex(({ source }) => source.includes('blink'));
 
-// A command of lf-rig that serves the page, until it is stopped or, where it ends by itself, over.
+// Starts an lf-rig command that serves the page until it is stopped or has finished.
 async function start(...command) {
   const child = spawn(tool, command, { stdio: ['ignore', 'pipe', 'inherit'] });
   process.on('exit', () => child.kill('SIGKILL'));
@@ -123,7 +122,6 @@ async function servedBesideTheLightField() {
   await served.stop();
 }
 
-// A bar of two lights that is moved before three cameras; the fourth looks elsewhere.
 async function saysWhereALightIsToGo() {
   const run = promisify(execFile), lights = join(folder, 'lights');
   await run(tool, ['new', '--grid', '2x2', '--pitch', '0.1', '--fov', '45', '--width', '320', '--height', '240', '--out', file]);
@@ -134,8 +132,8 @@ async function saysWhereALightIsToGo() {
   await writeFile(filmed, JSON.stringify(rig));
   const program = await start('record', filmed, '--out', join(folder, 'films'), '--seconds', '60', '--lights', '2', '--page', '0');
   const page = await open(program.url), said = page.locator('#told');
-  await until(async () => (await said.textContent()).startsWith('Left and right are those of the pictures'), 'how it begins');
-  await until(async () => /^The light came to \d+ % of the pictures\. Next: /.test(await said.textContent()), 'what is next');
+  await until(async () => (await said.textContent()).startsWith('Left and right refer to the images'), 'how it begins');
+  await until(async () => /^The light has covered \d+ % of the images\. Next: /.test(await said.textContent()), 'what is next');
   const health = id => page.locator(`[data-id="${id}"] .health`).textContent();
   await until(async () => /left|right|middle/.test(await health(3)), 'where no light came it is to go');
   const green = id => page.evaluate(id => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A camera that fails is out of service: lf-serve goes on, and so does who watches.
+// Camera failures: lf-serve and its viewers continue without the failed camera.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -29,13 +29,11 @@ class LfServeCameras : public testing::Test {
   bool says(const Served& served, const std::string& text) {
     return becomes([&] { return served.said().find(text) != std::string::npos; });
   }
-  // `client` has been connected all the time, and gets more pictures.
   static bool goes_on(const WhepClient& client) {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + 15; });
   }
-  // Whether the latest statistics come to have this in them.
-  static bool is_told(const WhepClient& client, const std::string& text) {
+  static bool has_message(const WhepClient& client, const std::string& text) {
     return becomes([&] {
       const std::vector<std::string> messages = client.messages();
       const auto last = std::find_if(messages.rbegin(), messages.rend(), [](const std::string& message) {
@@ -46,7 +44,7 @@ class LfServeCameras : public testing::Test {
   }
   static void expect_one_viewer_up_to_a_good_end(Served& served) {
     EXPECT_EQ(served.metric("viewers"), "1");
-    EXPECT_EQ(served.metric("viewers_total"), "1") << "nobody had to come again";
+    EXPECT_EQ(served.metric("viewers_total"), "1") << "no viewer had to reconnect";
     EXPECT_EQ(served.stop(), 0);
   }
   CameraFiles files_;
@@ -58,7 +56,7 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
   std::fill(film.begin() + static_cast<long>(film.size() / 2), film.begin() + static_cast<long>(film.size() * 3 / 4),
             '\x5a');
   std::ofstream(files_.path("damaged.mkv"), std::ios::binary) << film;
-  // Larger than what readers keep of a file.
+  // Larger than the readers' buffers.
   const Outcome launched = gst_launch(
       "videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
       "! jpegenc quality=100 ! matroskamux ! filesink location=" +
@@ -83,7 +81,6 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
   expect_one_viewer_up_to_a_good_end(served);
 }
 
-// What a client gets for a path.
 std::string get(const Served& served, const std::string& path) {
   SoupSession* session = soup_session_new();
   SoupMessage* message = soup_message_new("GET", (served.url() + path).c_str());
@@ -107,7 +104,7 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
   EXPECT_TRUE(says(served, "127.0.0.1:1/stream: "));
   EXPECT_TRUE(becomes([&] { return get(served, "mosaic.json").find("127.0.0.1:1/stream") != std::string::npos; }));
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(is_told(client, "\"cameras\""));
+  EXPECT_TRUE(has_message(client, "\"cameras\""));
   for (const char* path : {"", "mosaic.json", "metrics", "healthz", "array.json", "rig.json"})
     EXPECT_THAT(get(served, path), ::testing::Not(HasSubstr("Hunter2"))) << path;
   for (const std::string& message : client.messages()) EXPECT_THAT(message, ::testing::Not(HasSubstr("Hunter2")));
@@ -148,7 +145,7 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   server.reset();
   EXPECT_TRUE(says(served, "/jpeg")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service until it is back"));
-  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":3}"));
+  EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":3}"));
   EXPECT_TRUE(goes_on(client));
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
@@ -165,18 +162,18 @@ TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
   });
   ASSERT_NE(served.url(), "") << served.said();
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}"));
+  EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}"));
   server.reset();
   EXPECT_TRUE(says(served, "No camera works any more: ")) << served.said();
-  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":0}"));
-  EXPECT_TRUE(goes_on(client)) << "with the picture that it has";
+  EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":0}"));
+  EXPECT_TRUE(goes_on(client)) << "with the last picture";
   server = std::make_unique<RtspServer>(port);
-  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
+  EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
 }
 
-// A calibration has been finished, then somebody has plugged in other cameras: nobody has to come again.
+// A calibration finishes, then other cameras are connected: viewers do not have to reload.
 TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   const std::vector<std::string> options = {"--watch"};
   Served served(options);
@@ -194,7 +191,7 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   EXPECT_TRUE(becomes([&] { return told() == 1; })) << served.said();
   EXPECT_TRUE(goes_on(client));
 
-  // Colours, too, which no weight depends on.
+  // Colours change as well, although weights do not depend on colours.
   rig.cameras[1].colour = ColourModel{.black = {1, 2, 3}};
   save_rig(rig, served.rig());
   EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
@@ -206,13 +203,13 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "the rig has other cameras: opening them")) << served.said();
+  EXPECT_TRUE(says(served, "the rig has other cameras: opening the cameras")) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(goes_on(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "no pictures until the rig changes again")) << served.said();
+  EXPECT_TRUE(says(served, "no pictures until the rig file changes")) << served.said();
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(goes_on(client)) << served.said();
@@ -226,7 +223,6 @@ TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
               HasSubstr("--focus-near: must be nearer than --focus-far"));
 }
 
-// A file with a secret.
 class KeyFile : public TempFile {
  public:
   explicit KeyFile(char character) : TempFile(std::vector<uint8_t>(40, static_cast<uint8_t>(character))) {
@@ -234,7 +230,6 @@ class KeyFile : public TempFile {
   }
 };
 
-// lf-serve with the cameras of another host, under a key.
 class LfServeNodes : public testing::Test {
  protected:
   void start_host(const std::string& rig, const KeyFile& key) {
@@ -248,7 +243,6 @@ class LfServeNodes : public testing::Test {
     host_.reset();
   }
   void TearDown() override { stop_host(); }
-  // What the host counts of requests.
   uint64_t requests(const char* field) {
     const ElementPtr gate(gst_bin_get_by_name(GST_BIN(host_.get()), "requests0_gate"));
     return stat(gate.get(), field);
@@ -278,7 +272,6 @@ TEST_F(LfServeNodes, ServeThoseWhoHaveTheirKey) {
   EXPECT_EQ(served.stop(), 0);
 }
 
-// Who it is that does not answer, and that it does again.
 TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   Served served(options(key_));
   ASSERT_NE(served.url(), "") << served.said();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What viewers get, and what one does to others.
+// Media of viewers, and the effect of viewers on each other.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
@@ -35,7 +35,7 @@ class LfServeMedia : public testing::Test {
   }
 };
 
-// webrtcbin takes any peer: somebody between browser and server could watch.
+// webrtcbin accepts any peer: a man in the middle could watch.
 TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
   Served served;
   WhepClient::Options stranger;
@@ -45,7 +45,7 @@ TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
     for (int i = 1; i < 32; i++) stranger.fingerprint += std::string(":") + byte;
     EXPECT_THROW(watch(served, stranger), std::runtime_error);
   }
-  EXPECT_THAT(served.said(), HasSubstr("its certificate is not the one of the offer"));
+  EXPECT_THAT(served.said(), HasSubstr("its certificate does not match the offer"));
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "0"; }));
   EXPECT_TRUE(goes_on(*watch(served)));
 }
@@ -63,7 +63,7 @@ TEST_F(LfServeMedia, TheCodecIsTheOffers) {
   EXPECT_EQ(served.metric("viewers"), "2");
 }
 
-// Receivers that know how to say it are told to keep no picture back; others get packets without.
+// With this extension the sender asks receivers not to delay frames. Other receivers get packets without the extension.
 TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
   Served served;
   for (const bool vp8 : {false, true}) {
@@ -102,13 +102,12 @@ TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
   EXPECT_LE(client->gaps(), client->lost() / 4) << "of " << client->lost() << " lost packets";
 }
 
-// A browser that wants ever the same packets, or ever key frames, gets no more than a few times its video's bit rate.
+// A browser that repeatedly requests packets or key frames gets at most a few times the video bit rate.
 TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
   constexpr int kBitRate = 500000;
   Served served({"--bitrate", std::to_string(kBitRate), "--address-views", "4"});
   const auto client = watch(served), other = watch(served);
   EXPECT_TRUE(goes_on(*client, 60)) << "packets to ask for";
-  // Bits per second while `ask` is called again and again.
   const auto rate = [&](const std::function<void()>& ask) {
     constexpr int kCalls = 1000;
     const uint64_t before = client->received();
@@ -131,7 +130,6 @@ TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
   EXPECT_TRUE(goes_on(*other));
 }
 
-// The latest number of this name in the statistics that a viewer is told; -1 before the first.
 double told(const WhepClient& client, const std::string& name) {
   const auto messages = client.messages();
   const std::string key = "\"" + name + "\":";
@@ -141,8 +139,8 @@ double told(const WhepClient& client, const std::string& name) {
   return -1;
 }
 
-// Pictures are of a focal surface, unless a plane is asked for by name.
-// GStreamer 1.22 blocks for ever on the first, and keeps records of 65528 packets for each of the second.
+// Views use a focal surface unless a plane is requested by name. GStreamer 1.22 blocks forever on the first kind of
+// feedback, and stores records of 65528 packets for each message of the second kind.
 TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
   Served served;
   auto client = std::make_unique<WhepClient>(WhepClient::Options{.url = served.url()});
@@ -160,10 +158,10 @@ TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
 TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
   Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "bilinear"});
   const auto client = watch(served);
-  client->send("{}");  // opens the channel
+  client->send("{}");
   EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));
   EXPECT_GT(told(*client, "trialBytes"), 0);
-  Served flat({"--focus-on", "plane"});
+  Served flat({"--focus-mode", "plane"});
   const auto other = watch(flat);
   other->send("{}");
   EXPECT_TRUE(becomes([&] { return told(*other, "pictures") >= 30; }));
@@ -173,8 +171,8 @@ TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
 
 TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   Served served({"--bitrate", "480000"});
-  const auto client = watch(served, {.width = 480, .height = 360});  // as small as has half a size
-  client->send("{}");                                                // opens the channel
+  const auto client = watch(served, {.width = 480, .height = 360});  // same size as a view with half the size
+  client->send("{}");
   EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
   client->set_loss(0.3);
   EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 15; }));
@@ -198,7 +196,7 @@ TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
   Served served;
   g_unsetenv("GST_PLUGIN_FEATURE_RANK");
   const auto client = watch(served);
-  client->send("{}");  // opens the channel
+  client->send("{}");
   const auto says = [&](const char* text) {
     return becomes([&] {
       return std::ranges::any_of(client->messages(), [&](const std::string& m) { return m.find(text) != m.npos; });
@@ -209,7 +207,7 @@ TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
   EXPECT_TRUE(goes_on(*client));
 }
 
-// The data channel may be open before there is video: what is said then counts.
+// The data channel may open before there is video; earlier messages still count.
 TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
   Served served;
   for (int i = 0; i < 5; i++) {
@@ -268,14 +266,13 @@ TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
   for (int i = 0; i < 100; i++) {
     GSocketConnection* connection = g_socket_client_connect_to_host(connector, host.c_str(), 80, nullptr, nullptr);
     ASSERT_TRUE(connection);
-    // Whole, in parts, and nothing at all.
     g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection)), request.data(),
                               request.size() * static_cast<size_t>(i % 3) / 2, nullptr, nullptr, nullptr);
     g_usleep(static_cast<gulong>(i % 5) * 10000);
     g_object_unref(connection);
   }
   g_object_unref(connector);
-  EXPECT_GT(client->pictures(), before) << "none came meanwhile";
+  EXPECT_GT(client->pictures(), before) << "none meanwhile";
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
   EXPECT_TRUE(goes_on(*client));
   EXPECT_EQ(served.stop(), 0);
@@ -323,7 +320,6 @@ std::string aperture_of(double metres, int id) {
          "{\"aperture\":" +
          std::to_string(metres) + "}}}";
 }
-// The answer to a message of a client; "" before it is there.
 std::string answer_to(const WhepClient& client, int id) {
   const std::string what = "\"id\":" + std::to_string(id) + ",\"type\":\"ControlResponseMessage\"";
   for (const std::string& message : client.messages())
@@ -344,7 +340,7 @@ TEST_F(LfServeMedia, AnApertureBeyondTheLimitIsRefused) {
 
 TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
   for (const bool few : {true, false}) {
-    Served served({"--messages", few ? "2" : "1000"});
+    Served served({"--message-rate", few ? "2" : "1000"});
     const auto client = watch(served);
     for (int id = 1; id <= 40; id++) client->send(aperture_of(0, id));
     EXPECT_TRUE(becomes([&] { return !answer_to(*client, 1).empty(); }));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-serve as anybody on the network meets it, without a browser.
+// lf-serve from the network, without a browser.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
@@ -79,7 +79,6 @@ class LfServe : public testing::Test {
   SoupSession* session_;
 };
 
-// A TCP connection from an address of loopback's.
 class Client {
  public:
   Client(const Served& served, const std::string& address) {
@@ -99,7 +98,6 @@ class Client {
     g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection_)), bytes.data(), bytes.size(),
                               nullptr, nullptr, nullptr);
   }
-  // All that comes until the server closes the connection.
   std::string read() {
     std::string text;
     char part[4096];
@@ -231,7 +229,7 @@ TEST_F(LfServe, AsksForTheOrigin) {
   EXPECT_THAT(answer.headers.at("Access-Control-Expose-Headers"), HasSubstr("Location"));
 }
 
-// They never connect. Margins are for the machine.
+// The clients never connect. Margins allow for slow machines.
 TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
   Served served({"--viewers", "2", "--address-views", "1", "--proxy", "127.0.0.1", "--connects", "1000"});
   const auto from = [&](const char* address, const std::string& query = "") {
@@ -240,7 +238,7 @@ TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
   ASSERT_EQ(from("192.0.2.1").status, 201u);
   EXPECT_EQ(from("192.0.2.2", "?eye-distance=0.06").status, 429u) << "two views";
   const Response again = from("192.0.2.1");
-  if (again.status != 201u) {  // it was fast enough
+  if (again.status != 201u) {
     EXPECT_EQ(again.status, 429u);
     EXPECT_THAT(again.body, HasSubstr("\"reason\":\"address\""));
     EXPECT_THAT(again.body, HasSubstr("\"seats\":1"));
@@ -258,7 +256,7 @@ TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
       g_usleep(200000);
       later = from("192.0.2.3", "?ticket=" + ticket);
     }
-    EXPECT_EQ(later.status, 201u) << "who does not connect gives its seat up";
+    EXPECT_EQ(later.status, 201u) << "an unused seat is released";
   }
   for (int i = 0; i < 300 && metric(served, "viewers") != "0"; i++) g_usleep(100000);
   EXPECT_EQ(metric(served, "viewers"), "0");
@@ -279,7 +277,7 @@ TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
   Served proxied({"--proxy", "127.0.0.1", "--host", "example.org"});
   const Response answer =
       offer(proxied, browser_offer(), {{"X-Forwarded-Prefix", "/light/field/"}, {"Origin", "https://example.org"}});
-  EXPECT_EQ(answer.status, 201u) << "the name is that of the proxy, whatever it says the host is";
+  EXPECT_EQ(answer.status, 201u) << "the proxy's own name, despite the forwarded host";
   const std::string location = answer.headers.at("Location");
   ASSERT_TRUE(location.starts_with("/light/field/whep/")) << location;
   EXPECT_EQ(ask(proxied, "DELETE", location.substr(sizeof "/light/field")).status, 200u);
@@ -294,7 +292,7 @@ TEST_F(LfServe, GoesByItsNamesAlone) {
     EXPECT_EQ(refused.status, 403u) << path;
     EXPECT_THAT(refused.body, HasSubstr("\"reason\":\"host\"")) << path;
   }
-  EXPECT_EQ(ask(served, "GET", "healthz", {{"Host", "evil.org"}}).status, 200u) << "for those who watch the server";
+  EXPECT_EQ(ask(served, "GET", "healthz", {{"Host", "evil.org"}}).status, 200u) << "for monitoring";
 }
 
 TEST_F(LfServe, TellsBrowsersWhatTheyMayNotDo) {
@@ -321,9 +319,9 @@ TEST_F(LfServe, TokensAreNotGuessed) {
   }
   EXPECT_GE(wrong, 10);
   EXPECT_GE(refused, 20);
-  EXPECT_EQ(ask(served, "GET", "array.json").status, 401u) << "who has none is asked for it";
+  EXPECT_EQ(ask(served, "GET", "array.json").status, 401u) << "asks clients without a token";
   EXPECT_EQ(ask(served, "GET", "array.json", {{"Authorization", "Bearer open sesame"}}).status, 200u)
-      << "who has the right one is let in";
+      << "accepts the right token";
   EXPECT_EQ(ask(served, "GET", "").status, 200u);
 }
 
@@ -350,10 +348,9 @@ TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
   EXPECT_THAT(none.said(), HasSubstr("--ice-credentials"));
 }
 
-// Filming takes minutes: the page says how far it is.
 TEST_F(LfServe, ThePageIsThereWhileTheSceneIsFilmed) {
   const TempDir dir;
-  Served served(Served::Unfilmed{dir.path()});
+  Served served(Served::SceneNotFilmed{dir.path()});
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_EQ(ask(served, "GET", "").status, 200u);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
@@ -385,14 +382,13 @@ TEST_F(LfServe, SilentConnectionsKeepNobodyOut) {
   for (int i = 0; i < 400; i++) {
     silent.push_back(g_socket_client_connect_to_host(connector, "127.0.0.1", port, nullptr, nullptr));
     ASSERT_TRUE(silent.back());
-    // Some never end their request.
     if (i % 2)
       g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(silent.back())), "GET / HTTP/1.1\r\n", 16,
                                 nullptr, nullptr, nullptr);
   }
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   EXPECT_EQ(offer(served).status, 201u);
-  constexpr int kMost = 256, kOthers = 20;  // those of the viewer and its pipeline
+  constexpr int kMost = 256, kOthers = 20;  // threads of the viewer and its pipeline
   EXPECT_LE(open_sockets(), before + kMost + kOthers);
   for (int i = 0; i < 300 && open_sockets() > before + kOthers; i++) g_usleep(100000);
   EXPECT_LE(open_sockets(), before + kOthers) << "a request takes 10 s at most";
@@ -413,19 +409,18 @@ TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {
     EXPECT_EQ(offer(served, "v=0").status, 400u);
   }
   soup_session_abort(session_);
-  // Cameras open and close files of their own; connections that stay would be 40.
+  // Cameras open and close files as well; leaked connections would be 40.
   constexpr int kOthers = 15;
   for (int i = 0; i < 100 && open_files() > before + kOthers; i++) g_usleep(100000);
   EXPECT_LE(open_files(), before + kOthers);
 }
 
-// A certificate of its own authority for 127.0.0.1.
+// A certificate for 127.0.0.1 from a private authority.
 class LfServeTls : public LfServe {
  protected:
   LfServeTls() { make_certificate(); }
   ~LfServeTls() override { trust(""); }
 
-  // Replaces both files, or one.
   void make_certificate(bool with_key = true) {
     const std::string key = with_key ? dir_ / "key.pem" : dir_ / "other.pem",
                       command =
@@ -436,7 +431,7 @@ class LfServeTls : public LfServe {
     ASSERT_EQ(std::system(command.c_str()), 0) << "is openssl installed?";
     std::filesystem::permissions(key, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   }
-  // Requests of ask() trust the certificates in this file alone, from new connections on.
+  // New connections of ask() trust only the certificates in this file.
   void trust(const std::string& file) {
     g_autoptr(GTlsDatabase) database = file.empty() ? nullptr : g_tls_file_database_new(file.c_str(), nullptr);
     soup_session_abort(session_);
@@ -462,7 +457,6 @@ TEST_F(LfServeTls, AnswersOverHttps) {
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
-// As when it has been renewed.
 TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   Served served(options());
   const std::string first = dir_ / "first.pem";
@@ -473,7 +467,7 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("is not the key of the certificate in"));
   soup_session_abort(session_);
-  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the certificate that fits its key";
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the matching certificate";
   std::filesystem::rename(dir_ / "other.pem", dir_ / "key.pem");
   EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
   trust(dir_ / "certificate.pem");
@@ -486,7 +480,7 @@ TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
     EXPECT_EQ(served.stop(), 1);
     return served.said();
   };
-  EXPECT_THAT(said({"--tls-key", dir_ / "key.pem"}), HasSubstr("one needs the other"));
+  EXPECT_THAT(said({"--tls-key", dir_ / "key.pem"}), HasSubstr("must be used together"));
   EXPECT_THAT(said({"--tls-certificate", dir_ / "key.pem", "--tls-key", dir_ / "key.pem"}),
               HasSubstr("no certificate"));
   dir_.write_secret("empty.pem", "");
@@ -497,22 +491,22 @@ TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
   EXPECT_THAT(said(options()), HasSubstr("chmod 600 " + dir_ / "key.pem"));
 }
 
-// GLib does each handshake in one of a few threads. Half of the clients begin a handshake and stall.
+// GLib performs each handshake in one of a few threads. Half of the clients start a handshake and stall.
 TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
   Served served(options());
   trust(dir_ / "certificate.pem");
   std::vector<std::unique_ptr<Client>> stalled;
   for (int i = 0; i < 300; i++) {
     stalled.push_back(std::make_unique<Client>(served, "127.0.1." + std::to_string(1 + i % 250)));
-    if (i % 2) stalled.back()->send("\x16\x03\x01\x02");  // a ClientHello begins so
+    if (i % 2) stalled.back()->send("\x16\x03\x01\x02");
   }
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
-  for (const auto& client : stalled) EXPECT_EQ(client->read(), "") << "each is closed in the end";
+  for (const auto& client : stalled) EXPECT_EQ(client->read(), "") << "all are closed";
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
-// The system's trusted certificates, some 300 kB of them, are not loaded: no client has a certificate.
+// The system's trusted certificates, about 300 kB, are not loaded, because no client has a certificate.
 TEST_F(LfServeTls, AHandshakeReadsNoFiles) {
   Served served(options());
   trust(dir_ / "certificate.pem");
@@ -536,7 +530,7 @@ TEST_F(LfServeTls, AHandshakeReadsNoFiles) {
   EXPECT_LT(bytes_read() - before, kClients * 50'000u);
 }
 
-// Thousands of ranges fit into a request, and libsoup would send the body for each of them.
+// A request can contain thousands of ranges, and libsoup would send the body for each range.
 TEST_F(LfServe, AnswersAreWholeWhateverRangesAreAskedFor) {
   Served served;
   for (const char* path : {"mosaic.jpg", "lightfield-viewer.js", ""}) {
@@ -546,7 +540,7 @@ TEST_F(LfServe, AnswersAreWholeWhateverRangesAreAskedFor) {
   }
 }
 
-// As many addresses as a customer with IPv6 has networks: here of loopback's.
+// A customer with IPv6 has many networks; the test uses as many loopback addresses.
 TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
   Served served;
   std::vector<std::unique_ptr<Client>> idle;
@@ -558,7 +552,7 @@ TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
     }
   };
   flood(260);
-  g_usleep(1100000);  // Connections::kIdle
+  g_usleep(1100000);
   for (const char* honest : {"127.0.0.1", "127.99.9.9"}) {
     Client slow(served, honest);
     slow.send("GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n");
@@ -590,7 +584,7 @@ TEST_F(LfServe, PagesOfOtherSitesGetNoPictures) {
   EXPECT_EQ(script.headers.at("Cross-Origin-Resource-Policy"), "cross-origin");
 }
 
-// Programs differ in which of two headers they believe.
+// Programs disagree about which of two headers counts.
 TEST_F(LfServe, AHeaderThatDecidesComesOnce) {
   Served served;
   const auto answer = [&](const std::string& headers) {
@@ -610,7 +604,7 @@ TEST_F(LfServe, AHeaderThatDecidesComesOnce) {
 
 TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
   const TempDir dir;
-  dir.write("open", "open sesame and a lot more\n");  // by umask readable for all
+  dir.write("open", "open sesame and a lot more\n");  // world-readable due to the umask
   std::filesystem::permissions(dir / "open", std::filesystem::perms(0644));
   for (const std::vector<std::string>& options :
        {std::vector<std::string>{"--token-file", dir / "open"},
@@ -625,8 +619,8 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
       {{"--capture-delay", "10001"}, "Value 10001 not in range"},
-      {{"--media", "192.0.2.1"}, "--media 192.0.2.1: must be an IP address of this machine"},
-      {{"--media", "example.org"}, "--media example.org: must be an IP address of this machine"},
+      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: must be an IP address of this machine"},
+      {{"--media-address", "example.org"}, "--media-address example.org: must be an IP address of this machine"},
       {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
       {{"--origin", "example.org"}, "--origin example.org: must be an origin such as"},
       {{"--host", "https://example.org"}, "--host https://example.org: must be a host name"},
@@ -636,16 +630,16 @@ TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
     EXPECT_EQ(served.stop(), 1) << options[0];
     EXPECT_THAT(served.said(), HasSubstr(why)) << options[0];
   }
-  Served served(
-      {"--proxy", "localhost", "--host", "Example.org:8443", "--media", "localhost", "--capture-delay", "10000"});
+  Served served({"--proxy", "localhost", "--host", "Example.org:8443", "--media-address", "localhost",
+                 "--capture-delay", "10000"});
   EXPECT_EQ(offer(served, browser_offer(), {{"Host", "example.org:8443"}, {"X-Forwarded-For", "192.0.2.1"}}).status,
             201u);
   EXPECT_EQ(offer(served, "v=0", {{"X-Forwarded-For", "192.0.2.1"}}).status, 400u);
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), HasSubstr("192.0.2.1: 400, ")) << "the proxy is believed";
+  EXPECT_THAT(served.said(), HasSubstr("192.0.2.1: 400, ")) << "trusts the proxy";
 }
 
-// Of an offer that fails at any point there is one sentence, and none of GStreamer's.
+// Every failing offer gets one sentence, without GStreamer's messages.
 TEST_F(LfServe, AnswersStrangeOffersWithASentence) {
   Served served({"--connects", "1000", "--address-views", "100", "--viewers", "100"});
   const std::string good = browser_offer();
@@ -656,7 +650,7 @@ TEST_F(LfServe, AnswersStrangeOffersWithASentence) {
         with(good, "UDP/TLS/RTP/SAVPF", "RTP/AVP"), with(good, "lrnRvCr0XvB7VlGEhFXcIGWV", "x")}) {
     const Response response = offer(served, bad);
     EXPECT_TRUE(response.status == 201 || (response.status >= 400 && response.status < 500)) << response.status << bad;
-    if (response.status == 201) continue;  // webrtcbin takes more than it must
+    if (response.status == 201) continue;  // webrtcbin accepts more than required
     EXPECT_EQ(response.headers.at("Content-Type"), "application/problem+json") << response.body;
     EXPECT_THAT(response.body, testing::Not(testing::AnyOf(HasSubstr("webrtcbin"), HasSubstr("gst")))) << bad;
   }

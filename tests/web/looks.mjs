@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a person sees of the page, in windows of several shapes, light and dark: pictures to be looked at, and what can be
-// said of them without. `browser.sh BUILD looks.mjs` writes them to BUILD/tests/web/looks.
+// Appearance of the page in windows of several shapes, in light and dark mode: screenshots for inspection, and checks.
+// `browser.sh BUILD looks.mjs` writes the screenshots to BUILD/tests/web/looks.
 import { mkdir, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, close, compare, expect, launchBrowser, makeRig, newPage, openPage, openShown, picture,
@@ -12,10 +12,9 @@ await mkdir(folder, { recursive: true });
 const browser = await launchBrowser();
 const film = await makeRig('8x8');
 const rig = ['--rig', join(film, 'rig.json')];
-const kPsnr = 25;  // dB of home against the scene itself, at least
+const kPsnr = 25;  // minimum PSNR of the home view against the scene, dB
 const says = (page, words) => until(async () => words.test(await page.getByRole('status').textContent()), `it says ${words}`);
 
-// The share of pixels of the decoded picture that are black.
 const darkShare = page => page.evaluate(() => {
   const { video } = inside(), { videoWidth: w, videoHeight: h } = video;
   const context = new OffscreenCanvas(w, h).getContext('2d');
@@ -27,7 +26,6 @@ const darkShare = page => page.evaluate(() => {
 });
 const coverage = page => page.evaluate(() => inside().statistics.coverage);
 
-// In both colours.
 async function shoot(page, name, what) {
   for (const colorScheme of ['dark', 'light']) {
     await page.emulateMedia({ colorScheme });
@@ -54,8 +52,8 @@ function look([width, height]) {
       `${videoWidth} x ${videoHeight} is of another shape`);
     const dark = await darkShare(page), home = await stateOf(page);
     const [truth] = await truthOf(home, { width: videoWidth, height: videoHeight });
-    const isWhole = () => page.evaluate(width => inside().video.videoWidth === width, videoWidth);  // nothing is left away
-    // The first is made on a plane; the surface comes as soon as it is found.
+    const isWhole = () => page.evaluate(width => inside().video.videoWidth === width, videoWidth);
+    // The first frame uses a plane; the surface follows when estimated.
     let psnr = 0;
     await until(async () => await isWhole() && ({ psnr } = await compare(page, await picture(page), truth)).psnr > kPsnr, `home is ${kPsnr} dB from the scene`);
     const covered = await coverage(page);
@@ -65,7 +63,6 @@ function look([width, height]) {
     expect(dark < 0.005, `home has a dark border: ${dark}`);
     expect(covered > 0.99, `home is covered to ${covered}`);
 
-    // However far it is dragged.
     for (const keys of [[], ['Shift']]) {
       for (const key of keys) await page.keyboard.down(key);
       await page.mouse.move(width / 2, height / 3);
@@ -81,7 +78,7 @@ function look([width, height]) {
     }
     await page.mouse.dblclick(width / 2, height / 3);
     await until(async () => Math.abs((await stateOf(page)).x - home.x) < 1e-9, 'a double click goes home');
-    // Telephones have no wheel.
+    // Phones have no wheel.
     await page.mouse.move(width / 2 - 40, height / 3);
     for (let i = 0; i < 6; i++) phone ? await page.keyboard.press('+') : await page.mouse.wheel(0, -100);
     await until(async () => (await stateOf(page)).fov < 0.8 * home.fov, 'the wheel zooms in');
@@ -110,7 +107,6 @@ function look([width, height]) {
   }];
 }
 
-// What stands in the way of a picture.
 async function errors() {
   const token = join(film, 'token');
   await writeFile(token, 'sesame', { mode: 0o600 });
@@ -131,14 +127,13 @@ async function errors() {
   await page.getByText(/cameras predicted/).waitFor();
   await shoot(page, 'state', 'quality');
   await page.keyboard.press('m');
-  // Once there is a seat the page takes it by itself, so that the button may be gone.
+  // When a seat becomes free, the page takes it automatically, and the button may be gone.
   await second.getByRole('button', { name: 'Try again' }).click();
   await page.context().close();
   await shown(second, 5);
   await close(second, served);
 }
 
-// As a server of this kind says them.
 async function waiting() {
   const served = await serve(...rig);
   const page = await newPage(browser, { width: 800, height: 480 });
@@ -155,7 +150,6 @@ async function waiting() {
   await close(page, served);
 }
 
-// Two eyes, and the element without controls, with its button.
 async function modes() {
   const served = await serve(...rig);
   for (const eyes of ['side', 'anaglyph']) {

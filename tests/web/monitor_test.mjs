@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The panel that tells how well the cameras fit together, in headless Chromium.
+// The camera monitor's panel in headless Chromium.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, patience, runTests, serve, until } from './harness.mjs';
 
-const kTurned = 6;  // of 5 x 5: an inner one
+const kTurned = 6;
 const folder = await makeRig('5x5');
 const file = join(folder, 'rig.json'), good = await readFile(file, 'utf8');
 const browser = await launchBrowser();
@@ -23,16 +23,16 @@ async function open(...options) {
 
 async function namesTheBadOne() {
   const rig = JSON.parse(good), half = 0.25 * Math.PI / 180;
-  rig.cameras[kTurned].orientation = [Math.cos(half), 0, Math.sin(half), 0];  // 0.5 degrees
+  rig.cameras[kTurned].orientation = [Math.cos(half), 0, Math.sin(half), 0];
   await writeFile(file, JSON.stringify(rig));
-  const viewer = await open('--monitor', '1', '--focus-on', 'auto'), { served, page } = viewer;
+  const viewer = await open('--monitor', '1', '--focus-mode', 'auto'), { served, page } = viewer;
   const { name } = rig.cameras[kTurned];
-  await until(async () => (await words(page)).includes(`${name}: looks elsewhere`), `${name} stands out`);
+  await until(async () => (await words(page)).includes(`${name}: direction differs`), `${name} stands out`);
   await until(async () => await turns(page) > 75, 'three rounds');
   const said = await words(page);
   console.log(`# ${said.replaceAll('\n', '\n# ')}`);
   expect(said.match(/dB, gain/g).length === 1, `one alone: ${said}`);
-  expect(/cameras predicted, \d+\.\d to \d+\.\d dB/.test(said) && /trials with one request of/.test(said), said);
+  expect(/cameras predicted, \d+\.\d to \d+\.\d dB/.test(said) && /depth search in one of/.test(said), said);
   const report = await (await fetch(new URL('monitor.json', served.url))).json();
   expect(report.cameras[kTurned].fault === 'direction' && report.cameras[0].psnr === null, JSON.stringify(report));
   const metrics = await (await fetch(new URL('metrics', served.url))).text();
@@ -51,7 +51,7 @@ async function namesTheBadOne() {
 
 async function ofGoodCamerasNoneStandsOut() {
   await writeFile(file, good);
-  const viewer = await open('--monitor', '1', '--focus-on', 'plane');
+  const viewer = await open('--monitor', '1', '--focus-mode', 'plane');
   await until(async () => await turns(viewer.page) > 60, 'two rounds');
   const said = await words(viewer.page);
   expect(said.includes('none stands out') && said.includes('the viewer’s plane'), said);

@@ -39,7 +39,7 @@ TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
   EXPECT_FALSE(found.contains("192.0.2.1"));
 }
 
-// The password is the HMAC-SHA1 of the time, as `openssl dgst -sha1 -hmac secret -binary | base64` makes it.
+// The password is the HMAC-SHA1 of the time, as in `openssl dgst -sha1 -hmac secret -binary | base64`.
 TEST(IceServers, ASecretMakesPasswordsThatEnd) {
   const IceServers servers({"turn:turn.example.org"}, "secret\n");
   EXPECT_EQ(servers.links(1000000000 - IceServers::kLifetime),
@@ -74,7 +74,7 @@ TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
   EXPECT_EQ(offer->profile, "42e01f");
 }
 
-// Or webrtcbin declines the video of who does not say that levels may differ.
+// Otherwise webrtcbin rejects video from peers without level-asymmetry-allowed.
 TEST(Offer, LetsLevelsDiffer) {
   const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
@@ -91,7 +91,7 @@ TEST(Offer, AnswersNameTheProfile) {
   GstSDPMessage* answer = nullptr;
   const std::string bare = "v=0\r\no=- 1 0 IN IP4 0.0.0.0\r\ns=-\r\nt=0 0\r\nm=video 9 UDP/TLS/RTP/SAVPF 108\r\n";
   ASSERT_EQ(gst_sdp_message_new_from_text((bare + "a=fmtp:108 packetization-mode=1\r\n").c_str(), &answer), GST_SDP_OK);
-  name_profile(answer, *offer);
+  set_profile(answer, *offer);
   g_autofree gchar* text = gst_sdp_message_as_text(answer);
   EXPECT_EQ(std::string(text),
             bare + "a=fmtp:108 level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=42e01f\r\n");
@@ -194,7 +194,6 @@ TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
   EXPECT_EQ(refused(good), "");
 }
 
-// A video of so many formats, and of as many lines as fit.
 std::string large_offer(size_t formats, const std::string& line, const std::string& format = "1") {
   std::string list;
   for (size_t i = 0; i < formats; i++) list += " " + format;
@@ -204,7 +203,7 @@ std::string large_offer(size_t formats, const std::string& line, const std::stri
   return with(good, "a=recvonly\r\n", "a=recvonly\r\n" + lines);
 }
 
-// The time is that of the thread, which other programs do not lengthen. The parser once took minutes.
+// Measures thread time, which is independent of other programs. The parser once took minutes.
 TEST(Offer, TakesATimeThatIsProportionalToItsLength) {
   const auto seconds = [] {
     timespec now{};
@@ -233,7 +232,7 @@ TEST(Offer, HasAsManyFormatsAndAttributesAsBrowsersSend) {
             "the offer has too many formats or attributes");
 }
 
-// GStreamer's payloaders would refuse them.
+// GStreamer's payloaders reject static payload types.
 TEST(Offer, HasADynamicPayloadType) {
   for (const char* number : {"0", "35", "95", "128", "x", "-1"}) {
     const std::string text =
@@ -244,7 +243,7 @@ TEST(Offer, HasADynamicPayloadType) {
   EXPECT_EQ(refused(with(with(browser_offer(), " 108", " 127"), ":108 ", ":127 ")), "");
 }
 
-// Criticals of GStreamer's parser end the program.
+// Critical messages of GStreamer's parser end the program.
 TEST(Offer, SurvivesDamage) {
   g_log_set_always_fatal(GLogLevelFlags(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK));
   const std::string good = browser_offer();

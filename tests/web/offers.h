@@ -5,7 +5,6 @@
 
 namespace lf::test {
 
-// What a browser offers to receive, cut to what counts.
 inline std::string browser_offer() {
   return "v=0\r\n"
          "o=- 4611731400430051336 2 IN IP4 127.0.0.1\r\n"
@@ -49,7 +48,6 @@ inline std::string browser_offer() {
          "a=sctp-port:5000\r\n";
 }
 
-// With every `from` replaced.
 inline std::string with(std::string text, const std::string& from, const std::string& to) {
   for (size_t at = 0; (at = text.find(from, at)) != text.npos; at += to.size()) text.replace(at, from.size(), to);
   return text;

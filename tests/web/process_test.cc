@@ -28,10 +28,10 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kSoon{10}, kPatience{20000};
 
-TEST(Departures, OneThatHangsHoldsUpNoOther) {
+TEST(Teardowns, OneThatHangsHoldsUpNoOther) {
   std::promise<void> hang;
   std::atomic<int> ended = 0;
-  Departures departures;
+  Teardowns departures;
   EXPECT_TRUE(departures.wait(kSoon));
   departures.add([until = hang.get_future().share()] { until.wait(); });
   for (int i = 0; i < 20; i++) departures.add([&] { ended++; });
@@ -42,19 +42,19 @@ TEST(Departures, OneThatHangsHoldsUpNoOther) {
   EXPECT_TRUE(departures.wait(kPatience));
 }
 
-TEST(Departures, WhatTheyHoldIsGoneWhenTheyAre) {
+TEST(Teardowns, WhatTheyHoldIsGoneWhenTheyAre) {
   const auto held = std::make_shared<int>(7);
-  Departures departures;
+  Teardowns departures;
   departures.add([held] {});
   ASSERT_TRUE(departures.wait(kPatience));
   EXPECT_EQ(held.use_count(), 1);
 }
 
-TEST(Departures, OneThatHangsOutlivesThem) {
+TEST(Teardowns, OneThatHangsOutlivesThem) {
   std::promise<void> hang;
   const auto held = std::make_shared<int>(7);
   {
-    Departures departures;
+    Teardowns departures;
     departures.add([held, until = hang.get_future().share()] { until.wait(); });
   }
   EXPECT_EQ(held.use_count(), 2);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A light field in an application of React, as somebody would write it. The test has the props in its hands.
+// A light field in a typical React application. The test controls the props.
 import { StrictMode, useEffect, useRef, useState } from 'react';
 import { createRoot } from 'react-dom/client';
-import 'lightfield-viewer';  // compilers drop an import of types alone
+import 'lightfield-viewer';  // compilers drop type-only imports
 import type { LightfieldEyes, LightfieldView, LightfieldViewer } from 'lightfield-viewer';
 
 interface Props { src: string; yaw: number; alt?: string; eyes?: LightfieldEyes; shown: boolean; last: boolean }
@@ -42,11 +42,11 @@ export const wrong = () => [
   <lightfield-viewer eyes="three" />,
   // @ts-expect-error a view has no zoom
   <lightfield-viewer view={{ zoom: 2 }} />,
-  // @ts-expect-error nor has the event
+  // @ts-expect-error the event has no zoom
   <lightfield-viewer onview-change={({ detail }) => detail.zoom} />,
-  // @ts-expect-error React has a listener of this name for its own elements alone
+  // @ts-expect-error React has onError only for its own elements
   <lightfield-viewer onError={() => {}} />,
-  // @ts-expect-error it is a method: the property is `shares`
+  // @ts-expect-error share is a method; the property is `shares`
   <lightfield-viewer share />,
 ];
 

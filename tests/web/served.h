@@ -20,7 +20,6 @@
 
 namespace lf::test {
 
-// Whether it comes to be so. `seconds`: of patience, because machines are busy.
 inline bool becomes(const std::function<bool()>& condition, int seconds = kFallsBehind ? 240 : 60) {
   for (int i = 0; i < 20 * seconds; i++) {
     if (condition()) return true;
@@ -29,10 +28,9 @@ inline bool becomes(const std::function<bool()>& condition, int seconds = kFalls
   return false;
 }
 
-// A running lf-serve with a 2x2 array of small stills, at any free port.
 class Served {
  public:
-  // `edit` may give the cameras other sources.
+  // `edit` may change the cameras' sources.
   explicit Served(const std::vector<std::string>& options = {}, const std::function<void(Rig&)>& edit = {}) {
     Rig rig = scene_rig(2, 2, 64, 48);
     save_photographs(rig, dir_, 0, 1);
@@ -42,14 +40,13 @@ class Served {
     words.insert(words.end(), options.begin(), options.end());
     begin(words, "serving", nullptr);
   }
-  // One that films the scene for the first time, into this folder.
-  struct Unfilmed {
+  struct SceneNotFilmed {
     std::string cache;
   };
-  explicit Served(const Unfilmed& unfilmed) {
+  explicit Served(const SceneNotFilmed& unfilmed) {
     begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
   }
-  // Ends it as a service would; what it said is expected to have no CRITICAL.
+  // Ends the program like a service manager; expects no CRITICAL in its output.
   ~Served() {
     stop();
     EXPECT_EQ(said_.find("CRITICAL"), said_.npos) << said_;
@@ -60,13 +57,12 @@ class Served {
 
   std::string rig() const { return dir_ / "rig.json"; }
   std::string pid() const { return g_subprocess_get_identifier(process_); }
-  // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
+  // "http://127.0.0.1:PORT/", or "" if the server failed, see said().
   const std::string& url() const { return url_; }
   std::string said() const {
     const std::lock_guard lock(mutex_);
     return said_;
   }
-  // "none" if there is none of this name.
   std::string metric(const std::string& name) const {
     SoupSession* session = soup_session_new();
     SoupMessage* message = soup_message_new("GET", (url_ + "metrics").c_str());
@@ -81,7 +77,7 @@ class Served {
     if (at == text.npos) return "none";
     return text.substr(at + line.size(), text.find('\n', at + 1) - at - line.size());
   }
-  // Exit status, -1 if it was killed by a signal. All it said is in said() then.
+  // Returns the exit status, or -1 if killed by a signal. Then said() has the complete output.
   int stop() {
     if (!stopped_) {
       g_subprocess_send_signal(process_, SIGTERM);
@@ -93,7 +89,6 @@ class Served {
   }
 
  private:
-  // Until it says "BEGINNING ... at URL".
   void begin(const std::vector<std::string>& words, const std::string& beginning, const char* cache) {
     std::vector<const char*> argv;
     for (const std::string& word : words) argv.push_back(word.c_str());
@@ -118,7 +113,7 @@ class Served {
       }
     });
   }
-  // Lines may be empty, as those that GLib's warnings begin with. Nothing at the end.
+  // Returns the next line, or nullopt at the end. Lines may be empty, like the first line of a GLib warning.
   std::optional<std::string> read_line() {
     g_autofree gchar* line = g_data_input_stream_read_line(out_, nullptr, nullptr, nullptr);
     return line ? std::optional<std::string>(line) : std::nullopt;
@@ -129,7 +124,7 @@ class Served {
   GDataInputStream* out_;
   std::string url_;
   mutable std::mutex mutex_;
-  std::string said_;  // so far
+  std::string said_;
   std::thread listener_;
   bool stopped_ = false;
 };

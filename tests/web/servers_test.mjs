@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-serve with somebody else's server, which the argument names: janus, nginx or turnserver. In a network of its own.
+// lf-serve with another server, given by the argument: janus, nginx or turnserver. Runs in a separate network.
 import { execFile, spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { copyFile, mkdir, readFile, writeFile } from 'node:fs/promises';
@@ -9,7 +9,6 @@ import { promisify } from 'node:util';
 import { artefacts, closeClean, compare, expect, launchBrowser, makeRig, newPage, openPage, patience, rendered,
   runTests, serve, setView, shown, source, start, until, viewFile } from './harness.mjs';
 
-// A flight that is published to Debian's Janus and watched in headless Chromium.
 async function janus() {
   const folder = await makeRig('4x4');
   const rig = join(folder, 'rig.json');
@@ -17,7 +16,7 @@ async function janus() {
   const size = { width: 400, height: 300 };
   const publisher = join(source, 'pipelines/publish-janus.sh');
 
-  // The mountpoint is the one that people are told to use.
+  // Uses the mountpoint from the documentation.
   async function startJanus() {
     const config = join(folder, 'janus');
     await mkdir(config);
@@ -49,7 +48,6 @@ libjanus_websockets.so" }`);
     await new Promise(done => site.listen(0, '127.0.0.1', done));
     const url = `http://localhost:${site.address().port}/?janus=http://localhost:8088/janus`;
     const browser = await launchBrowser();
-    // Two that watch, the second when it has long begun, cost the publisher nothing.
     for (const who of ['first', 'second']) {
       const page = await openPage(browser, url, size);
       await page.waitForFunction(() => document.querySelector('video').getVideoPlaybackQuality().totalVideoFrames > 45,
@@ -69,12 +67,11 @@ libjanus_websockets.so" }`);
       expect(await page.textContent('#status') === '', 'the status is gone');
     }
     const wrong = await openPage(browser, `${url}&id=7`, size);
-    await until(async () => /No such mountpoint/.test(await wrong.textContent('#status')), 'a wrong number is told');
+    await until(async () => /No such mountpoint/.test(await wrong.textContent('#status')), 'a wrong number is reported');
     publishing.kill('SIGTERM');
     site.close();
   }
 
-  // What a WHIP client is given is a pipeline that makes RTP packets.
   async function printed() {
     const views = join(folder, 'short.json');
     await writeFile(views, JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, size)] }));
@@ -99,15 +96,14 @@ libjanus_websockets.so" }`);
   ];
 }
 
-// lf-serve behind nginx, by the lines of docs/guide-network.md.
+// lf-serve behind nginx, configured as in docs/guides/browser.md.
 async function nginx() {
   const folder = await makeRig('4x4');
-  const guide = await readFile(join(source, 'docs/guide-network.md'), 'utf8');
+  const guide = await readFile(join(source, 'docs/guides/browser.md'), 'utf8');
   const [, documented] = guide.match(/```nginx\n([\s\S]*?)```/), [, options] = guide.match(/pipelines\/web\.sh (--proxy .*)\n/);
   const name = options.match(/--host (\S+)/)[1], port = documented.match(/proxy_pass \S*:(\d+)/)[1], [, prefix] = documented.match(/location (\S+)/);
   const browser = await launchBrowser(`--host-resolver-rules=MAP ${name} 10.77.0.1`);
 
-  // Beside somebody else's page, on the port of the web.
   async function startNginx() {
     const work = join(folder, 'nginx');
     await mkdir(work);
@@ -138,7 +134,6 @@ async function nginx() {
     await page.keyboard.press('c');
     await page.waitForFunction(() => inside().cameras.array);
 
-    // Each address has its own seats: it is told whose browser it is, whatever the browser says.
     const second = await newPage(browser, size);
     await second.setExtraHTTPHeaders({ 'X-Forwarded-For': '192.0.2.1' });
     await second.goto(`http://${name}${prefix}#token=sesame`);
@@ -146,7 +141,7 @@ async function nginx() {
     expect(/^10\.77\.0\.1: 429/m.test(served.said), `of its address:\n${served.said}`);
     await second.context().close();
 
-    // Its session has the path, too. DTLS, which ends beside nginx, may be faster.
+    // The session uses the path as well. DTLS, which bypasses nginx, may be faster.
     await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
     await until(async () => /closes: /.test(served.said) && (await nginx.asked()).some(line => line.includes(`"DELETE ${prefix}whep/`)), 'it leaves');
     const elsewhere = (await nginx.asked()).filter(line => line.includes('10.77.0.1') && !line.includes(` ${prefix}`));
@@ -157,13 +152,13 @@ async function nginx() {
   return [['under a path of nginx', underItsPath]];
 }
 
-// Viewers whom no packet reaches but by coturn, as lf-serve --ice-server names it.
 async function turnserver() {
   const run = promisify(execFile);
-  const kTurn = '10.77.0.2', kRelayed = '20000:20063';  // an address beside the browser's and the server's, and ports there
+  // an address and ports that differ from the browser's and the server's
+  const kTurn = '10.77.0.2', kRelayed = '20000:20063';
 
   const iptables = (...words) => run('iptables', words);
-  // UDP comes to the ICE server alone: what passes otherwise is between ports that it relays for, at one end or at both.
+  // Allows UDP only to the ICE server, and between its relay ports.
   async function onlyByTurn(...between) {
     await iptables('-F', 'INPUT');
     for (const rule of [['--dport', '3478'], ['--sport', '3478'], ...between])
@@ -171,13 +166,12 @@ async function turnserver() {
     await iptables('-A', 'INPUT', '-p', 'udp', '-j', 'DROP');
   }
 
-  // Before the browser starts: it drops what it is loading where an address comes.
+  // Before the browser starts, because a new address makes it drop its downloads.
   await run('ip', ['addr', 'add', `${kTurn}/24`, 'dev', 'host']);
   const folder = await makeRig('4x4'), browser = await launchBrowser();
   const common = ['-n', '--listening-ip', kTurn, '--relay-ip', kTurn, '--min-port', '20000', '--max-port', '20063', '--realm', 'example.org',
     '--no-tls', '--no-dtls', '--no-cli', '--log-file', 'stdout', '--pidfile', join(folder, 'turn.pid')];
 
-  // How the selected pair reaches the server: types of both ends.
   const pair = page => page.evaluate(async () => {
     const stats = [...(await inside().stream.connection.peer.getStats()).values()];
     const { selectedCandidatePairId } = stats.find(({ type }) => type === 'transport');
@@ -185,9 +179,8 @@ async function turnserver() {
     return { local: end(pair.localCandidateId).candidateType, remote: end(pair.remoteCandidateId).candidateType };
   });
 
-  // What people do: a TURN server, the server's options, and a page that is opened.
   async function watched(ways, credentials, ...options) {
-    const file = join(folder, 'credentials'), serverOptions = ['--rig', join(folder, 'rig.json'), '--media', 'any', '--ice-server',
+    const file = join(folder, 'credentials'), serverOptions = ['--rig', join(folder, 'rig.json'), '--media-address', 'any', '--ice-server',
       `turn:${kTurn}`, '--ice-server', `stun:${kTurn}`, '--ice-credentials', file];
     await writeFile(file, credentials, { mode: 0o600 });
     const turn = start('turnserver', ...common, ...options);
@@ -204,12 +197,11 @@ async function turnserver() {
       await until(async () => await served.metric('viewers') === 0, 'it leaves');
     }
     await served.stop();
-    const ended = once(turn, 'exit');  // the next one listens where this one did
+    const ended = once(turn, 'exit');
     turn.kill('SIGKILL');
     await ended;
   }
 
-  // Of a page that asks for nothing but relays.
   const relayOnly = () => {
     globalThis.RTCPeerConnection = class extends RTCPeerConnection {
       constructor(configuration) { super({ ...configuration, iceTransportPolicy: 'relay' }); }

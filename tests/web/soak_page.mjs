@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A browser that stays for tests/soak.sh: its page is opened, moved about in and closed, again and again, until the
-// program is ended. Prints a line whenever a page has shown pictures, and one for what went wrong.
+// A browser for tests/soak.sh: repeatedly opens the page, moves the view and closes the page until the program ends.
+// Prints a line for each page that has shown frames, and for each error.
 import { launchBrowser, openPage } from './harness.mjs';
 
 const url = process.env.LF_SOAK_URL, stays = 1000 * Number(process.env.LF_SOAK_STAYS), away = 1000 * Number(process.env.LF_SOAK_AWAY);
-if (!url) process.exit(0);  // all that it needs is installed now
+if (!url) process.exit(0);
 const sleep = milliseconds => new Promise(done => setTimeout(done, milliseconds));
 process.on('SIGTERM', () => process.exit(0));
 const browser = await launchBrowser();

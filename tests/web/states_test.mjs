@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the page says and does while there is no picture, and how it comes by one; and links.
+// States of the page without a frame: messages and recovery. Also tests links.
 import { readdir, readFile, truncate, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, close, compare, expect, launchBrowser, makeFilm, makeRig, newPage, openPage, openShown,
@@ -7,12 +7,12 @@ import { artefacts, close, compare, expect, launchBrowser, makeFilm, makeRig, ne
 
 const { serversIn, serversInLinks } = await import(join(source, 'web/src/connection.js'));
 const folder = await makeRig('4x4');
-const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane'];
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-mode', 'plane'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
 const status = page => page.getByRole('status').textContent();
 const says = (page, words) => until(async () => words.test(await status(page)), `it says ${words}`);
 
-// What a server refuses with, in place of each answer to an offer until null is next. Returns the URLs that were asked.
+// Answers offers with the given refusals, one at a time, until null. Returns the requested URLs.
 async function refusing(page, refusals) {
   const asked = [];
   await page.route('**/whep*', async route => {
@@ -47,7 +47,6 @@ async function filming() {
   await close(page, served);
 }
 
-// Who comes back with the ticket keeps the place.
 async function queue() {
   const served = await serve(...rig);
   const page = await newPage(browser, size);
@@ -62,7 +61,6 @@ async function queue() {
   expect(!asked[0].searchParams.has('ticket'), 'the first has none');
   refusals.push(null);
   await shown(page, 5);
-  // A seat has used it up.
   const before = asked.length;
   await page.setViewportSize({ width: 320, height: 240 });
   await until(() => asked.length > before, 'another stream');
@@ -82,7 +80,6 @@ async function refusedForEver() {
   await close(page, served);
 }
 
-// The server is away and comes back: message, button, and the same view again.
 async function awayAndBack() {
   let served = await serve(...rig);
   const { port } = new URL(served.url);
@@ -93,7 +90,7 @@ async function awayAndBack() {
     document.querySelector('lightfield-viewer').addEventListener('error', () => done(performance.now() - began), { once: true });
   }));
   await served.stop();
-  console.log(`# told ${(await told).toFixed(0)} ms after the server began to end`);
+  console.log(`# reported ${(await told).toFixed(0)} ms after the server began to end`);
   await says(page, /can't be reached/);
   await page.getByRole('button', { name: /Try again \(in \d+ s\)/ }).waitFor();
   served = await serve(...rig, '--port', port);
@@ -107,7 +104,6 @@ async function awayAndBack() {
   await close(page, served);
 }
 
-// Cameras that are on other hosts, where there is nobody.
 async function silentHosts() {
   const ports = [1, 2].map(() => 20000 + Math.floor(Math.random() * 10000));
   const served = await serve(...rig, '--nodes', ports.map(port => `127.0.0.1:${port}:127.0.0.1:${port + 10000}`).join());
@@ -118,16 +114,14 @@ async function silentHosts() {
   await close(page, served);
 }
 
-// All cameras fail: who watches keeps the picture, and is told what is waited for.
 async function noCamera() {
   const film = await makeFilm('2x2'), files = (await readdir(film)).filter(name => name.endsWith('.mkv'));
   const served = await serve('--rig', join(film, 'rig.json'));
   const page = await openShown(browser, served.url, size, 20);
   const films = await Promise.all(files.map(name => readFile(join(film, name))));
-  // One alone is told beside the picture, which goes on.
   await truncate(join(film, files[0]));
   const told = page.locator('.trouble').getByText('1 of 4 cameras does not work.');
-  await until(() => told.isVisible(), 'a camera that is lost is told');
+  await until(() => told.isVisible(), 'a lost camera is reported');
   expect(!await page.getByRole('status').isVisible(), 'the picture goes on');
   await page.screenshot({ path: join(process.env.LF_ARTEFACTS, 'one-camera-lost.png') });
   await writeFile(join(film, files[0]), films[0]);
@@ -144,7 +138,6 @@ async function noCamera() {
   await close(page, served);
 }
 
-// Another link in an open tab; the token stays in the address, and in the tab where it was typed.
 async function linksAndTokens() {
   const token = join(folder, 'token');
   await writeFile(token, 'sesame', { mode: 0o600 });
@@ -175,7 +168,7 @@ async function linksAndTokens() {
   await close(typed, served);
 }
 
-// Servers that an attribute or the answer names. Those of the answer are used where there is no other way.
+// ICE servers from an attribute or the response. Servers from the response are used only if there is no other route.
 async function iceServers() {
   expect(JSON.stringify(serversIn(' stun:a.example  turn:me:se%3Acret@b.example:3478?transport=udp ')) ===
     JSON.stringify([{ urls: 'stun:a.example' },
@@ -201,7 +194,7 @@ async function iceServers() {
     const response = await route.fetch();
     const headers = { ...response.headers(), link: '<stun:a.example>; rel="ice-server"' };
     let body = await response.text();
-    if (lost-- > 0) body = body.replace(/(a=candidate:\S+ 1 UDP \d+ 127\.0\.0\.1) \d+/gi, '$1 9');  // leads nowhere
+    if (lost-- > 0) body = body.replace(/(a=candidate:\S+ 1 UDP \d+ 127\.0\.0\.1) \d+/gi, '$1 9');
     await route.fulfill({ response, headers, body });
   });
   await page.goto(served.url);
@@ -216,7 +209,7 @@ async function iceServers() {
   await close(page, served);
 }
 
-// A border gives way under the pointer, and springs back.
+// The view gives way at a border and springs back.
 async function elastic() {
   const served = await serve(...rig);
   const page = await openShown(browser, served.url, size, 10);
@@ -230,7 +223,7 @@ async function elastic() {
   await until(async () => /translate\(\d/.test(await moved()), 'the picture gives way');
   await page.mouse.up();
   expect(await moved() === '', 'and springs back');
-  // A drag that is let go while it moves goes on for a moment.
+  // A drag that is released while moving continues for a moment.
   await page.evaluate(() => {
     const { controls } = inside(), glide = controls.glide;
     controls.glide = (...drag) => {
@@ -238,7 +231,7 @@ async function elastic() {
       glide.apply(controls, drag);
     };
   });
-  // A busy machine may hold the pointer still for a moment before it lets go: then nothing glides.
+  // On a busy machine the pointer may rest before the release; in that case the view does not glide.
   let held;
   await until(async () => {
     await page.keyboard.press('r');
@@ -257,13 +250,13 @@ async function elastic() {
   await close(page, served);
 }
 
-// axe-core finds nothing to complain about: the page and each of its overlays and states, light and dark.
+// Runs axe-core on the page and on each overlay and state, in light and dark mode.
 const axe = await readFile(join(artefacts, 'node_modules/axe-core/axe.min.js'), 'utf8');
 const kTags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
 
 async function check(page, what) {
   const { violations, incomplete, passes } = await page.evaluate(tags => axe.run(document, { runOnly: tags }), kTags);
-  // Of elements with text axe-core is not sure that a label which their role does not allow is ignored.
+  // axe-core is uncertain about labels on elements with text whose role does not allow labels.
   const unsure = incomplete.filter(({ id }) => id === 'aria-prohibited-attr');
   const told = [...violations, ...unsure].map(({ id, nodes }) => `${id}: ${nodes.map(({ target, failureSummary }) => `${target} ${failureSummary}`).join('; ')}`);
   console.log(`# ${what}: ${passes.length} rules pass`);

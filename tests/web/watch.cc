@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Viewers that only count, so that what an lf-serve costs can be told apart from what browsers do:
-//   watch URL VIEWERS WIDTH HEIGHT SECONDS
-// Prints one line of JSON: pictures a second of each viewer, and bits a second of all.
+// Viewers without decoding, for measuring lf-serve without the cost of browsers:
+//     watch URL VIEWERS WIDTH HEIGHT SECONDS
+// Prints a line of JSON: frames per second of each viewer, and total bits per second.
 #include <cstdio>
 #include <cstdlib>
 #include <exception>

@@ -15,7 +15,7 @@
 namespace lf::test {
 namespace {
 
-// The reply to a call of webrtcbin; to be freed.
+// Returns the reply of a webrtcbin call; the caller frees it.
 GstStructure* call(GstElement* webrtc, const char* signal, gpointer argument, bool has_argument = true) {
   GstPromise* promise = gst_promise_new();
   if (has_argument)
@@ -50,12 +50,13 @@ void wait_for(const char* what, double seconds, const Condition& condition) {
 WhepClient::WhepClient(GstElement* pipeline, const Options& options)
     : options_(options), pipeline_(GST_ELEMENT(gst_object_ref_sink(pipeline))), loss_(options.loss) {}
 
-// What throws in here leaves no threads behind: the destructor is that of the constructor above.
+// The delegated constructor has finished, so an exception here runs the destructor and stops all threads.
 WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nullptr), options) {
   webrtc_ = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc_) throw std::runtime_error("element webrtcbin is not installed");
   gst_util_set_object_arg(G_OBJECT(webrtc_), "bundle-policy", "max-bundle");
-  if (options.loss > 0) g_object_set(webrtc_, "latency", 2000u, nullptr);  // what is late on a busy machine is not lost
+  // avoids losing late packets on a busy machine
+  if (options.loss > 0) g_object_set(webrtc_, "latency", 2000u, nullptr);
   gst_bin_add(GST_BIN(pipeline_), webrtc_);
   g_signal_connect(webrtc_, "pad-added", G_CALLBACK(pad_added), this);
   g_signal_connect(webrtc_, "deep-element-added", G_CALLBACK(transport_added), this);
@@ -154,7 +155,7 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
   const std::string kind = factory ? GST_OBJECT_NAME(factory) : "";
   if (kind == "dtlsdec") static_cast<WhepClient*>(data)->dtls_ = element;
   if (kind == "srtpenc") static_cast<WhepClient*>(data)->srtp_ = element;
-  if (kind == "rtpsession") {  // reports as often as browsers send them
+  if (kind == "rtpsession") {  // reports as often as browsers
     GObject* session = nullptr;
     g_object_get(element, "internal-session", &session, nullptr);
     g_object_set(session, "rtcp-min-interval", guint64{GST_SECOND / 2}, nullptr);
@@ -168,7 +169,7 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
   gst_object_unref(pad);
 }
 
-// Media alone are lost (RFC 7983): what it takes to connect is another test's.
+// Drops only media (RFC 7983); other tests cover the connection.
 GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   WhepClient* self = static_cast<WhepClient*>(data);
   if (self->vanished_) return GST_PAD_PROBE_DROP;
@@ -179,7 +180,7 @@ GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer d
   guint8 first = 0;
   gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
   guint8 header[12] =
-      {};  // of RTP, which SRTP leaves as it is; RTCP has types from 192 on where RTP has its payload type
+      {};  // RTP header, unencrypted in SRTP; RTCP types from 192 are in the place of RTP's payload type
   const bool is_rtp = first >= 128 && first < 192 &&
                       gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, header, sizeof header) == sizeof header &&
                       (header[1] < 192 || header[1] > 223);
@@ -238,7 +239,7 @@ void WhepClient::send(const std::string& text) {
   gst_webrtc_data_channel_send_string(channel_, text.c_str());
 }
 
-// RFC 4585, 6.1, behind a receiver report without blocks.
+// RFC 4585, 6.1, after a receiver report without blocks.
 void WhepClient::send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control) {
   constexpr guint8 kReport[] = {0x80, 201, 0, 1, 0, 0, 0x12, 0x34};
   std::vector<guint8> packet(std::begin(kReport), std::end(kReport));
@@ -262,7 +263,7 @@ void WhepClient::send_feedback(uint8_t type, uint8_t format, const std::vector<u
 
 void WhepClient::ask_again() {
   std::vector<uint8_t> control;
-  for (int i = 1; i <= 4; i++) {  // each names a packet and the sixteen behind it
+  for (int i = 1; i <= 4; i++) {  // each names a packet and the next sixteen
     const int first = sequence_ - 17 * i;
     control.insert(control.end(), {static_cast<uint8_t>(first >> 8), static_cast<uint8_t>(first), 0xff, 0xff});
   }

@@ -15,52 +15,47 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::test {
 
-// A viewer of an lf-serve without a browser: takes packets in and decodes nothing, so that hundreds cost little. Errors
-// are std::runtime_error. Functions are for one thread.
+// A viewer of lf-serve without a browser. Receives packets without decoding, so that hundreds of viewers are cheap.
+// Errors are std::runtime_error. Not thread-safe.
 class WhepClient {
  public:
   static constexpr uint8_t kPlayoutDelay = 7;
   struct Options {
-    std::string url;  // of the server, "http://127.0.0.1:8080/"
+    std::string url;  // server, "http://127.0.0.1:8080/"
     int width = kFallsBehind ? 160 : 640, height = kFallsBehind ? 120 : 480;
-    bool vp8 = false;                           // offers that alone, else H.264
-    bool playout_delay = false;                 // offers this RTP header extension, under kPlayoutDelay
-    double loss = 0;                            // of the packets that come
-    std::string fingerprint = {};               // replaces the one in the offer unless empty
-    double patience = kFallsBehind ? 120 : 30;  // seconds until a picture must have come
-    std::string first_message = {};             // on the data channel, as soon as it is open; "": none
+    bool vp8 = false;                           // offers only VP8 instead of H.264
+    bool playout_delay = false;                 // offers the RTP header extension kPlayoutDelay
+    double loss = 0;                            // share of received packets to drop
+    std::string fingerprint = {};               // replaces the offer's fingerprint unless empty
+    double patience = kFallsBehind ? 120 : 30;  // timeout for the first frame, seconds
+    std::string first_message = {};             // sent when the data channel opens; "": none
   };
 
-  // Offers, connects, and blocks until the first picture has come.
+  // Sends the offer, connects, and blocks until the first frame arrives.
   explicit WhepClient(const Options& options);
-  // Says goodbye.
   ~WhepClient();
   WhepClient(const WhepClient&) = delete;
 
   const std::string& answer() const { return answer_; }
-  uint64_t pictures() const { return pictures_; }  // whose last packet has come
+  uint64_t pictures() const { return pictures_; }  // frames with their last packet
   uint64_t bytes() const { return bytes_; }
-  uint64_t lost() const { return lost_; }            // packets, by Options::loss
-  uint64_t undelayed() const { return undelayed_; }  // packets whose playout delay is 0 to 0
-  uint64_t gaps() const { return gaps_; }            // packets that did not come in the end
-  uint64_t repeated() const { return repeated_; }    // packets that were sent again (RFC 4588)
-  uint64_t received() const { return received_; }    // bytes of all that came, repeated packets included
+  uint64_t lost() const { return lost_; }            // packets dropped by Options::loss
+  uint64_t undelayed() const { return undelayed_; }  // packets with a playout delay of 0 to 0
+  uint64_t gaps() const { return gaps_; }            // packets that never arrived
+  uint64_t repeated() const { return repeated_; }    // retransmitted packets (RFC 4588)
+  uint64_t received() const { return received_; }    // bytes, including retransmissions
   void set_loss(double loss) { loss_ = loss; }
-  // Says nothing more, not even goodbye, as a browser that was stopped.
+  // Stops sending without ending the session, like a killed browser.
   void vanish() { vanished_ = true; }
-  // On the data channel; returns when the server has taken it over.
+  // Sends on the data channel; returns when the server has received the text.
   void send(const std::string& text);
-  // Asks for the latest packets again, whether they came or not, by one RTCP packet (generic NACK); or for a key frame
-  // (PLI).
+  // Requests retransmission of the latest packets by a single RTCP packet (generic NACK), or a key frame (PLI).
   void ask_again();
   void ask_for_key_frame();
-  // Any RTCP feedback about the video (RFC 4585): type, format, and the control information.
+  // Sends RTCP feedback about the video (RFC 4585): type, format, and control information.
   void send_feedback(uint8_t type, uint8_t format, const std::vector<uint8_t>& control);
-  // One more data channel.
   void open_channel(const std::string& label);
-  // Whether the server has closed the connection.
   bool ended() const;
-  // Of the data channel, so far.
   std::vector<std::string> messages() const;
 
  private:
@@ -80,8 +75,8 @@ class WhepClient {
   std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0, received_ = 0, repeated_ = 0;
   std::atomic<double> loss_;
   std::atomic<bool> vanished_ = false;
-  std::atomic<int> sequence_ = -1;  // of the packet before
-  std::atomic<uint32_t> ssrc_ = 0;  // of the video
+  std::atomic<int> sequence_ = -1;
+  std::atomic<uint32_t> ssrc_ = 0;
   mutable std::mutex mutex_;
   std::vector<std::string> messages_;
 };

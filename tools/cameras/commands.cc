@@ -33,31 +33,32 @@
 namespace fs = std::filesystem;
 using namespace lf::cameras;
 
-// lf-rig doctor: what each camera of a rig delivers, what is wrong, and what helps.
 namespace {
 
 struct DoctorArguments {
   std::string rig;
-  ExamOptions exam;
+  DoctorOptions exam;
   bool json = false;
 };
 
-int examine(DoctorArguments options) {
+int run_doctor(DoctorArguments options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   if (!options.json) {
-    options.exam.on_plan = [](const std::vector<LinkLoad>& planned) {
-      std::fputs(links_of(planned, "as planned").c_str(), stdout);
+    options.exam.on_planned = [](const std::vector<LinkLoad>& planned) {
+      std::fputs(link_table(planned, "as planned").c_str(), stdout);
       std::fflush(stdout);
     };
     options.exam.on_progress = [bar = std::make_shared<Progress>("watching", 100), shown = 0](double part) mutable {
       for (; shown < 100 * part && shown < 100; shown++) bar->step();
     };
     std::fprintf(stderr, "opening %zu cameras\n", rig->cameras.size());
+    if (std::ranges::all_of(rig->cameras, [](const lf::Camera& c) { return c.image.empty() && c.source.empty(); }))
+      std::fputs("no camera has an image or a source: the cameras film the built-in scene\n", stderr);
   }
-  const Exam exam = examine(rig, options.rig, options.exam);
-  options.exam.on_progress = {};  // the bar goes before the page comes
-  std::fputs((options.json ? json_of(*rig, exam) + "\n" : page_of(*rig, exam)).c_str(), stdout);
+  const DoctorReport exam = run_doctor(rig, options.rig, options.exam);
+  options.exam.on_progress = {};  // removes the progress bar before the report is printed
+  std::fputs((options.json ? json_report(*rig, exam) + "\n" : text_report(*rig, exam)).c_str(), stdout);
   return exam.errors() > 0 ? 1 : 0;
 }
 
@@ -66,23 +67,21 @@ int examine(DoctorArguments options) {
 void add_doctor_command(cli::App& app, int& status) {
   const auto o = std::make_shared<DoctorArguments>();
   cli::App* command = app.add_subcommand(
-      "doctor",
-      "Opens every camera: what each delivers, what is wrong, what helps; exit status 1 if something is wrong");
+      "doctor", "Opens all cameras and reports frame rates, problems and remedies; exit status 1 if there is an error");
   command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--seconds", o->exam.seconds, "To watch the cameras for")
+  command->add_option("--seconds", o->exam.seconds, "Observation time in seconds")
       ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
-  command->add_option("--patience", o->exam.patience, "Seconds until a camera must have given a frame")
+  command->add_option("--patience", o->exam.timeout, "Maximum seconds until the first frame of a camera")
       ->capture_default_str()
       ->check(cli::Range(1.0, 120.0));
-  command->add_option("--fps", o->exam.fps, "Frames per second to ask of devices (default: as they have them)")
+  command->add_option("--fps", o->exam.fps, "Frames per second to request from devices (default: device default)")
       ->check(cli::Range(1, 1000));
-  command->add_flag("--json", o->json, "For programs, in place of a page for people");
+  command->add_flag("--json", o->json, "Print JSON instead of text");
   cli::add_trust_option(*command, o->exam.trusted);
-  command->callback([o, &status] { status = examine(*o); });
+  command->callback([o, &status] { status = run_doctor(*o); });
 }
 
-// lf-rig identify: which camera is where, on a page.
 namespace {
 
 struct IdentifyArguments {
@@ -91,7 +90,6 @@ struct IdentifyArguments {
   bool trusted = false;
 };
 
-// The cameras stay open as they are, by a copy of the rig, while the rig file says where they belong.
 class Identify {
  public:
   explicit Identify(const IdentifyArguments& options)
@@ -126,7 +124,7 @@ class Identify {
                                  },
                                  this)};
     cameras_.start();
-    std::printf("%zu cameras at %s\nHold a hand before one, drag it to where it stands; ctrl-C ends it.\n",
+    std::printf("%zu cameras at %s\nHold a hand in front of a camera and drag it to its place. Ctrl-C quits.\n",
                 rig_.cameras.size(), server_.url().c_str());
     std::fflush(stdout);
     opening_.emplace("opening cameras", rig_.cameras.size());
@@ -149,7 +147,7 @@ class Identify {
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())
-        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_of(rig_.cameras[i], problem).c_str());
+        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_for(rig_.cameras[i], problem).c_str());
   }
 
   std::string state() {
@@ -187,10 +185,10 @@ class Identify {
   const lf::Rig rig_;
   TemporaryRig copy_;
   Mosaic mosaic_;
-  std::vector<std::atomic<lf::CameraIndex>> place_of_;  // in the rig file, of each camera that is open
+  std::vector<std::atomic<lf::CameraIndex>> place_of_;
   RigCameras cameras_;
   IdentifyServer server_;
-  std::optional<Progress> opening_;  // until all cameras have given a frame, or have failed
+  std::optional<Progress> opening_;  // until all cameras have delivered a frame or failed
 };
 
 }  // namespace
@@ -198,9 +196,9 @@ class Identify {
 void add_identify_command(cli::App& app) {
   const auto o = std::make_shared<IdentifyArguments>();
   cli::App* command = app.add_subcommand(
-      "identify", "A page with all cameras live: hold a hand before one and it lights up, drag it to where it stands");
-  command->add_option("RIG", o->rig, "Rig file; what is dragged is written into it")->required();
-  command->add_option("--port", o->port, "Of the page, on this machine alone; 0: any")
+      "identify", "Serves a page with all cameras live: wave at a camera to highlight it, drag it to its place");
+  command->add_option("RIG", o->rig, "Rig file; swapped cameras are saved to it")->required();
+  command->add_option("--port", o->port, "Port of the page, on this machine only; 0: any")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->trusted);
@@ -210,7 +208,6 @@ void add_identify_command(cli::App& app) {
   });
 }
 
-// lf-rig lock: what one camera has chosen by itself becomes the setting of all.
 namespace {
 
 struct LockArguments {
@@ -230,16 +227,15 @@ int lock_cameras(LockArguments options) {
   options.lock.reference = *reference;
   options.lock.path = options.rig;
   if (options.mains > 0) options.lock.mains = options.mains;
-  // Cameras take a second to open, about.
+  // Cameras need about a second to open.
   const double look = options.lock.settle + 1;
   std::optional<TimedProgress> progress;
-  progress.emplace("camera " + name_of(rig.cameras[*reference]) + " looks around", look);
+  progress.emplace("camera " + name_of(rig.cameras[*reference]) + " adjusts", look);
   ControlValues values;
   try {
     values = choose_controls(rig, options.lock);
   } catch (const CameraFailure& failure) {
-    throw lf::Error(std::string(failure.what()) + ": " +
-                    remedy_of(rig.cameras[*reference], failure.what()));
+    throw lf::Error(std::string(failure.what()) + ": " + remedy_for(rig.cameras[*reference], failure.what()));
   }
   progress.reset();
   std::map<uint32_t, lf::Controls> controls = lf::parse_controls(original, options.rig);
@@ -260,9 +256,9 @@ int lock_cameras(LockArguments options) {
     std::printf("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
                 one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
   const std::string out = options.out.empty() ? options.rig : options.out;
-  lf::relocate(rig, fs::path(out).parent_path().string());
+  lf::rebase_paths(rig, fs::path(out).parent_path().string());
   lf::save_rig(rig, out, &original);
-  std::printf("%s: %zu cameras are set alike\n", out.c_str(), rig.cameras.size());
+  std::printf("%s: %zu cameras have equal controls\n", out.c_str(), rig.cameras.size());
   return stuck.empty() ? 0 : 1;
 }
 
@@ -270,24 +266,23 @@ int lock_cameras(LockArguments options) {
 
 void add_lock_command(cli::App& app, int& status) {
   const auto o = std::make_shared<LockArguments>();
-  cli::App* command = app.add_subcommand(
-      "lock",
-      "Sets all cameras to the exposure, gain, white balance and focus that one of them has chosen by "
-      "itself, and finds controls that do not respond; exit status 1 if there are some");
+  cli::App* command =
+      app.add_subcommand("lock",
+                         "Copies the automatic exposure, gain, white balance and focus of one camera to all cameras, "
+                         "and finds controls that have no effect; exit status 1 if there are any");
   command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--camera", o->camera, "Id of the camera that chooses")->capture_default_str();
-  command->add_option("--mains", o->mains, "Frequency of the lamps' mains, hertz: exposures that do not flicker")
+  command->add_option("--camera", o->camera, "Id of the reference camera")->capture_default_str();
+  command->add_option("--mains-frequency", o->mains, "Mains frequency of the lamps, in hertz: avoids flicker")
       ->check(cli::IsMember({50, 60}));
-  command->add_option("--settle", o->lock.settle, "Seconds that cameras get to adjust")
+  command->add_option("--settle", o->lock.settle, "Seconds for automatic controls to adjust")
       ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
-  command->add_flag("--no-check", o->no_check, "Believe that all cameras respond");
-  command->add_option("--out", o->out, "Rig file to write (default: the same)");
+  command->add_flag("--no-check", o->no_check, "Do not check that controls have an effect");
+  command->add_option("--out", o->out, "Rig file to write (default: RIG)");
   cli::add_trust_option(*command, o->lock.trusted);
   command->callback([o, &status] { status = lock_cameras(*o); });
 }
 
-// lf-rig record: what all cameras see for a while, as recordings for lf-calibrate.
 namespace {
 
 struct RecordArguments {
@@ -297,7 +292,7 @@ struct RecordArguments {
   int page = -1;
 };
 
-// Ctrl-C ends a recording, and what there is becomes whole files.
+// Set by Ctrl-C. Recording then stops and completes its files.
 volatile std::sig_atomic_t interrupted = 0;
 
 int record_films(RecordArguments options) {
@@ -307,14 +302,14 @@ int record_films(RecordArguments options) {
   if (options.page >= 0) options.guide.page = options.page;
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });
-  const std::vector<Recorded> recorded = record_guided(
-      rig, options.rig, options.out, options.recording, options.guide, [] { return interrupted == 0; });
+  const std::vector<RecordedCamera> recorded =
+      record_guided(rig, options.rig, options.out, options.recording, options.guide, [] { return interrupted == 0; });
   size_t whole = 0;
   for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
-    std::printf("camera %s: %llu frames%s%s\n", name_of(camera).c_str(),
-                static_cast<unsigned long long>(frames), problem.empty() ? "" : ": ",
-                problem.empty() ? "" : (problem + ": " + remedy_of(camera, problem)).c_str());
+    std::printf("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
+                problem.empty() ? "" : ": ",
+                problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
     if (!note.empty()) std::printf("  %s\n", note.c_str());
     whole += problem.empty();
   }
@@ -327,26 +322,25 @@ int record_films(RecordArguments options) {
 void add_record_command(cli::App& app, int& status) {
   const auto o = std::make_shared<RecordArguments>();
   cli::App* command = app.add_subcommand(
-      "record", "A film of each camera, all by one clock, for lf-calibrate; exit status 1 if one is missing");
+      "record", "Records all cameras on one clock, for lf-calibrate; exit status 1 if a camera is missing");
   command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--out", o->out, "Folder to write: NAME.mkv of each camera")->required();
+  command->add_option("--out", o->out, "Folder to write: NAME.mkv for each camera")->required();
   command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
-  command->add_option("--seconds", o->recording.seconds, "Length; ctrl-C ends it before")
+  command->add_option("--seconds", o->recording.seconds, "Length in seconds; Ctrl-C ends the recording early")
       ->capture_default_str()
       ->check(cli::Range(0.1, 86400.0));
   command
       ->add_option("--lights", o->guide.lights,
-                   "So many are moved through the dark: says meanwhile where they were not yet")
+                   "Number of moving lights; reports which image regions they have not reached")
       ->check(cli::Range(1, 2));
   command
       ->add_option("--page", o->page,
-                   "Port of a page on this machine that shows the cameras, and what is said; 0: any (default: none)")
+                   "Port of a local page that shows the cameras and instructions; 0: any (default: no page)")
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->recording.trusted);
   command->callback([o, &status] { status = record_films(*o); });
 }
 
-// lf-rig snapshot: a still of each camera at one instant.
 namespace {
 
 struct SnapshotArguments {
@@ -354,7 +348,7 @@ struct SnapshotArguments {
   SnapshotOptions snapshot;
 };
 
-// By the cameras' names where these are different and fit for files, else by their ids.
+// Uses the names of the cameras if they are unique and valid file names, otherwise their ids.
 std::string file_name(const lf::Rig& rig, const lf::Camera& camera) {
   const auto fits = [](const std::string& name) {
     return !name.empty() && name[0] != '.' && name.find_first_of("/\\%") == std::string::npos;
@@ -369,36 +363,35 @@ int take_snapshot(SnapshotArguments options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   options.snapshot.cameras = lf::parse_camera_list(*rig, options.cameras);
-  std::vector<Still> stills;
+  std::vector<SnapshotImage> stills;
   {
-    // Beside the seconds that they run, one to open them.
+    // One second in addition to the warm-up, for opening the cameras.
     const TimedProgress progress("opening " + std::to_string(options.snapshot.cameras.size()) + " cameras",
                                  options.snapshot.warm_up + 1);
     stills = take_snapshot(rig, options.rig, options.snapshot);
   }
-  lf::FolderUpdate update(options.out);
+  lf::AtomicFolderUpdate update(options.out);
   lf::Rig result = *rig;
   const nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
-  lf::relocate(result, options.out);
+  lf::rebase_paths(result, options.out);
   int missing = 0;
-  for (const Still& still : stills) {
+  for (const SnapshotImage& still : stills) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
       std::printf("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
-                  remedy_of(camera, still.problem).c_str());
+                  remedy_for(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
     lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
-    std::printf("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(),
-                1e3 * still.off);
+    std::printf("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
   }
   if (static_cast<size_t>(missing) == stills.size())
     throw lf::Error("no camera gave a still: " + options.out + " stays as it was");
   update.commit();
   lf::save_rig(result, (fs::path(options.out) / "rig.json").string(), &original);
-  std::printf("%s/rig.json: %zu stills of one instant, %d cameras without\n", options.out.c_str(),
+  std::printf("%s/rig.json: %zu stills of one instant, %d cameras missing\n", options.out.c_str(),
               stills.size() - static_cast<size_t>(missing), missing);
   return missing > 0 ? 1 : 0;
 }
@@ -408,11 +401,11 @@ int take_snapshot(SnapshotArguments options) {
 void add_snapshot_command(cli::App& app, int& status) {
   const auto o = std::make_shared<SnapshotArguments>();
   cli::App* command = app.add_subcommand(
-      "snapshot", "A still of each camera at one instant, and a rig file of them; exit status 1 if one is missing");
+      "snapshot", "Saves an image of each camera, all of one instant, and a rig file; exit status 1 if one is missing");
   command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--out", o->out, "Folder to write: a PNG file a camera, and rig.json")->required();
+  command->add_option("--out", o->out, "Folder to write: a PNG file per camera, and rig.json")->required();
   command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
-  command->add_option("--after", o->snapshot.warm_up, "Seconds that the cameras run before")
+  command->add_option("--warm-up", o->snapshot.warm_up, "Seconds that the cameras run before the snapshot")
       ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);

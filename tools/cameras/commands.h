@@ -3,10 +3,10 @@
 
 #include "command_line.h"
 
-// The steps of lf-rig that open cameras: each adds its subcommand, which sets `status`, the program's
-// exit status, where something is wrong that is no error of the program's. What goes wrong else is thrown as lf::Error.
+// Subcommands of lf-rig that open cameras. Each function adds its subcommand to `app`. The subcommand sets `status`,
+// the exit status of the program, if it finds a problem, and throws lf::Error if it fails.
 void add_doctor_command(cli::App& app, int& status);
-void add_identify_command(cli::App& app);  // runs until a signal comes
+void add_identify_command(cli::App& app);  // runs until SIGINT or SIGTERM
 void add_lock_command(cli::App& app, int& status);
 void add_record_command(cli::App& app, int& status);
 void add_snapshot_command(cli::App& app, int& status);

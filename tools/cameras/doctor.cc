@@ -17,17 +17,16 @@
 namespace lf::cameras {
 namespace {
 
-constexpr double kLookEvery = 0.5;  // seconds between pictures whose brightness is measured: JPEG is decoded for it
-constexpr double kSettle = 1;       // seconds at the start in which cameras adjust, and clocks are found
+constexpr double kLookEvery = 0.5;  // seconds between brightness measurements, which decode JPEG
+constexpr double kSettle = 1;       // seconds at the start for automatic controls and clock estimation
 constexpr int kUsualRate = 30;
 
-// What is seen of one camera, under a lock of its own.
-struct Watch {
+struct FrameMonitor {
   std::mutex mutex;
   std::vector<double> taken, delays;
   double first = NAN, looked = -INFINITY, began = NAN;
   uint64_t bytes = 0;
-  size_t looked_at = 0, damaged = 0;
+  size_t decoded_frames = 0, damaged = 0;
   std::string damage;
   double brightness = NAN, darkest = NAN, brightest = NAN;
 
@@ -39,7 +38,7 @@ struct Watch {
     delays.push_back(frame.came - frame.taken);
     if (frame.came - looked < kLookEvery) return;
     looked = frame.came;
-    looked_at++;
+    decoded_frames++;
     try {
       brightness = brightness_of(rgb_of(frame.sample));
     } catch (const Error& error) {
@@ -52,7 +51,7 @@ struct Watch {
   }
 };
 
-void read_controls(const GstStructure* stats, CameraExam& exam) {
+void read_controls(const GstStructure* stats, CameraReport& exam) {
   const GValue* controls = gst_structure_get_value(stats, "controls");
   if (!controls || !GST_VALUE_HOLDS_STRUCTURE(controls)) return;
   const GstStructure* all = gst_value_get_structure(controls);
@@ -64,12 +63,13 @@ void read_controls(const GstStructure* stats, CameraExam& exam) {
     else if (g_strcmp0(gst_structure_get_string(all, name), "auto") == 0)
       exam.controls[name] = std::nullopt;
     else
-      exam.not_taken.push_back(name);
+      exam.unsupported_controls.push_back(name);
   }
 }
 
-CameraExam result_of(const RigCameras& cameras, CameraIndex index, Watch& watch, uint64_t bytes, double duration) {
-  CameraExam exam{.camera = index, .problem = cameras.problem(index), .format = cameras.format(index)};
+CameraReport result_of(const RigCameras& cameras, CameraIndex index, FrameMonitor& watch, uint64_t bytes,
+                       double duration) {
+  CameraReport exam{.camera = index, .problem = cameras.problem(index), .format = cameras.format(index)};
   GstStructure* stats = cameras.stats(index);
   if (const char* stamps = gst_structure_get_string(stats, "capture-time")) exam.stamps = stamps;
   guint64 dropped = 0;
@@ -78,10 +78,10 @@ CameraExam result_of(const RigCameras& cameras, CameraIndex index, Watch& watch,
   read_controls(stats, exam);
   gst_structure_free(stats);
   const std::lock_guard lock(watch.mutex);
-  exam.times = measure_frame_times(watch.taken);
+  exam.times = frame_time_stats(watch.taken);
   exam.delay = watch.delays.empty() ? 0 : median(watch.delays);
   exam.bytes_per_second = static_cast<double>(cameras.source_bytes(index) - bytes) / duration;
-  exam.looked_at = watch.looked_at;
+  exam.decoded_frames = watch.decoded_frames;
   exam.damaged = watch.damaged;
   exam.damage = watch.damage;
   exam.brightness = watch.brightness;
@@ -90,10 +90,10 @@ CameraExam result_of(const RigCameras& cameras, CameraIndex index, Watch& watch,
   return exam;
 }
 
-// Of the cameras by the name of their link; those without one are left out.
-std::vector<LinkLoad> loads(const std::vector<CameraExam>& cameras, const auto& need) {
+// Sums the needs of the cameras per link, by link name; skips cameras without a link.
+std::vector<LinkLoad> loads(const std::vector<CameraReport>& cameras, const auto& need) {
   std::vector<LinkLoad> all;
-  for (const CameraExam& camera : cameras) {
+  for (const CameraReport& camera : cameras) {
     const Link& link = camera.attachment.link;
     if (link.kind == Link::Kind::kNone) continue;
     auto load = std::find_if(all.begin(), all.end(), [&](const LinkLoad& l) { return l.link.name == link.name; });
@@ -104,7 +104,7 @@ std::vector<LinkLoad> loads(const std::vector<CameraExam>& cameras, const auto& 
     need(camera, bytes, pixels, raw);
     load->needed += bytes;
     load->pixels += pixels;
-    load->most_needed = std::max(load->most_needed, bytes);
+    load->max_needed = std::max(load->max_needed, bytes);
     load->raw |= raw;
   }
   return all;
@@ -117,16 +117,17 @@ bool is_raw_format(const std::string& format) {
 
 }  // namespace
 
-int Exam::errors() const {
-  return static_cast<int>(std::count_if(findings.begin(), findings.end(), [](const Finding& f) { return f.error; }));
+int DoctorReport::errors() const {
+  return static_cast<int>(
+      std::count_if(findings.begin(), findings.end(), [](const DoctorFinding& f) { return f.error; }));
 }
 
-std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraExam>& cameras, int fps) {
-  return loads(cameras, [&](const CameraExam& exam, double& bytes, double& pixels, bool& raw) {
+std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraReport>& cameras, int fps) {
+  return loads(cameras, [&](const CameraReport& exam, double& bytes, double& pixels, bool& raw) {
     const Camera& camera = rig.cameras[exam.camera];
     double rate = fps > 0 ? fps : kUsualRate;
     std::smatch match;
-    if (is_bin_description(camera.source) &&
+    if (is_launch_description(camera.source) &&
         std::regex_search(camera.source, match, std::regex("framerate=(?:\\(fraction\\))?(\\d+)/(\\d+)")))
       rate = std::stod(match[1]) / std::max(1.0, std::stod(match[2]));
     const bool gige = camera.source.find("aravissrc") != std::string::npos;
@@ -137,8 +138,8 @@ std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraExam
   });
 }
 
-std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExam>& cameras) {
-  return loads(cameras, [&](const CameraExam& exam, double& bytes, double& pixels, bool& raw) {
+std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraReport>& cameras) {
+  return loads(cameras, [&](const CameraReport& exam, double& bytes, double& pixels, bool& raw) {
     const Camera& camera = rig.cameras[exam.camera];
     bytes = exam.bytes_per_second;
     pixels = exam.times.rate() * camera.width * camera.height;
@@ -146,18 +147,19 @@ std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExa
   });
 }
 
-Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const ExamOptions& options) {
-  Exam exam;
+DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options) {
+  DoctorReport exam;
   for (CameraIndex i = 0; i < rig->cameras.size(); i++)
     exam.cameras.push_back({.camera = i, .attachment = find_attachment(*rig, rig->cameras[i])});
   exam.planned = planned_loads(*rig, exam.cameras, options.fps);
-  if (options.on_plan) options.on_plan(exam.planned);
-  std::vector<Watch> watches(rig->cameras.size());
-  // JPEG stays JPEG, as in the light field: otherwise a large array would be measured by what this machine decodes.
+  if (options.on_planned) options.on_planned(exam.planned);
+  std::vector<FrameMonitor> watches(rig->cameras.size());
+  // JPEG is not decoded, as in the light field. Otherwise the decoding speed of this machine would limit the
+  // measurement of a large array.
   RigCameras cameras(rig, path, {.decode = false, .trusted = options.trusted, .fps = options.fps},
                      [&](const CameraFrame& frame) { watches[frame.camera].see(frame); });
   cameras.start();
-  cameras.wait(options.patience, [&] {
+  cameras.wait(options.timeout, [&] {
     return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
                        [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
   });
@@ -173,80 +175,77 @@ Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const Exam
   const double begin = cameras.now();
   cameras.wait(options.seconds, progress);
   const double duration = cameras.now() - begin;
-  for (CameraExam& camera : exam.cameras) {
+  for (CameraReport& camera : exam.cameras) {
     Attachment attachment = std::move(camera.attachment);
     camera = result_of(cameras, camera.camera, watches[camera.camera], bytes[camera.camera], duration);
     camera.attachment = std::move(attachment);
   }
   cameras.stop();
-  std::vector<FrameTimes> times;
-  for (const CameraExam& camera : exam.cameras) times.push_back(camera.times);
-  exam.skew = measure_skew(times);
+  std::vector<FrameTimeStats> times;
+  for (const CameraReport& camera : exam.cameras) times.push_back(camera.times);
+  exam.skew = camera_skew(times);
   for (size_t i = 0; i < exam.cameras.size(); i++) exam.cameras[i].phase = exam.skew.phase[i];
   exam.measured = measured_loads(*rig, exam.cameras);
-  exam.findings = find_trouble(*rig, exam);
+  exam.findings = find_problems(*rig, exam);
   return exam;
 }
 
 namespace {
 
-constexpr double kManyMissing = 0.01;       // of the frames
-constexpr double kOtherRate = 0.02;         // off the array's
-constexpr double kUnevenStamps = 0.1;       // of the time between frames
-constexpr double kMovingBrightness = 0.03;  // while nothing but the scene may have moved
+constexpr double kManyMissing = 0.01;
+constexpr double kOtherRate = 0.02;  // relative difference from the array's frame rate
+constexpr double kUnevenStamps = 0.1;
+constexpr double kMovingBrightness = 0.03;  // relative change of brightness that scene motion may cause
 constexpr double kBlack = 10, kWhite = 245;
 
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
-class Findings {
+class FindingList {
  public:
-  explicit Findings(const Rig& rig) : rig_(rig) {}
-  std::vector<Finding> take() {
-    std::stable_partition(all_.begin(), all_.end(), [](const Finding& f) { return f.error; });
+  explicit FindingList(const Rig& rig) : rig_(rig) {}
+  std::vector<DoctorFinding> take() {
+    std::stable_partition(all_.begin(), all_.end(), [](const DoctorFinding& f) { return f.error; });
     return std::move(all_);
   }
-  void error(const CameraExam& camera, const std::string& what, const std::string& remedy) {
+  void error(const CameraReport& camera, const std::string& what, const std::string& remedy) {
     all_.push_back({true, place(camera), what, remedy});
   }
-  void warning(const CameraExam& camera, const std::string& what, const std::string& remedy) {
+  void warning(const CameraReport& camera, const std::string& what, const std::string& remedy) {
     all_.push_back({false, place(camera), what, remedy});
   }
-  void add(const Finding& finding) { all_.push_back(finding); }
+  void add(const DoctorFinding& finding) { all_.push_back(finding); }
 
  private:
-  std::string place(const CameraExam& camera) const { return "camera " + name_of(rig_.cameras[camera.camera]); }
+  std::string place(const CameraReport& camera) const { return "camera " + name_of(rig_.cameras[camera.camera]); }
   const Rig& rig_;
-  std::vector<Finding> all_;
+  std::vector<DoctorFinding> all_;
 };
 
-// The light field's own words, without the camera's name before them.
-std::string without_place(const Rig& rig, const CameraExam& exam) {
+std::string without_place(const Rig& rig, const CameraReport& exam) {
   const std::string name = "camera " + name_of(rig.cameras[exam.camera]) + ": ";
   const size_t begin = exam.problem.find(name);
   return begin == std::string::npos ? exam.problem : exam.problem.substr(begin + name.size());
 }
 
-void look_at_failure(const Rig& rig, const CameraExam& exam, Findings& findings) {
-  findings.error(exam, without_place(rig, exam), remedy_of(rig.cameras[exam.camera], exam.problem));
+void look_at_failure(const Rig& rig, const CameraReport& exam, FindingList& findings) {
+  findings.error(exam, without_place(rig, exam), remedy_for(rig.cameras[exam.camera], exam.problem));
 }
 
-void look_at_frames(const CameraExam& exam, double usual_rate, Findings& findings) {
-  const FrameTimes& times = exam.times;
+void look_at_frames(const CameraReport& exam, double usual_rate, FindingList& findings) {
+  const FrameTimeStats& times = exam.times;
   if (times.frames < 3) {
-    findings.error(exam, "gives no frames",
-                   "see whether the picture comes in another program, and unplug it for a moment");
+    findings.error(exam, "gives no frames", "check the camera in another program; unplug it and plug it in again");
     return;
   }
   const double missing = static_cast<double>(times.missing) / static_cast<double>(times.missing + times.frames);
   if (missing > kManyMissing) {
-    std::string remedy = "ask for fewer frames";
+    std::string remedy = "reduce the frame rate";
     if (exam.left_undecoded > 0)
-      remedy = "this machine can't decode them all: take MJPEG from it, fewer frames, or cameras on several machines";
+      remedy = "this machine can't decode them all: use MJPEG, a lower frame rate, or several machines";
     else if (exam.attachment.link.kind == Link::Kind::kUsb)
-      remedy = "take MJPEG from it, fewer frames, or a port of another controller; short cables, no hub without power";
+      remedy = "use MJPEG, a lower frame rate, or a port of another controller; short cables, only powered hubs";
     else if (exam.attachment.link.kind == Link::Kind::kNetwork)
-      remedy =
-          "a wired network, a packet delay where the camera has one, RTSP over TCP (rtspt://), or a lower bit rate";
+      remedy = "use a wired network, a packet delay if supported, RTSP over TCP (rtspt://), or a lower bit rate";
     findings.warning(exam,
                      format_text("%.0f %% of its frames are missing (%zu of %zu)", 100 * missing, times.missing,
                                  times.missing + times.frames),
@@ -254,137 +253,135 @@ void look_at_frames(const CameraExam& exam, double usual_rate, Findings& finding
   }
   if (std::abs(times.rate() / usual_rate - 1) > kOtherRate)
     findings.warning(exam, format_text("gives %.2f frames/s, most others %.2f", times.rate(), usual_rate),
-                     "ask all for one rate (framerate= in their sources); webcams give fewer frames in the dark: more "
-                     "light, or a set exposure (lf-rig lock)");
+                     "request one rate for all (framerate= in their sources); webcams slow down in the dark: add "
+                     "light or set the exposure (lf-rig lock)");
   if (times.backwards > 0)
-    findings.warning(exam, format_text("%zu frames have stamps that are not after the one before", times.backwards),
-                     "its clock is not to be trusted: restart the camera, and look for newer firmware");
+    findings.warning(exam, format_text("%zu frames have a timestamp before the previous one", times.backwards),
+                     "its clock is unreliable: restart the camera, and look for newer firmware");
   if (times.jitter > kUnevenStamps * times.period)
-    findings.warning(exam, format_text("its stamps are uneven by %.1f ms", 1e3 * times.jitter),
-                     exam.stamps == "arrival"
-                         ? "it tells no times of its own, so that the network's delays count: have "
-                           "it send RTCP sender reports, with its clock set by NTP"
-                         : "moving things will be seen double: fewer cameras on its link, or "
-                           "another camera");
+    findings.warning(exam, format_text("its timestamps jitter by %.1f ms", 1e3 * times.jitter),
+                     exam.stamps == "arrival" ? "it sends no capture times, so that network delays count: have "
+                                                "it send RTCP sender reports, with its clock set by NTP"
+                                              : "moving objects appear double: connect fewer cameras to its link, or "
+                                                "replace the camera");
   else if (exam.stamps == "arrival")
-    findings.warning(exam, "is dated by when its packets arrive, not by when it took them",
-                     "have it send RTCP sender reports and set its clock by NTP; or measure time_offset");
+    findings.warning(exam, "has no capture times; packet arrival times are used instead",
+                     "have the camera send RTCP sender reports and set its clock by NTP, or measure time_offset");
 }
 
-void look_at_picture(const CameraExam& exam, Findings& findings) {
-  const std::string remedy =
-      "look at its cable and power, take fewer or smaller frames; or have it code its pictures in another way";
-  if (exam.damaged > 0 && exam.damaged == exam.looked_at)
+void look_at_picture(const CameraReport& exam, FindingList& findings) {
+  const std::string remedy = "check its cable and power, reduce the frame rate or size, or change its image format";
+  if (exam.damaged > 0 && exam.damaged == exam.decoded_frames)
     return findings.error(exam, "its pictures can't be decoded: " + exam.damage, remedy);
   if (exam.damaged > 0)
-    findings.warning(exam, format_text("%zu of %zu pictures are damaged: ", exam.damaged, exam.looked_at) + exam.damage,
+    findings.warning(exam,
+                     format_text("%zu of %zu pictures are damaged: ", exam.damaged, exam.decoded_frames) + exam.damage,
                      remedy);
   if (exam.brightest < kBlack)
     findings.error(exam, format_text("is black (brightness %.0f of 255)", exam.brightest),
-                   "take the lid off, or more exposure");
+                   "remove the lens cap, or increase the exposure");
   else if (exam.darkest > kWhite)
-    findings.error(exam, format_text("is white (brightness %.0f of 255)", exam.darkest), "less exposure");
+    findings.error(exam, format_text("is white (brightness %.0f of 255)", exam.darkest), "reduce the exposure");
 }
 
-void look_at_controls(const CameraExam& exam, bool brightness_moves, Findings& findings) {
+void look_at_controls(const CameraReport& exam, bool brightness_moves, FindingList& findings) {
   std::string automatic;
   for (const auto& [name, value] : exam.controls)
     if (!value) automatic += (automatic.empty() ? "" : ", ") + name;
   if (!automatic.empty())
-    findings.warning(exam, "automatic: " + automatic,
-                     "lf-rig lock sets all cameras alike, so that none goes its own way");
+    findings.warning(exam, "automatic: " + automatic, "set the same fixed values for all cameras with lf-rig lock");
   else if (brightness_moves)
     findings.warning(exam,
-                     format_text("its brightness moves, %.0f to %.0f of 255: exposure may be automatic", exam.darkest,
+                     format_text("its brightness varies, %.0f to %.0f of 255: exposure may be automatic", exam.darkest,
                                  exam.brightest),
-                     "lf-rig lock sets all cameras alike; lamps that flicker move it, too (controls: mains_frequency)");
-  for (const std::string& name : exam.not_taken)
+                     "run lf-rig lock; flickering lamps have the same effect (controls: mains_frequency)");
+  for (const std::string& name : exam.unsupported_controls)
     findings.warning(exam, "its source does not take the control " + name,
-                     "set it in the camera's own menu or web page, and take it out of the rig");
+                     "set it in the camera's own menu or web page, and remove it from the rig");
 }
 
-void look_for_shared_devices(const Rig& rig, const Exam& exam, Findings& findings) {
-  std::map<std::string, const CameraExam*> first;
-  for (const CameraExam& camera : exam.cameras) {
+void look_for_shared_devices(const Rig& rig, const DoctorReport& exam, FindingList& findings) {
+  std::map<std::string, const CameraReport*> first;
+  for (const CameraReport& camera : exam.cameras) {
     if (camera.attachment.device.empty()) continue;
     const auto [other, is_new] = first.emplace(camera.attachment.device, &camera);
     if (!is_new)
       findings.error(camera,
                      "has the device of camera " + name_of(rig.cameras[other->second->camera]) + ", " +
-                         location_text(camera.attachment.device),
-                     "give each its own source (lf-rig new --devices lists what is plugged in)");
+                         redacted_location(camera.attachment.device),
+                     "give each camera its own source (lf-rig new --devices lists connected devices)");
   }
 }
 
-// As measured; and as planned where that is certain, as a link that is too small passes less than it should.
-void look_at_links(const Exam& exam, Findings& findings) {
+// Uses measured loads. Planned loads are checked only for raw formats, because an overloaded link delivers less than
+// planned.
+void look_at_links(const DoctorReport& exam, FindingList& findings) {
   for (const LinkLoad& planned : exam.planned) {
     const auto measured = std::find_if(exam.measured.begin(), exam.measured.end(),
                                        [&](const LinkLoad& load) { return load.link.name == planned.link.name; });
-    std::vector<LinkAdvice> all;
-    if (planned.raw) all = advise(planned);
-    if (all.empty() && measured != exam.measured.end()) all = advise(*measured);
-    for (const LinkAdvice& advice : all) findings.add({advice.too_much, "links", advice.what, advice.remedy});
+    std::vector<LinkWarning> all;
+    if (planned.raw) all = check_link(planned);
+    if (all.empty() && measured != exam.measured.end()) all = check_link(*measured);
+    for (const LinkWarning& advice : all) findings.add({advice.overloaded, "links", advice.what, advice.remedy});
   }
 }
 
-double usual_rate(const Exam& exam) {
+double usual_rate(const DoctorReport& exam) {
   std::vector<double> rates;
-  for (const CameraExam& camera : exam.cameras)
+  for (const CameraReport& camera : exam.cameras)
     if (camera.times.period > 0) rates.push_back(camera.times.rate());
   if (rates.empty()) return 0;
   std::nth_element(rates.begin(), rates.begin() + static_cast<ptrdiff_t>(rates.size() / 2), rates.end());
   return rates[rates.size() / 2];
 }
 
-bool brightness_moves(const CameraExam& exam) {
+bool brightness_moves(const CameraReport& exam) {
   return exam.brightest - exam.darkest > kMovingBrightness * exam.brightest && exam.brightest - exam.darkest > 2;
 }
 
-// Not of what is plugged in or in the network.
 bool is_of_file(const Camera& camera) {
   const std::string& source = camera.source;
   if (source.empty()) return !camera.image.empty();
-  if (is_bin_description(source) || source.starts_with("/dev/")) return false;
+  if (is_launch_description(source) || source.starts_with("/dev/")) return false;
   return !contains(source, "://") || source.starts_with("file://");
 }
 
 }  // namespace
 
-std::string remedy_of(const Camera& camera, const std::string& problem) {
+std::string remedy_for(const Camera& camera, const std::string& problem) {
   if (contains(problem, "--trust-rig"))
-    return "run it again with --trust-rig if you know who wrote the rig file, and why it needs this element";
+    return "run the command again with --trust-rig if you know who wrote the rig file and why it needs this element";
   if (contains(problem, "the rig says"))
-    return "write the true width and height into the rig (lens and poses then need another calibration), or set the "
-           "camera to the rig's";
-  if (contains(problem, "gives no pictures of")) return "choose a size that the camera has, and write it into the rig";
+    return "write the true width and height into the rig and calibrate again, or set the camera to the size in the "
+           "rig";
+  if (contains(problem, "gives no pictures of")) return "write a size that the camera supports into the rig";
   if (contains(problem, "busy") || contains(problem, "in use"))
-    return "another program has it: close that one (fuser -v /dev/video* names it)";
+    return "another program uses the camera: close that program (fuser -v /dev/video* names it)";
   const bool is_missing =
       contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found");
   const bool lacks_elements = contains(problem, "is not installed") || contains(problem, "no element");
   if (is_of_file(camera) && is_missing)
-    return "is the path right? One that does not begin with / is relative to the rig file";
+    return "check the path; paths that do not begin with / are relative to the rig file";
   if (is_of_file(camera) && !lacks_elements)
-    return "is the file whole? See whether it plays: "
+    return "check that the file is complete and plays: "
            "gst-launch-1.0 filesrc location=FILE ! decodebin ! videoconvert ! autovideosink";
-  if (is_missing) return "nothing is there under this name: plug it in, or lf-rig new --devices lists what is";
+  if (is_missing) return "no such device: plug it in; lf-rig new --devices lists connected devices";
   if (contains(problem, "nauthorized") || contains(problem, "401"))
-    return "it wants a user and a password: rtsp://USER:PASSWORD@HOST/...";
+    return "the camera requires a user and a password: rtsp://USER:PASSWORD@HOST/...";
   if (contains(problem, "connect") || contains(problem, "resolve"))
-    return "nobody answers at this address: see whether the camera is on and in this network (ping its host)";
-  if (lacks_elements) return "install the GStreamer plugin that has the element";
-  return "see whether it is plugged in and switched on, and whether its source in the rig is right";
+    return "no answer from this address: check that the camera is on and in this network (ping its host)";
+  if (lacks_elements) return "install the GStreamer plugin that contains the element";
+  return "check that the camera is plugged in and switched on, and that its source in the rig is right";
 }
 
-std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam) {
-  Findings findings(rig);
+std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam) {
+  FindingList findings(rig);
   const double rate = usual_rate(exam);
-  // What moves in front of all cameras is the scene, or its light.
+  // If most cameras change, the scene or its light changes.
   const auto moving = static_cast<size_t>(std::count_if(exam.cameras.begin(), exam.cameras.end(), brightness_moves));
   const bool scene_moves = exam.cameras.size() > 2 && 2 * moving > exam.cameras.size();
   look_for_shared_devices(rig, exam, findings);
-  for (const CameraExam& camera : exam.cameras) {
+  for (const CameraReport& camera : exam.cameras) {
     if (!camera.problem.empty()) {
       look_at_failure(rig, camera, findings);
       continue;
@@ -396,7 +393,7 @@ std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam) {
   if (scene_moves)
     findings.add({false, "the array",
                   std::to_string(moving) + " of " + std::to_string(exam.cameras.size()) +
-                      " cameras change their brightness: exposures may be automatic",
+                      " cameras vary in brightness: exposures may be automatic",
                   "if the light does not change: lf-rig lock"});
   look_at_links(exam, findings);
   return findings.take();
@@ -410,7 +407,7 @@ constexpr size_t kMostLines = 24;
 
 std::string size_of(const Camera& camera) { return std::to_string(camera.width) + "x" + std::to_string(camera.height); }
 
-std::string line_of(const Rig& rig, const CameraExam& exam) {
+std::string line_of(const Rig& rig, const CameraReport& exam) {
   const Camera& camera = rig.cameras[exam.camera];
   std::string line = format_text("%-16s", name_of(camera).c_str());
   if (exam.times.frames < 3) return line + (exam.problem.empty() ? " no frames\n" : " does not work\n");
@@ -425,15 +422,14 @@ std::string line_of(const Rig& rig, const CameraExam& exam) {
 constexpr char kHeader[] =
     "camera           frames/s  format       size      lost     delay      skew   jitter  light\n";
 
-// Healthy cameras of a large array, those that deliver the same in one line.
-std::string groups_of(const Rig& rig, const Exam& exam, const std::set<std::string>& troubled) {
+std::string groups_of(const Rig& rig, const DoctorReport& exam, const std::set<std::string>& troubled) {
   struct Group {
     size_t count = 0;
     double least = INFINITY, most = 0, longest = 0;
   };
   std::map<std::string, Group> groups;
   std::string lines;
-  for (const CameraExam& camera : exam.cameras) {
+  for (const CameraReport& camera : exam.cameras) {
     const Camera& what = rig.cameras[camera.camera];
     if (troubled.contains("camera " + name_of(what))) {
       lines += line_of(rig, camera);
@@ -453,7 +449,7 @@ std::string groups_of(const Rig& rig, const Exam& exam, const std::set<std::stri
 
 ordered_json number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
 
-ordered_json json_of(const std::vector<LinkLoad>& loads) {
+ordered_json json_report(const std::vector<LinkLoad>& loads) {
   ordered_json all = ordered_json::array();
   for (const LinkLoad& load : loads)
     all.push_back({{"link", load.link.name},
@@ -465,7 +461,7 @@ ordered_json json_of(const std::vector<LinkLoad>& loads) {
 
 }  // namespace
 
-std::string links_of(const std::vector<LinkLoad>& loads, const char* when) {
+std::string link_table(const std::vector<LinkLoad>& loads, const char* when) {
   std::string lines;
   for (const LinkLoad& load : loads) {
     lines += format_text("%s: %s: %zu camera%s, %.1f", load.link.name.c_str(), when, load.cameras.size(),
@@ -475,18 +471,18 @@ std::string links_of(const std::vector<LinkLoad>& loads, const char* when) {
   return lines;
 }
 
-std::string page_of(const Rig& rig, const Exam& exam) {
+std::string text_report(const Rig& rig, const DoctorReport& exam) {
   std::set<std::string> troubled;
-  for (const Finding& finding : exam.findings) troubled.insert(finding.cameras);
-  std::string page = links_of(exam.measured, "measured") + kHeader;
+  for (const DoctorFinding& finding : exam.findings) troubled.insert(finding.cameras);
+  std::string page = link_table(exam.measured, "measured") + kHeader;
   if (exam.cameras.size() <= kMostLines)
-    for (const CameraExam& camera : exam.cameras) page += line_of(rig, camera);
+    for (const CameraReport& camera : exam.cameras) page += line_of(rig, camera);
   else
     page += groups_of(rig, exam, troubled);
   if (exam.cameras.size() > 1 && exam.skew.spread > 0)
-    page += format_text("frames of one time lie up to %.1f ms apart; at 1 m/s things are %.0f mm off between cameras\n",
+    page += format_text("capture times differ by up to %.1f ms; an object at 1 m/s moves %.0f mm in that time\n",
                         1e3 * exam.skew.spread, 1e3 * exam.skew.spread);
-  for (const Finding& finding : exam.findings)
+  for (const DoctorFinding& finding : exam.findings)
     page += std::string(finding.error ? "error: " : "warning: ") + finding.cameras + ": " + finding.what + "\n   " +
             finding.remedy + "\n";
   const size_t count = exam.cameras.size(), errors = static_cast<size_t>(exam.errors());
@@ -496,9 +492,9 @@ std::string page_of(const Rig& rig, const Exam& exam) {
   return page;
 }
 
-std::string json_of(const Rig& rig, const Exam& exam) {
+std::string json_report(const Rig& rig, const DoctorReport& exam) {
   ordered_json cameras = ordered_json::array(), findings = ordered_json::array();
-  for (const CameraExam& one : exam.cameras) {
+  for (const CameraReport& one : exam.cameras) {
     const Camera& camera = rig.cameras[one.camera];
     ordered_json controls = ordered_json::object();
     for (const auto& [name, value] : one.controls) controls[name] = value ? ordered_json(*value) : ordered_json("auto");
@@ -520,13 +516,13 @@ std::string json_of(const Rig& rig, const Exam& exam) {
                        {"brightness", number(one.brightness)},
                        {"controls", controls}});
   }
-  for (const Finding& finding : exam.findings)
+  for (const DoctorFinding& finding : exam.findings)
     findings.push_back({{"severity", finding.error ? "error" : "warning"},
                         {"about", finding.cameras},
                         {"what", finding.what},
                         {"remedy", finding.remedy}});
   return ordered_json{{"cameras", cameras},
-                      {"links", {{"planned", json_of(exam.planned)}, {"measured", json_of(exam.measured)}}},
+                      {"links", {{"planned", json_report(exam.planned)}, {"measured", json_report(exam.measured)}}},
                       {"skew", exam.skew.spread},
                       {"findings", findings}}
       .dump(1);

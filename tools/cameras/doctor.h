@@ -14,68 +14,68 @@
 
 namespace lf::cameras {
 
-// What a camera of a rig delivered while it was watched.
-struct CameraExam {
+struct CameraReport {
   CameraIndex camera = 0;
   Attachment attachment;
-  std::string problem;                // why it did not work, as the light field says it; "": it did
-  FrameTimes times;                   // times of capture
-  double delay = 0;                   // median seconds from capture until a frame is here
-  double phase = NAN;                 // seconds that the camera is behind the others
-  std::string format;                 // what the source gives: "JPEG", "YUY2"; "": not known
-  std::string stamps;                 // how capture times are known: "source", "sender-reports", "arrival"
-  size_t left_undecoded = 0;          // frames left undecoded, as this machine can't decode all
-  size_t looked_at = 0, damaged = 0;  // pictures that were decoded for their brightness, and those that could not be
-  std::string damage;                 // of the latest damaged one
+  std::string problem;  // why the camera failed, from lfcamsrc; "": it works
+  FrameTimeStats times;
+  double delay = 0;    // median delay from capture to arrival, seconds
+  double phase = NAN;  // offset from the other cameras, seconds; positive: late
+  std::string format;  // format of the source: "JPEG", "YUY2"; "": unknown
+  std::string stamps;  // origin of capture times: "source", "sender-reports", "arrival"
+  size_t left_undecoded = 0;
+  size_t decoded_frames = 0, damaged = 0;  // frames decoded to measure brightness; frames that failed to decode
+  std::string damage;
   double bytes_per_second = 0;
-  double brightness = NAN, darkest = NAN, brightest = NAN;  // means of pictures, 0..255: the last one, and over time
-  Controls controls;                                        // settings that the camera has; nothing: automatic
-  std::vector<std::string> not_taken;                       // controls in the rig that the source does not know
+  // mean brightness of a frame, 0..255: latest, minimum, maximum
+  double brightness = NAN, darkest = NAN, brightest = NAN;
+  Controls controls;  // settings reported by the camera; nullopt: automatic
+  // controls in the rig that the source does not support
+  std::vector<std::string> unsupported_controls;
 };
 
-struct Finding {
-  bool error = false;   // the light field suffers; else it may
-  std::string cameras;  // "camera 3 (cam_00_03)", or what else it is about
+struct DoctorFinding {
+  bool error = false;   // true: the light field suffers; false: a warning
+  std::string cameras;  // "camera 3 (cam_00_03)", or the affected link or array
   std::string what, remedy;
 };
 
-struct Exam {
-  std::vector<CameraExam> cameras;
+struct DoctorReport {
+  std::vector<CameraReport> cameras;
   std::vector<LinkLoad> planned, measured;
   Skew skew;
-  std::vector<Finding> findings;  // errors first
+  std::vector<DoctorFinding> findings;  // errors first
   int errors() const;
 };
 
-struct ExamOptions {
-  double seconds = 4;    // seconds that cameras are watched, once they give frames
-  double patience = 10;  // seconds in which cameras must begin to give frames
-  bool trusted = false;  // the rig may run any element, see rig/source_security.h
-  int fps = 0;           // frames per second that devices are asked for; 0: as they have it
-  std::function<void(const std::vector<LinkLoad>&)> on_plan = {};  // told what links will carry, before cameras open
-  std::function<void(double)> on_progress = {};  // how much of the watching is done, 0..1; on the caller's thread
+struct DoctorOptions {
+  double seconds = 4;    // observation time, seconds, after the cameras deliver frames
+  double timeout = 10;   // seconds until every camera must have delivered a frame
+  bool trusted = false;  // allow any element as a source, see rig/source_security.h
+  int fps = 0;           // frames per second requested from devices; 0: device default
+  std::function<void(const std::vector<LinkLoad>&)> on_planned = {};
+  std::function<void(double)> on_progress = {};  // receives the progress, 0..1; called on the caller's thread
 };
 
-// Opens every camera of the rig that was read from `path`, side by side, and watches them. Throws Error where
-// GStreamer's parts are missing.
-Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const ExamOptions& options);
+// Opens all cameras of the rig, which was read from `path`, and observes them together. Throws Error if GStreamer
+// elements are missing.
+DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options);
 
-// The loads of links by what the rig says alone: the size of its pictures, frames per second where a source says them
-// (else `fps`), raw where a source says so and else JPEG.
-std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraExam>& cameras, int fps);
-std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExam>& cameras);
+// Estimates link loads from the rig: image size, frame rate of the source description (default: `fps`), and format (raw
+// if the source says so, otherwise JPEG).
+std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraReport>& cameras, int fps);
+std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraReport>& cameras);
 
-// What is wrong with the cameras, and what helps.
-std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam);
+std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam);
 
-// What helps where a camera does not work and that is why, in the light field's words or those of its source: of a film
-// or still another thing than of what is plugged in.
-std::string remedy_of(const Camera& camera, const std::string& problem);
+// Returns a remedy for `problem`, an error of lfcamsrc or of the camera's source. The remedy differs for files and for
+// devices.
+std::string remedy_for(const Camera& camera, const std::string& problem);
 
-// A line for each link. `when`: "as planned" or "measured".
-std::string links_of(const std::vector<LinkLoad>& loads, const char* when);
-// A page for people, without what was planned: healthy cameras of a large array are one line.
-std::string page_of(const Rig& rig, const Exam& exam);
-std::string json_of(const Rig& rig, const Exam& exam);
+// Returns one line per link. `when`: "as planned" or "measured".
+std::string link_table(const std::vector<LinkLoad>& loads, const char* when);
+// Returns a report for people, without the planned loads. Healthy cameras of a large array share one line.
+std::string text_report(const Rig& rig, const DoctorReport& exam);
+std::string json_report(const Rig& rig, const DoctorReport& exam);
 
 }  // namespace lf::cameras

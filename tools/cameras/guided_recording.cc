@@ -5,9 +5,9 @@
 #include <ctime>
 #include <optional>
 
-#include <nlohmann/json.hpp>
 #include <sys/resource.h>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #include "base/text.h"
 #include "calibration/light_detector.h"
@@ -18,9 +18,9 @@
 namespace lf::cameras {
 namespace {
 
-constexpr double kEvery = 0.2;    // seconds between two looks at a camera: a light goes 0.1 m meanwhile
-constexpr int kLeastWidth = 240;  // pixels of the small picture, unless the camera has fewer
-constexpr int kGivesWay = 10;     // of the thread, in nice(1)'s steps
+constexpr double kEvery = 0.2;    // seconds between examined frames of a camera; a light moves about 0.1 m
+constexpr int kLeastWidth = 240;  // minimum width of the downscaled frame, pixels
+constexpr int kGivesWay = 10;     // nice(1) increment of the detection thread
 
 int smaller_of(const Camera& camera) {
   int smaller = 8;
@@ -36,64 +36,64 @@ double processor_seconds() {
 
 double now() { return static_cast<double>(g_get_monotonic_time()) / G_USEC_PER_SEC; }
 
-constexpr double kLineEvery = 4;  // seconds: about what a light takes across the pictures
+constexpr double kLineEvery = 4;  // seconds, about as long as a light takes to cross the image
 
 }  // namespace
 
-struct LightWatch::One {
+struct LightTracker::CameraState {
   int smaller = 1;
-  std::atomic<double> next = 0;  // when another frame is of use
-  // Written by the camera's thread while `full` is false, read by the watching one while it is true.
+  std::atomic<double> next = 0;  // earliest arrival time of the next useful frame
+  // Written by the camera's thread while `full` is false, read by the detection thread while it is true.
   std::atomic<bool> full = false;
   double taken = 0;
   std::vector<uint8_t> jpeg;
-  GreyPicture grey;
+  GreyImage grey;
   std::optional<LightDetector> detector;
-  int width = 0, height = 0;  // of its pictures
+  int width = 0, height = 0;  // size of the camera's downscaled frames, pixels
 };
 
-LightWatch::LightWatch(const Rig& rig, int lights) : rig_(rig), coverage_(rig, lights) {
-  for (const Camera& camera : rig.cameras) all_.emplace_back(std::make_unique<One>())->smaller = smaller_of(camera);
+LightTracker::LightTracker(const Rig& rig, int lights) : rig_(rig), coverage_(rig, lights) {
+  for (const Camera& camera : rig.cameras)
+    all_.emplace_back(std::make_unique<CameraState>())->smaller = smaller_of(camera);
   thread_ = std::thread([this] { work(); });
 }
 
-LightWatch::~LightWatch() {
+LightTracker::~LightTracker() {
   {
     const std::lock_guard lock(mutex_);
     ending_ = true;
   }
-  come_.notify_one();
+  frame_arrived_.notify_one();
   thread_.join();
 }
 
-void LightWatch::see(const CameraFrame& frame) {
-  One& one = *all_[frame.camera];
+void LightTracker::see(const CameraFrame& frame) {
+  CameraState& one = *all_[frame.camera];
   if (one.full || frame.came < one.next) return;
   one.next = frame.came + kEvery;
   one.taken = frame.taken;
   try {
-    // Decoding is left to the thread that looks.
     one.jpeg.clear();
     if (is_jpeg(frame.sample))
       one.jpeg = bytes_of(frame.sample);
     else
       one.grey = small_grey_of(frame.sample, one.smaller);
   } catch (const Error&) {
-    return;  // a damaged frame; the next one may be whole
+    return;
   }
   one.full = true;
   const std::lock_guard lock(mutex_);
   waiting_.push_back(frame.camera);
-  come_.notify_one();
+  frame_arrived_.notify_one();
 }
 
-void LightWatch::work() {
-  // Of this thread alone, as Linux has it; where that is not so the process has more to give way to, and no harm is
-  // done.
+void LightTracker::work() {
+  // Linux applies this to the calling thread only. Elsewhere the whole process gets a lower priority, which does no
+  // harm.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kGivesWay);
   std::unique_lock lock(mutex_);
   while (true) {
-    come_.wait(lock, [&] { return ending_ || !waiting_.empty(); });
+    frame_arrived_.wait(lock, [&] { return ending_ || !waiting_.empty(); });
     if (ending_) return;
     const CameraIndex camera = waiting_.front();
     waiting_.erase(waiting_.begin());
@@ -103,19 +103,19 @@ void LightWatch::work() {
   }
 }
 
-void LightWatch::look(CameraIndex camera) {
-  One& one = *all_[camera];
+void LightTracker::look(CameraIndex camera) {
+  CameraState& one = *all_[camera];
   const double begun = processor_seconds();
-  std::vector<Sight> sights;
+  std::vector<LightDetection> sights;
   try {
-    if (!one.jpeg.empty()) one.grey = decode_grey_jpeg(one.jpeg, one.smaller);
+    if (!one.jpeg.empty()) one.grey = decode_jpeg_luma(one.jpeg, one.smaller);
     if (!one.detector) one.detector.emplace(one.width = one.grey.width, one.height = one.grey.height);
     if (one.width == one.grey.width && one.height == one.grey.height)
       sights = one.detector->look(one.grey.samples.data(), one.grey.width);
   } catch (const Error&) {
-    // What can't be decoded, or is of no size to be searched, shows no light.
+    // Frames that fail to decode or are too small show no light.
   }
-  for (Sight& sight : sights) sight.pixel = static_cast<double>(one.smaller) * (sight.pixel + 0.5) - 0.5;
+  for (LightDetection& sight : sights) sight.pixel = static_cast<double>(one.smaller) * (sight.pixel + 0.5) - 0.5;
   {
     const std::lock_guard lock(mutex_);
     coverage_.look(camera, one.taken, sights);
@@ -125,52 +125,53 @@ void LightWatch::look(CameraIndex camera) {
   looks_++;
 }
 
-std::string LightWatch::told() const {
+std::string LightTracker::summary() const {
   const std::lock_guard lock(mutex_);
-  return coverage_.told();
+  return coverage_.summary();
 }
 
-PicturePlaces LightWatch::places(CameraIndex camera) const {
+CoverageGrid LightTracker::places(CameraIndex camera) const {
   const std::lock_guard lock(mutex_);
   return coverage_.places(camera);
 }
 
-std::string LightWatch::wanted(CameraIndex camera) const {
+std::string LightTracker::wanted(CameraIndex camera) const {
   const std::lock_guard lock(mutex_);
   return coverage_.wanted(camera);
 }
 
 namespace {
 
-// The mosaic of cameras that record, on a page of this machine: with the places of each picture that a moved light came
-// to, and what the person before the cameras is told. It is served by the thread that makes it, in serve().
+// Local page with the mosaic of recording cameras, the image regions that a moved light has reached, and instructions.
+// serve() must be called on the thread that creates the page.
 class RecordingPage {
  public:
-  // `rig` and `watch` outlive this; `watch` is null where no light is moved. `port` 0: any. Throws Error where the port
-  // is taken.
-  RecordingPage(const Rig& rig, const LightWatch* watch, int port);
+  // `rig` and `watch` must outlive the page; `watch` is null if no light is moved. `port` 0: any. Throws Error if the
+  // port is in use.
+  RecordingPage(const Rig& rig, const LightTracker* watch, int port);
 
-  // A frame, in the thread that brings it. Any threads.
+  // Called on the thread that delivers the frame. Thread-safe.
   void see(const CameraFrame& frame);
-  void say(const std::string& line) { told_ = line; }  // what the page says from now on
-  void serve();                                        // answers those who have asked meanwhile
+  void say(const std::string& line) { message_ = line; }
+  void serve();
   std::string url() const { return server_.url(); }
 
  private:
   std::string state() const;
 
   const Rig& rig_;
-  const LightWatch* watch_;
+  const LightTracker* watch_;
   Mosaic mosaic_;
-  std::string told_ = "Cameras are being opened.";
+  std::string message_ = "Cameras are being opened.";
   IdentifyServer server_;
 };
 
-RecordingPage::RecordingPage(const Rig& rig, const LightWatch* watch, int port)
+RecordingPage::RecordingPage(const Rig& rig, const LightTracker* watch, int port)
     : rig_(rig),
       watch_(watch),
       mosaic_(rig),
-      server_(port, {.jpeg = [this] { return mosaic_.jpeg(now()); }, .state = [this] { return state(); }, .swap = {}}) {}
+      server_(port, {.jpeg = [this] { return mosaic_.jpeg(now()); }, .state = [this] { return state(); }, .swap = {}}) {
+}
 
 void RecordingPage::see(const CameraFrame& frame) {
   mosaic_.see(rig_.cameras[frame.camera].id, gst_sample_get_buffer(frame.sample), gst_sample_get_caps(frame.sample),
@@ -184,24 +185,21 @@ void RecordingPage::serve() {
 
 std::string RecordingPage::state() const {
   nlohmann::json state = mosaic_.state(now(), [](uint32_t) { return std::string(); });
-  state["told"] = told_;
+  state["told"] = message_;
   if (!watch_) return state.dump();
-  state["places"] = {PicturePlaces::kColumns, PicturePlaces::kRows};
+  state["places"] = {CoverageGrid::kColumns, CoverageGrid::kRows};
   for (nlohmann::json& camera : state["cameras"]) {
     const CameraIndex index = *rig_.index_of_id(camera["id"].get<uint32_t>());
-    const PicturePlaces places = watch_->places(index);
-    for (int row = 0; row < PicturePlaces::kRows; row++)
-      for (int column = 0; column < PicturePlaces::kColumns; column++)
-        camera["came"].push_back(places.has(column, row));
+    const CoverageGrid places = watch_->places(index);
+    for (int row = 0; row < CoverageGrid::kRows; row++)
+      for (int column = 0; column < CoverageGrid::kColumns; column++) camera["came"].push_back(places.has(column, row));
     camera["wanted"] = watch_->wanted(index);
   }
   return state.dump();
 }
 
-// Tells people what record_cameras() is doing, and when to begin with what is to be seen.
 class RecordingProgress {
  public:
-  // As record_cameras() calls it.
   void tell(double share) {
     if (share < 0) {
       if (!opening_) opening_.emplace("opening cameras", 3);
@@ -215,7 +213,6 @@ class RecordingProgress {
     }
     recording_->reach(share);
   }
-  // A line for the person before the cameras, above the bar.
   void say(const std::string& line) {
     if (recording_) recording_->finish();
     std::printf("%s\n", line.c_str());
@@ -229,10 +226,10 @@ class RecordingProgress {
 
 }  // namespace
 
-std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
-                                    RecordingOptions options, const RecordingGuide& guide,
-                                    const std::function<bool()>& going) {
-  std::optional<LightWatch> watch;
+std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const std::string& path,
+                                          const std::string& folder, RecordingOptions options,
+                                          const RecordingGuide& guide, const std::function<bool()>& going) {
+  std::optional<LightTracker> watch;
   if (guide.lights > 0) {
     watch.emplace(*rig, guide.lights);
     options.shown = [&](const CameraFrame& frame) { watch->see(frame); };
@@ -252,16 +249,15 @@ std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::s
   bool begun = false;
   double next_line = kLineEvery;
   size_t said = 0;
-  std::vector<Recorded> recorded = record_cameras(rig, path, folder, options, [&](double share) {
+  std::vector<RecordedCamera> recorded = record_cameras(rig, path, folder, options, [&](double share) {
     progress.tell(share);
     if (page) page->serve();
     if (share < 0) return going();
-    if (watch && !begun)
-      say("Left and right are those of the pictures: face the cameras, and the left is on your right.");
+    if (watch && !begun) say("Left and right refer to the images: when you face the cameras, left is on your right.");
     if (page && !watch && !begun) page->say("Recording now.");
     begun = true;
     if (watch && share < 1 && share * options.seconds >= next_line) {
-      say(watch->told());
+      say(watch->summary());
       next_line = share * options.seconds + kLineEvery;
     }
     const auto due = static_cast<size_t>(share * static_cast<double>(guide.prompts.size()));
@@ -269,24 +265,24 @@ std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::s
       say(std::to_string(said + 1) + "/" + std::to_string(guide.prompts.size()) + "  " + guide.prompts[said]);
     return going();
   });
-  if (watch && begun) progress.say(watch->told());
+  if (watch && begun) progress.say(watch->summary());
   return recorded;
 }
 
 std::vector<std::string> board_prompts() {
-  const std::string middle = "Amid the pictures, ", still = ". Keep it still for a moment.";
-  return {middle + "flat towards the cameras, as near as all of it stays in the pictures" + still,
+  const std::string middle = "In the middle of the images, ", still = ". Keep it still for a moment.";
+  return {middle + "facing the cameras, as close as possible but fully visible" + still,
           middle + "its left side turned away, by 40 degrees" + still,
           middle + "its right side turned away" + still,
           middle + "its upper side turned away" + still,
           middle + "its lower side turned away" + still,
-          "In the upper left corner of the pictures, turned a little away" + still,
-          "In the upper right corner, turned a little the other way" + still,
-          "In the lower right corner, turned a little away" + still,
-          "In the lower left corner, turned a little the other way" + still,
+          "In the upper left corner of the images, turned slightly away" + still,
+          "In the upper right corner, turned slightly the other way" + still,
+          "In the lower right corner, turned slightly away" + still,
+          "In the lower left corner, turned slightly the other way" + still,
           "Twice as far away, its left side turned away" + still,
           "Twice as far away, its upper side turned away" + still,
-          "As near as before, turned about by 90 degrees, its right side turned away" + still};
+          "At the first distance, rotated by 90 degrees, its right side turned away" + still};
 }
 
 }  // namespace lf::cameras

@@ -17,56 +17,56 @@
 
 namespace lf::cameras {
 
-// Follows the light that somebody moves before cameras, while they film it: where it has come to, and where it is to
-// go. A few frames a second of each camera are looked at, in small, by one thread that gives way to all others, so
-// that no film loses a frame for it.
-class LightWatch {
+// Tracks the lights that a person moves in front of the cameras during a recording, and reports which image regions
+// they have not reached yet. One low-priority thread examines a few downscaled frames per second of each camera, so
+// that recording loses no frames.
+class LightTracker {
  public:
-  // `lights`: how many are moved.
-  LightWatch(const Rig& rig, int lights);
-  ~LightWatch();
-  LightWatch(const LightWatch&) = delete;
+  LightTracker(const Rig& rig, int lights);
+  ~LightTracker();
+  LightTracker(const LightTracker&) = delete;
 
-  // A frame, in the thread that brings it, which is kept for as long as copying takes. Any threads.
+  // Copies a frame for detection; called on the thread that delivers the frame. Thread-safe.
   void see(const CameraFrame& frame);
 
-  std::string told() const;  // LightCoverage::told()
-  PicturePlaces places(CameraIndex camera) const;
+  std::string summary() const;
+  CoverageGrid places(CameraIndex camera) const;
   std::string wanted(CameraIndex camera) const;
-  double busy() const { return busy_; }  // seconds of the processor that all looks took
+  double busy() const { return busy_; }
   uint64_t looks() const { return looks_; }
 
  private:
-  struct One;
+  struct CameraState;
   void work();
   void look(CameraIndex camera);
 
   Rig rig_;
-  std::vector<std::unique_ptr<One>> all_;  // by index in the rig
-  mutable std::mutex mutex_;               // guards what follows
+  std::vector<std::unique_ptr<CameraState>> all_;  // indexed by rig camera
+  mutable std::mutex mutex_;                       // guards coverage_, waiting_ and ending_
   LightCoverage coverage_;
-  std::condition_variable come_;
-  std::vector<CameraIndex> waiting_;  // cameras with a frame that was not looked at
+  std::condition_variable frame_arrived_;
+  std::vector<CameraIndex> waiting_;
   bool ending_ = false;
   std::atomic<double> busy_ = 0;
   std::atomic<uint64_t> looks_ = 0;
   std::thread thread_;
 };
 
-// What the person before the cameras is told while they record.
 struct RecordingGuide {
-  int lights = 0;                    // that are moved: every few seconds, where they are to go next; 0: none
-  std::vector<std::string> prompts;  // said one after the other, evenly over the recording
-  std::optional<int> page;           // port of a page on this machine that shows the cameras and all this, 0: any
+  // number of moving lights; positions still missing are announced every few seconds; 0: none
+  int lights = 0;
+  std::vector<std::string> prompts;  // shown in turn, evenly spread over the recording
+  // port of a local page that shows cameras and instructions; 0: any; nullopt: no page
+  std::optional<int> page;
 };
 
-// record_cameras() with its progress on the terminal. `going` says whether to go on. Throws Error for what
-// record_cameras() throws for, and where the page's port is taken.
-std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
-                                    RecordingOptions options, const RecordingGuide& guide,
-                                    const std::function<bool()>& going);
+// Calls record_cameras() and shows its progress on the terminal. Recording stops when `going` returns false. Throws
+// Error as record_cameras() does, and if the page's port is in use.
+std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const std::string& path,
+                                          const std::string& folder, RecordingOptions options,
+                                          const RecordingGuide& guide, const std::function<bool()>& going);
 
-// For a checkerboard that all cameras film together: where to hold it, and how tilted, until lenses are known.
+// Instructions for a checkerboard that all cameras film together: positions and tilts that determine the lenses.
 std::vector<std::string> board_prompts();
 
 }  // namespace lf::cameras

@@ -52,24 +52,24 @@ IdentifyServer::~IdentifyServer() {
 
 std::string IdentifyServer::url() const { return "http://127.0.0.1:" + std::to_string(connections_->port()) + "/"; }
 
-// Before the body is read: pages of other sites may send any.
+// Runs before the body is read, because pages of other sites may send a body of any size.
 void IdentifyServer::begin(SoupServerMessage* message) {
   lf::serve::set_common_headers(message, "no-store");
-  const lf::serve::Refusal* const refusal = lf::serve::refuse_early(message, kLongestBody);
+  const lf::serve::HttpRefusal* const refusal = lf::serve::refuse_early(message, kLongestBody);
   if (!refusal) return;
   connections_->refused(message);
   respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
 }
 
-// Pages of other sites that this machine's browser shows must neither see the cameras nor write the rig.
+// Pages of other sites in a browser on this machine must neither see the cameras nor change the rig.
 void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
   connections_->asked(message);
   const char* host = header(message, "Host");
   const char* origin = header(message, "Origin");
-  const bool of_cameras = path.starts_with("/mosaic.") || path == "/swap";  // the page itself may be linked to
+  const bool of_cameras = path.starts_with("/mosaic.") || path == "/swap";  // other sites may link to the page itself
   if (!access_.allows_host(host) || !access_.allows_origin(origin, host) ||
       (of_cameras && !access_.allows_site(header(message, "Sec-Fetch-Site"), origin, host)))
-    return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for pages of other sites\n");
+    return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "pages of other sites are not allowed\n");
   const std::string method = soup_server_message_get_method(message);
   if (path == "/swap" && method == "POST" && source_.swap) return swap(message);
   if (method != "GET" && method != "HEAD")
@@ -95,7 +95,7 @@ void IdentifyServer::handle(SoupServerMessage* message, const std::string& path)
   respond(message, SOUP_STATUS_OK, type, std::string(data, size));
 }
 
-// Of JSON alone, which other sites' pages can't send without being asked for their origin.
+// Accepts only JSON, because pages of other sites can't send JSON without a CORS preflight.
 void IdentifyServer::swap(SoupServerMessage* message) {
   const char* type = header(message, "Content-Type");
   SoupMessageBody* body = soup_server_message_get_request_body(message);

@@ -14,17 +14,17 @@
 
 namespace lf::cameras {
 
-// A page on this machine alone that shows a mosaic of cameras, and swaps two of them. On the thread of the default main
-// context.
+// Serves a page with the camera mosaic on this machine only. The page can swap two cameras. All calls run on the thread
+// of the default main context.
 class IdentifyServer {
  public:
   struct Source {
-    std::function<std::vector<uint8_t>()> jpeg;  // the mosaic as a JPEG file; may throw Error
-    std::function<std::string()> state;          // JSON, see Mosaic
-    // Swaps two cameras, by id; returns why not, "" where it is done. None: nobody may.
+    std::function<std::vector<uint8_t>()> jpeg;
+    std::function<std::string()> state;  // JSON, see Mosaic::state()
+    // Swaps two cameras by id. Returns "" on success, otherwise the reason for the failure. Empty: swapping is
+    // disabled.
     std::function<std::string(uint32_t a, uint32_t b)> swap;
   };
-  // Serves at this port, 0: any. Throws Error.
   IdentifyServer(int port, Source source);
   ~IdentifyServer();
   IdentifyServer(const IdentifyServer&) = delete;

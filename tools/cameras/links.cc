@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kEthernetPictures = 0.94;  // of the bits of a link, behind the headers of packets of 1500 bytes
+constexpr double kEthernetPictures = 0.94;  // payload fraction of a link with packets of 1500 bytes
 constexpr double kLittleLeft = 0.8;
 
 std::optional<int> read_number(const fs::path& path) {
@@ -32,7 +32,6 @@ std::optional<int> read_number(const fs::path& path) {
   return std::nullopt;
 }
 
-// The value of the first "NAME=VALUE" of a line of elements, without its quotation marks; "" without one.
 std::string property_in(const std::string& line, const std::string& name) {
   std::smatch match;
   if (!std::regex_search(line, match, std::regex("(^|\\s)" + name + "\\s*=\\s*(\"([^\"]*)\"|(\\S+))"))) return "";
@@ -41,7 +40,7 @@ std::string property_in(const std::string& line, const std::string& name) {
 
 std::string device_path(const std::string& source) {
   if (source.starts_with("v4l2://")) return source.substr(7);
-  if (is_bin_description(source) && source.find("v4l2src") != std::string::npos) {
+  if (is_launch_description(source) && source.find("v4l2src") != std::string::npos) {
     const std::string device = property_in(source, "device");
     return device.empty() ? "/dev/video0" : device;
   }
@@ -49,7 +48,7 @@ std::string device_path(const std::string& source) {
 }
 
 std::string address_of(const std::string& source) {
-  const std::string uri = is_bin_description(source) ? property_in(source, "(?:location|uri)") : source;
+  const std::string uri = is_launch_description(source) ? property_in(source, "(?:location|uri)") : source;
   for (const char* scheme : {"rtsp", "http", "udp", "rtp", "srt"})
     if (uri.starts_with(scheme)) return uri;
   return "";
@@ -65,14 +64,12 @@ Link usb_of(const std::string& device, const std::string& sys) {
   return {};
 }
 
-// The host of scheme://[user@]host[:port][/...].
 std::string host_of(const std::string& uri) {
   std::smatch match;
   if (!std::regex_match(uri, match, std::regex("\\w+://(?:[^/@]*@)?(?:\\[([^\\]]*)\\]|([^:/?]*)).*"))) return "";
   return match[1].matched ? match[1].str() : match[2].str();
 }
 
-// The network interface by which packets go to the host: that of the address which a socket to there gets.
 std::string interface_to(const std::string& host) {
   addrinfo hints = {}, *found = nullptr;
   hints.ai_socktype = SOCK_DGRAM;
@@ -121,12 +118,12 @@ Link usb_link(int bus, int speed) {
   Link link{.kind = Link::Kind::kUsb,
             .name = "USB bus " + std::to_string(bus) + " (" + std::to_string(speed) + " Mbit/s)"};
   if (speed <= 12) {
-    link.capacity = link.camera_capacity = 1.0e6;  // one isochronous endpoint of 1023 bytes a millisecond
+    link.capacity = link.camera_capacity = 1.0e6;  // one isochronous endpoint, 1023 bytes per millisecond
   } else if (speed <= 480) {
     link.capacity = 480e6 / 8 * 0.8;
     link.camera_capacity = 3072 * 8000.0;
   } else {
-    link.capacity = speed * 1e6 / 8 * 0.8 * 0.9;  // 8b/10b, or its like; headers and other traffic
+    link.capacity = speed * 1e6 / 8 * 0.8 * 0.9;  // 8b/10b or similar coding; headers and other traffic
   }
   return link;
 }
@@ -141,9 +138,9 @@ Attachment find_attachment(const Rig& rig, const Camera& camera, const std::stri
     found.link = usb_of(found.device, sys);
   } else if (const std::string address = address_of(source); !address.empty()) {
     found.link = network_to(address, sys);
-    // A stream of one name may be watched by many; twice in a rig it is one camera in two places.
+    // Several clients may watch one stream, but twice in a rig it is one camera at two positions.
     found.device = address;
-  } else if (describes_elements(rig, source)) {
+  } else if (is_launch_line(rig, source)) {
     if (source.find("aravissrc") != std::string::npos)
       found.link = {
           .kind = Link::Kind::kNetwork, .name = "GigE Vision (1000 Mbit/s)", .capacity = 125e6 * kEthernetPictures};
@@ -156,22 +153,22 @@ Attachment find_attachment(const Rig& rig, const Camera& camera, const std::stri
   return found;
 }
 
-std::vector<LinkAdvice> advise(const LinkLoad& load) {
-  std::vector<LinkAdvice> all;
+std::vector<LinkWarning> check_link(const LinkLoad& load) {
+  std::vector<LinkWarning> all;
   const Link& link = load.link;
   const size_t count = load.cameras.size();
-  if (link.camera_capacity > 0 && load.most_needed > link.camera_capacity)
+  if (link.camera_capacity > 0 && load.max_needed > link.camera_capacity)
     all.push_back({true,
-                   link.name + ": a camera needs " + megabytes(load.most_needed) + " MB/s, and USB gives one camera " +
-                       megabytes(link.camera_capacity) + " at most",
-                   load.raw ? "take MJPEG from it (\"... ! image/jpeg\" in its source), a smaller size, or fewer frames"
-                            : "take a smaller size or fewer frames"});
+                   link.name + ": a camera needs " + megabytes(load.max_needed) + " MB/s, but USB allows at most " +
+                       megabytes(link.camera_capacity) + " per camera",
+                   load.raw ? "use MJPEG (\"... ! image/jpeg\" in its source), a smaller size, or a lower frame rate"
+                            : "use a smaller size or a lower frame rate"});
   if (link.capacity <= 0 || load.needed <= kLittleLeft * link.capacity) return all;
-  const bool too_much = load.needed > link.capacity;
-  LinkAdvice advice{too_much,
-                    link.name + ": " + std::to_string(count) + (count == 1 ? " camera needs " : " cameras need ") +
-                        megabytes(load.needed) + " of " + megabytes(link.capacity) + " MB/s",
-                    ""};
+  const bool overloaded = load.needed > link.capacity;
+  LinkWarning advice{overloaded,
+                     link.name + ": " + std::to_string(count) + (count == 1 ? " camera needs " : " cameras need ") +
+                         megabytes(load.needed) + " of " + megabytes(link.capacity) + " MB/s",
+                     ""};
   const int percent = static_cast<int>(100 * kLittleLeft * link.capacity / load.needed);
   const size_t fit = std::max<size_t>(1, count * static_cast<size_t>(percent) / 100);
   std::vector<std::string> ways;
@@ -181,10 +178,10 @@ std::vector<LinkAdvice> advise(const LinkLoad& load) {
   ways.push_back(std::to_string(percent) + " % of the frames");
   if (count > fit)
     ways.push_back(link.kind == Link::Kind::kUsb
-                       ? std::to_string(count - fit) + " of the cameras at ports of another controller"
-                       : std::to_string(count - fit) + " of the cameras at another network card");
+                       ? std::to_string(count - fit) + " of the cameras on ports of another controller"
+                       : std::to_string(count - fit) + " of the cameras on another network adapter");
   if (link.kind == Link::Kind::kNetwork)
-    ways.push_back("where bursts alone are too much, a packet delay that spreads each frame over its time");
+    ways.push_back("a packet delay that spreads each frame over its period, if only bursts are too large");
   for (size_t i = 0; i < ways.size(); i++) advice.remedy += (i ? "; or " : "") + ways[i];
   all.push_back(advice);
   return all;

@@ -8,46 +8,46 @@
 
 namespace lf::cameras {
 
-// What a camera's pictures come by to this machine.
 struct Link {
   enum class Kind { kNone, kUsb, kNetwork };
   Kind kind = Kind::kNone;
-  std::string name;            // "USB bus 1 (480 Mbit/s)", "network eth0"; cameras with the same share it
-  double capacity = 0;         // bytes of pictures per second for all cameras together; 0: not known
-  double camera_capacity = 0;  // bytes per second that one camera can use at most; 0: as many as the link has
+  std::string name;            // "USB bus 1 (480 Mbit/s)", "network eth0"; cameras with equal names share the link
+  double capacity = 0;         // bytes per second available to all cameras together; 0: unknown
+  double camera_capacity = 0;  // maximum bytes per second of one camera; 0: no limit except the link's
 };
 
 struct Attachment {
-  std::string device;  // what the source opens, by its true name; cameras with the same are one; "": may be shared
+  // canonical name of the device that the source opens; equal names mean the same device; "": sharing is allowed
+  std::string device;
   Link link;
 };
 
-// The links of a camera with a V4L2 device or an address, by URI or by elements. Looks into `sys`, the kernel's /sys;
-// names of hosts are resolved. Never throws: what can't be found is left empty.
+// Finds the link of a camera with a V4L2 device or a network address, given as a URI or a launch description. Reads
+// `sys`, the kernel's /sys, and resolves host names. Never throws; fields stay empty if nothing is found.
 Attachment find_attachment(const Rig& rig, const Camera& camera, const std::string& sys = "/sys");
 
-// What is left of a USB's speed (Mbit/s) for pictures. High speed: isochronous transfers may have 80 % of a microframe
-// (USB 2.0, 5.6.4), and one camera 3072 bytes of each (5.6.3). Above: what 8b/10b and headers leave.
+// Returns the payload capacity of a USB bus with this speed (Mbit/s). High speed: isochronous transfers may use 80 % of
+// a microframe (USB 2.0, 5.6.4), one camera at most 3072 bytes (5.6.3). Higher speeds: the rate minus 8b/10b coding and
+// headers.
 Link usb_link(int bus, int speed);
 
-// Pictures on a link: how much they need, as planned or as measured.
 struct LinkLoad {
   Link link;
   std::vector<CameraIndex> cameras;
-  double needed = 0;       // bytes per second of all cameras
-  double most_needed = 0;  // bytes per second of the camera that needs most
-  double pixels = 0;       // per second of all
-  bool raw = false;        // pictures are not compressed
+  double needed = 0;      // bytes per second, sum over the cameras
+  double max_needed = 0;  // bytes per second of the most demanding camera
+  double pixels = 0;      // pixels per second, sum over the cameras
+  bool raw = false;
 };
 
-struct LinkAdvice {
-  bool too_much = false;  // pictures will be lost; else little is left
+struct LinkWarning {
+  bool overloaded = false;  // true: frames will be lost; false: little capacity is left
   std::string what, remedy;
 };
-// What is wrong with a link; nothing for one whose capacity is not known, or that has a fifth of it left.
-std::vector<LinkAdvice> advise(const LinkLoad& load);
+// Returns warnings for a link. Empty if the capacity is unknown or at least a fifth of it is free.
+std::vector<LinkWarning> check_link(const LinkLoad& load);
 
-// Bytes that a webcam's JPEG has for a pixel, about.
+// typical bytes per pixel of a webcam's JPEG frames
 inline constexpr double kJpegBytesPerPixel = 0.25;
 
 }  // namespace lf::cameras

@@ -16,12 +16,12 @@ namespace lf::cameras {
 namespace {
 
 constexpr std::array kAutomatic = {"exposure", "gain", "white_balance", "focus"};
-// How another value for trial is made of a control's value; brightness or colour should follow.
-const std::map<std::string, double> kTrialFactors = {{"exposure", 0.5}, {"gain", 0.5}, {"white_balance", 0.6}};
-constexpr double kResponse = 0.03;  // change of brightness or colour, parts of 1: noise and lamps move them less
-constexpr double kDark = 2;         // brightness, of 255, in which nothing can be told
+// Factor for the test value of a control; brightness or colour should follow.
+const std::map<std::string, double> kHypothesisFactors = {{"exposure", 0.5}, {"gain", 0.5}, {"white_balance", 0.6}};
+// minimum relative change of brightness or colour; larger than noise and lamp flicker
+constexpr double kResponse = 0.03;
+constexpr double kDark = 2;  // brightness of 255 below which controls can't be tested
 
-// The rig with the same controls for all cameras.
 nlohmann::json with_controls(const Rig& rig, const Controls& controls) {
   nlohmann::json json = nlohmann::json::parse(rig_to_json(rig));
   std::map<uint32_t, Controls> all;
@@ -31,7 +31,7 @@ nlohmann::json with_controls(const Rig& rig, const Controls& controls) {
 }
 
 struct Colour {
-  std::array<double, 3> mean = {NAN, NAN, NAN};  // of red, green and blue, 0..255
+  std::array<double, 3> mean = {NAN, NAN, NAN};  // mean red, green and blue, 0..255
   std::string problem;
   double brightness() const { return 0.299 * mean[0] + 0.587 * mean[1] + 0.114 * mean[2]; }
 };
@@ -46,7 +46,6 @@ Colour colour_of(GstSample* sample) {
   return colour;
 }
 
-// Of each camera the colour of its last picture after settling.
 std::vector<Colour> look(const Rig& rig, const Controls& controls, const LockOptions& options) {
   const TemporaryRig file(rig, with_controls(rig, controls), options.path, options.trusted);
   std::vector<GstSample*> latest(rig.cameras.size());
@@ -60,7 +59,7 @@ std::vector<Colour> look(const Rig& rig, const Controls& controls, const LockOpt
                          latest[frame.camera] = gst_sample_ref(frame.sample);
                        });
     cameras.start();
-    cameras.wait(options.patience, [&] {
+    cameras.wait(options.timeout, [&] {
       return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
                          [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
     });
@@ -90,20 +89,20 @@ bool responds(const std::string& control, const Colour& usual, const Colour& cha
 
 }  // namespace
 
-double without_flicker(double exposure, double mains) {
+double flicker_free_exposure(double exposure, double mains) {
   const double half_wave = 0.5 / mains;
   return exposure < half_wave ? exposure : std::floor(exposure / half_wave + 1e-6) * half_wave;
 }
 
 ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
-  Rig one = sub_rig(rig, {options.reference});
+  Rig one = rig_subset(rig, {options.reference});
   const std::string name = "camera " + name_of(one.cameras[0]);
   Controls automatic;
   for (const char* control : kAutomatic) automatic[control] = std::nullopt;
   const TemporaryRig file(one, with_controls(one, automatic), options.path, options.trusted);
   RigCameras cameras(file.rig(), file.path(), {.decode = false, .trusted = options.trusted}, {});
   cameras.start();
-  cameras.wait(options.patience, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
+  cameras.wait(options.timeout, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
   cameras.wait(options.settle);
   if (cameras.frames(0) == 0)
     throw CameraFailure(cameras.problem(0).empty() ? name + " gives no frames" : cameras.problem(0));
@@ -118,10 +117,10 @@ ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   cameras.stop();
   if (values.empty())
     throw Error(name +
-                ": its source tells no exposure, gain, white balance or focus: network cameras are set in their own "
-                "web page, all alike");
+                ": its source reports no exposure, gain, white balance or focus: set network cameras in their own "
+                "web pages, all to the same values");
   if (options.mains && values.contains("exposure"))
-    values["exposure"] = without_flicker(values["exposure"], *options.mains);
+    values["exposure"] = flicker_free_exposure(values["exposure"], *options.mains);
   return values;
 }
 
@@ -137,12 +136,12 @@ std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValue
     if (works[i]) continue;
     const bool dark = usual[i].problem.empty() && !std::isnan(usual[i].mean[0]);
     stuck.push_back({i, "",
-                     dark ? "its picture is black: nothing can be told of its controls"
-                          : usual[i].problem + ": " + remedy_of(rig.cameras[i], usual[i].problem)});
+                     dark ? "its picture is black: its controls can't be checked"
+                          : usual[i].problem + ": " + remedy_for(rig.cameras[i], usual[i].problem)});
   }
   for (const auto& [control, value] : controls) {
-    const auto factor = kTrialFactors.find(control);
-    if (factor == kTrialFactors.end() || value == 0) continue;
+    const auto factor = kHypothesisFactors.find(control);
+    if (factor == kHypothesisFactors.end() || value == 0) continue;
     Controls other = all;
     other[control] = value * factor->second;
     if (on_step) on_step("pictures with another " + control);

@@ -16,34 +16,34 @@ using ControlValues = std::map<std::string, double>;
 
 struct LockOptions {
   CameraIndex reference = 0;
-  double settle = 4;            // seconds that automatic controls get, and pictures after a change
-  double patience = 10;         // seconds until cameras give frames
-  std::string path = {};        // file that the rig was read from
-  bool trusted = false;         // the rig may run any element, see rig/source_security.h
-  std::optional<double> mains;  // hertz of the mains: exposures become whole half-waves, against flicker
+  double settle = 4;      // seconds for automatic controls to converge, and for frames after a change
+  double timeout = 10;    // seconds until cameras must deliver frames
+  std::string path = {};  // file that the rig was read from
+  bool trusted = false;
+  // mains frequency, hertz; exposures become multiples of its half period to avoid flicker
+  std::optional<double> mains;
 };
 
-// A camera that does not work, in the light field's words.
+// A camera does not work; the message comes from lfcamsrc.
 struct CameraFailure : Error {
   using Error::Error;
 };
 
-// Opens the reference camera with its controls left to itself, and returns what it has chosen: exposure, gain, white
-// balance, focus, as far as its source has them. Throws CameraFailure where the
-// camera does not work, Error where it tells nothing.
+// Opens the reference camera with automatic controls and returns the values it has chosen: exposure, gain, white
+// balance and focus, if its source reports these values. Throws CameraFailure if the camera does not work, Error if it
+// reports no values.
 ControlValues choose_controls(const Rig& rig, const LockOptions& options);
 
-// An exposure (seconds) as a whole number of half-waves of mains, if it has room for one.
-double without_flicker(double exposure, double mains);
+// Rounds an exposure (seconds) to a whole number of mains half periods, if the exposure is not shorter than one.
+double flicker_free_exposure(double exposure, double mains);
 
-// A camera whose control changes nothing in its picture.
 struct StuckControl {
   CameraIndex camera = 0;
   std::string control;
-  std::string why;  // "the picture stays the same", "its source does not take it", or why the camera does not work
+  std::string why;  // "the picture stays the same", "its picture is black: ...", or the camera's error
 };
-// Opens all cameras with `controls`, and once more for each of them with another value, and compares pictures:
-// exposure and gain by brightness, white balance by colour. Focus is not judged. `on_step` is told what is tried.
+// Opens all cameras with `controls`, then once for each control with another value, and compares the images: exposure
+// and gain by brightness, white balance by colour. Focus is not checked. `on_step` receives a description of each step.
 std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValues& controls, const LockOptions& options,
                                               const std::function<void(const std::string&)>& on_step = {});
 

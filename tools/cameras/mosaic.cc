@@ -15,18 +15,17 @@
 namespace lf::cameras {
 namespace {
 
-constexpr double kEvery = 0.01,
-                 kLeastEvery = 0.15;  // seconds between a camera's small pictures: for each camera, at least
-// Seconds for which small pictures are made after a request for them. A page asks every 0.2 s; one request alone must
-// not decode all cameras many times.
+// Seconds between thumbnails of a camera: kEvery times the number of cameras, at least kLeastEvery.
+constexpr double kEvery = 0.01, kLeastEvery = 0.15;
+// Seconds after a request during which thumbnails are made. A page polls every 0.2 s; a single request must not decode
+// all cameras many times.
 constexpr double kLooksOn = 1;
-constexpr std::chrono::milliseconds kEncodeEvery{100};  // between two JPEG files, at least
-constexpr double kSilent = 2;                           // seconds without a frame
-constexpr double kRateMemory = 1;                       // seconds
+constexpr std::chrono::milliseconds kEncodeEvery{100};
+constexpr double kSilent = 2;      // seconds without a frame
+constexpr double kRateMemory = 1;  // time constant of the frame rate average, seconds
 constexpr int kPartColumns = 8, kPartRows = 6;
 constexpr int kMosaicQuality = 75;
 
-// The mean over the pixels that each pixel of the smaller image covers.
 Image shrink(const Image& rgb, int width, int height) {
   Image small(PixelFamily::kRgb, width, height);
   for (int y = 0; y < height; y++)
@@ -58,7 +57,6 @@ Mosaic::Mosaic(const Rig& rig) : tiles_(rig.cameras.size()), waves_(rig.cameras.
   const bool grid = rig.topology.type == Topology::Type::kGrid;
   columns_ = grid ? rig.topology.columns : static_cast<int>(std::ceil(std::sqrt(static_cast<double>(tiles_.size()))));
   rows_ = (static_cast<int>(tiles_.size()) + columns_ - 1) / columns_;
-  // Tiles of a large array are small, so that the whole stays a picture that screens have room for.
   width_ = std::clamp(1920 / columns_, 48, 320) & ~1;
   const Camera& first = rig.cameras[0];
   height_ = std::max(2, width_ * first.height / first.width & ~1);
@@ -93,7 +91,7 @@ void Mosaic::see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now) {
   try {
     small = shrink(rgb_of(buffer, caps), width_, height_);
   } catch (const Error&) {
-    return;  // a damaged frame; the next one may be whole
+    return;
   }
   const std::vector<float> parts = parts_of(small);
   const std::lock_guard lock(mutex_);
@@ -109,7 +107,7 @@ void Mosaic::swap(uint32_t a, uint32_t b) {
   std::swap(first->small, second->small);
   std::swap(first->came, second->came);
   std::swap(first->rate, second->rate);
-  waves_ = WaveFinder(tiles_.size());
+  waves_ = HandWaveDetector(tiles_.size());
 }
 
 Mosaic::~Mosaic() {
@@ -132,7 +130,7 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
   return jpeg_;
 }
 
-// Takes half of a processor at most, however many clients ask.
+// Uses at most half of one CPU core, regardless of the number of clients.
 void Mosaic::encode() {
   using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
@@ -159,7 +157,7 @@ void Mosaic::encode() {
   }
 }
 
-// All tiles, as they are now. Locked.
+// Composes all tiles. Caller holds mutex_.
 Image Mosaic::picture() const {
   Image all(PixelFamily::kRgb, columns_ * width_, rows_ * height_);
   for (const Tile& tile : tiles_) {

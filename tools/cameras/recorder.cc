@@ -19,10 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kQuality = 95;  // of JPEG, of cameras that give other pictures
+constexpr int kQuality = 95;  // JPEG quality for cameras that do not deliver JPEG
 
-// Seconds that cameras run before: they adjust to the light, and network cameras tell when frames were taken with
-// their first sender report, whose interval is 5 s and half as much more at most (RFC 3550). Stamps would jump there.
+// Seconds before recording. Automatic exposure converges in kWarmUp. Network cameras send capture times with their
+// first RTCP sender report, after at most 1.5 times the interval of 5 s (RFC 3550). Timestamps would jump there.
 constexpr double kWarmUp = 1, kFirstReport = 8;
 
 bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
@@ -33,12 +33,11 @@ bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
   return arrival;
 }
 
-// A camera's film. Frames come in one thread; the rest is asked when none comes any more.
-class Film {
+// Recording of one camera. see() is called on one thread, finish() after the last frame.
+class CameraRecording {
  public:
-  // At `time`, seconds from the beginning on.
   void see(const CameraFrame& frame, const Camera& camera, const fs::path& file, double time) {
-    // What comes late, of a queue or of packets in disorder, is no part of a film.
+    // Skips frames that arrive late or out of order.
     if (!problem_.empty() || time < 0 || (frames_ > 0 && time <= last_)) return;
     try {
       const auto stamp = static_cast<GstClockTime>(std::llround(time * GST_SECOND));
@@ -56,7 +55,7 @@ class Film {
       problem_ = error.what();
     }
   }
-  void finish(Recorded& recorded) {
+  void finish(RecordedCamera& recorded) {
     recorded.frames = frames_;
     recorded.problem = problem_;
     if (writer_ && problem_.empty()) try {
@@ -75,28 +74,29 @@ class Film {
 
 std::string film_name(const Camera& camera) { return camera.name + ".mkv"; }
 
-// Films of two recordings would be taken for one: where the new recording lacks a camera, its film of before moves to
-// the folder "earlier".
+// Films of two recordings do not fit together. If the new recording lacks a camera, its previous film moves to the
+// folder "earlier".
 void set_earlier_film_aside(const std::string& folder, const std::string& staging, const Camera& camera,
-                            Recorded& recorded) {
+                            RecordedCamera& recorded) {
   const fs::path name = film_name(camera), old = fs::path(folder) / name, aside = fs::path(folder) / "earlier";
   if (fs::exists(fs::path(staging) / name) || !fs::exists(old)) return;
   std::error_code error;
   fs::create_directories(aside, error);
   if (!error) fs::rename(old, aside / name, error);
   if (error) throw Error(old.string() + ": can't be moved to " + aside.string() + ": " + error.message());
-  recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its film of before is now ") +
+  recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its previous film is now ") +
                    (aside / name).string() + ", because films of two recordings do not fit together";
 }
 
 }  // namespace
 
-std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
-                                     const RecordingOptions& options, const std::function<bool(double)>& told) {
+std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path,
+                                           const std::string& folder, const RecordingOptions& options,
+                                           const std::function<bool(double)>& on_progress) {
   check_file_names(*rig);
-  // Films that are in the folder stay until new ones are complete.
-  FolderUpdate update(folder);
-  std::vector<Film> films(rig->cameras.size());
+  // Existing films stay until the new films are complete.
+  AtomicFolderUpdate update(folder);
+  std::vector<CameraRecording> films(rig->cameras.size());
   std::atomic<double> begin = INFINITY;
   RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false, .trusted = options.trusted},
                      [&](const CameraFrame& frame) {
@@ -109,8 +109,8 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
                      });
   bool going = true;
   cameras.start();
-  cameras.wait(options.patience, [&] {
-    going = going && told(-1);
+  cameras.wait(options.timeout, [&] {
+    going = going && on_progress(-1);
     return !going || std::ranges::all_of(cameras.cameras(), [&](CameraIndex i) {
       return cameras.frames(i) > 0 || !cameras.problem(i).empty();
     });
@@ -118,7 +118,7 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
   if (going) cameras.wait(kWarmUp);
   if (going)
     cameras.wait(kFirstReport - kWarmUp, [&] {
-      going = going && told(-1);
+      going = going && on_progress(-1);
       return !going || std::ranges::none_of(cameras.cameras(), [&](CameraIndex i) {
         return cameras.problem(i).empty() && is_dated_by_arrival(cameras, i);
       });
@@ -126,25 +126,25 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
   std::vector<bool> by_arrival(rig->cameras.size());
   for (const CameraIndex index : cameras.cameras()) by_arrival[index] = is_dated_by_arrival(cameras, index);
   begin = cameras.now();
-  // Frames of the last instant take their time to come.
+  // maximum delay of the last frames, seconds
   constexpr double kLate = 0.5;
   if (going)
     cameras.wait(options.seconds + kLate,
-                 [&] { return !told(std::min(1.0, (cameras.now() - begin) / options.seconds)); });
+                 [&] { return !on_progress(std::min(1.0, (cameras.now() - begin) / options.seconds)); });
   cameras.stop();
-  std::vector<Recorded> all;
+  std::vector<RecordedCamera> all;
   for (const CameraIndex index : cameras.cameras()) {
-    Recorded& recorded = all.emplace_back(Recorded{.camera = index});
+    RecordedCamera& recorded = all.emplace_back(RecordedCamera{.camera = index});
     films[index].finish(recorded);
     if (by_arrival[index])
       recorded.note =
-          "frames are dated as they came, as no sender report told when they were taken: time offsets are "
-          "not its own";
+          "capture times are arrival times, because no RTCP sender report came: time offsets include network "
+          "delays";
     if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
     if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "no frame came";
   }
   if (fs::is_empty(update.staging())) return all;
-  for (Recorded& recorded : all)
+  for (RecordedCamera& recorded : all)
     set_earlier_film_aside(folder, update.staging(), rig->cameras[recorded.camera], recorded);
   update.commit();
   return all;
@@ -152,19 +152,18 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
 
 namespace {
 
-constexpr double kLongestFrame = 2;  // seconds that the instant's frames are waited for
+constexpr double kLongestFrame = 2;  // maximum wait for frames around the snapshot time, seconds
 
-// The frames of a camera on both sides of the instant.
-class Around {
+class SnapshotFrames {
  public:
-  ~Around() {
+  ~SnapshotFrames() {
     clear(before_);
     clear(after_);
   }
   void see(const CameraFrame& frame, double instant) {
     const std::lock_guard lock(mutex_);
     if (after_.sample) return;
-    Kept& kept = frame.taken < instant ? before_ : after_;
+    BufferedFrame& kept = frame.taken < instant ? before_ : after_;
     clear(kept);
     kept = {gst_sample_ref(frame.sample), frame.taken};
   }
@@ -172,10 +171,10 @@ class Around {
     const std::lock_guard lock(mutex_);
     return after_.sample;
   }
-  // Sets what is there; call when nothing comes any more.
-  void give(double instant, Still& still) const {
+  // Stores the nearest frame in `still`; call after the last see().
+  void give(double instant, SnapshotImage& still) const {
     const bool later = after_.sample && (!before_.sample || after_.taken - instant < instant - before_.taken);
-    const Kept& nearest = later ? after_ : before_;
+    const BufferedFrame& nearest = later ? after_ : before_;
     if (!nearest.sample) {
       still.problem = "no frame came";
       return;
@@ -189,23 +188,23 @@ class Around {
   }
 
  private:
-  struct Kept {
+  struct BufferedFrame {
     GstSample* sample = nullptr;
     double taken = 0;
   };
-  static void clear(Kept& kept) {
+  static void clear(BufferedFrame& kept) {
     if (kept.sample) gst_sample_unref(kept.sample);
     kept = {};
   }
   mutable std::mutex mutex_;
-  Kept before_, after_;
+  BufferedFrame before_, after_;
 };
 
 }  // namespace
 
-std::vector<Still> take_snapshot(std::shared_ptr<const Rig> rig, const std::string& path,
-                                 const SnapshotOptions& options) {
-  std::vector<Around> around(rig->cameras.size());
+std::vector<SnapshotImage> take_snapshot(std::shared_ptr<const Rig> rig, const std::string& path,
+                                         const SnapshotOptions& options) {
+  std::vector<SnapshotFrames> around(rig->cameras.size());
   std::atomic<double> instant = INFINITY;
   RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false, .trusted = options.trusted},
                      [&](const CameraFrame& frame) { around[frame.camera].see(frame, instant); });
@@ -214,14 +213,14 @@ std::vector<Still> take_snapshot(std::shared_ptr<const Rig> rig, const std::stri
                        [&](CameraIndex i) { return !cameras.problem(i).empty() || of(i); });
   };
   cameras.start();
-  cameras.wait(options.patience, [&] { return all([&](CameraIndex i) { return cameras.frames(i) > 0; }); });
+  cameras.wait(options.timeout, [&] { return all([&](CameraIndex i) { return cameras.frames(i) > 0; }); });
   cameras.wait(options.warm_up);
   instant = cameras.now();
   cameras.wait(kLongestFrame, [&] { return all([&](CameraIndex i) { return around[i].is_complete(); }); });
   cameras.stop();
-  std::vector<Still> stills;
+  std::vector<SnapshotImage> stills;
   for (const CameraIndex index : cameras.cameras()) {
-    Still still{.camera = index};
+    SnapshotImage still{.camera = index};
     around[index].give(instant, still);
     if (still.rgb.data().empty() && !cameras.problem(index).empty()) still.problem = cameras.problem(index);
     stills.push_back(std::move(still));

@@ -14,8 +14,8 @@
 #include <gst/app/gstappsink.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
-#include <nlohmann/json.hpp>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #include "base/text.h"
 #include "jpeg/jpeg_frame.h"
@@ -54,7 +54,6 @@ GstElement* make(const char* factory) {
 
 double seconds(GstClockTime time) { return static_cast<double>(time) / GST_SECOND; }
 
-// In words, of the caps of what a source gives.
 std::string format_of(GstPad* pad) {
   GstCaps* caps = gst_pad_get_current_caps(pad);
   if (!caps) return "";
@@ -82,7 +81,7 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   if (!gst_video_info_from_caps(&from, caps) || !gst_video_frame_map(&in, &from, buffer, GST_MAP_READ))
     throw Error("a frame that can't be read");
   gst_video_info_set_format(&to, GST_VIDEO_FORMAT_RGB, static_cast<guint>(from.width), static_cast<guint>(from.height));
-  // A converter does not change rates, nor what is interlaced.
+  // GstVideoConverter changes neither frame rate nor interlacing.
   to.fps_n = from.fps_n;
   to.fps_d = from.fps_d;
   to.interlace_mode = from.interlace_mode;
@@ -106,16 +105,16 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   return image;
 }
 
-GreyPicture small_grey_of(GstSample* sample, int smaller) {
+GreyImage small_grey_of(GstSample* sample, int smaller) {
   GstVideoInfo info;
   GstVideoFrame frame;
   GstCaps* caps = gst_sample_get_caps(sample);
   if (!caps || !gst_video_info_from_caps(&info, caps) ||
       !gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ))
     throw Error("a frame that can't be read");
-  GreyPicture picture{info.width / smaller, info.height / smaller, {}};
+  GreyImage picture{info.width / smaller, info.height / smaller, {}};
   picture.samples.reserve(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
-  // Luma, or the mean of red, green and blue: lights have colours.
+  // Averages red, green and blue, because lights may be coloured.
   const int components = GST_VIDEO_INFO_IS_RGB(&info) ? 3 : 1;
   const int count = smaller * smaller * components;
   for (int y = 0; y < picture.height; y++)
@@ -155,17 +154,16 @@ double brightness_of(const Image& rgb) {
   return pixels > 0 ? static_cast<double>(sum) / 1000 / pixels : 0;
 }
 
-// A camera that is open.
-struct RigCameras::One {
+struct RigCameras::CameraState {
   RigCameras* cameras = nullptr;
   CameraIndex index = 0;
-  GstElement* source = nullptr;  // lfcamsrc, of the pipeline
+  GstElement* source = nullptr;  // lfcamsrc; owned by the pipeline
   std::atomic<uint64_t> frames = 0, bytes = 0;
   mutable std::mutex mutex;
   std::string problem, format;
 
   static GstFlowReturn take(GstAppSink* sink, gpointer data) {
-    auto* one = static_cast<One*>(data);
+    auto* one = static_cast<CameraState*>(data);
     GstSample* sample = gst_app_sink_pull_sample(sink);
     if (!sample) return GST_FLOW_OK;
     CameraFrame frame{.camera = one->index, .sample = sample, .came = one->cameras->now()};
@@ -179,13 +177,12 @@ struct RigCameras::One {
     return GST_FLOW_OK;
   }
 
-  // Counts what a source gives, and remembers what it is.
   void watch(GstPad* pad) {
     constexpr auto kData = GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST);
     gst_pad_add_probe(
         pad, kData,
         [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-          auto* one = static_cast<One*>(data);
+          auto* one = static_cast<CameraState*>(data);
           if (info->type & GST_PAD_PROBE_TYPE_BUFFER)
             one->bytes += gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info));
           else
@@ -206,7 +203,7 @@ RigCameras::RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, 
   pipeline_ = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new("cameras")));
   try {
     for (const CameraIndex index : options_.cameras) {
-      auto& one = all_[index] = std::make_unique<One>();
+      auto& one = all_[index] = std::make_unique<CameraState>();
       one->cameras = this;
       one->index = index;
       one->source = make("lfcamsrc");
@@ -219,7 +216,7 @@ RigCameras::RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, 
       gst_bin_add(GST_BIN(pipeline_), sink);
       g_object_set(sink, "sync", FALSE, "async", FALSE, "enable-last-sample", FALSE, "qos", FALSE, nullptr);
       GstAppSinkCallbacks callbacks = {};
-      callbacks.new_sample = One::take;
+      callbacks.new_sample = CameraState::take;
       gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, one.get(), nullptr);
       gst_element_link(one->source, sink);
     }
@@ -251,7 +248,7 @@ void RigCameras::wait(double duration, const std::function<bool()>& done) {
   for (const double end = now() + duration; now() < end && !(done && done());) read_messages(kStep);
 }
 
-// What is lost and found, of each camera; the pipeline itself has no errors but those of cameras.
+// Updates the errors of the cameras. The pipeline itself posts only errors of cameras.
 void RigCameras::read_messages(GstClockTime timeout) {
   GstBus* bus = gst_element_get_bus(pipeline_);
   constexpr auto kOfUse = GstMessageType(GST_MESSAGE_ELEMENT | GST_MESSAGE_ERROR);
@@ -273,7 +270,7 @@ void RigCameras::read_messages(GstClockTime timeout) {
   gst_object_unref(bus);
 }
 
-// Of rtspsrc its own pads count, and not the sockets inside; of all others what has no sink pads.
+// Watches the pads of rtspsrc but not its inner sockets; otherwise watches elements without sink pads.
 void RigCameras::on_child(GstBin*, GstBin* parent, GstElement* child, gpointer data) {
   const auto is_rtsp = [](gpointer element) {
     GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(element));
@@ -282,13 +279,13 @@ void RigCameras::on_child(GstBin*, GstBin* parent, GstElement* child, gpointer d
   for (GstObject* above = GST_OBJECT(parent); above; above = GST_OBJECT_PARENT(above))
     if (is_rtsp(above)) return;
   if (is_rtsp(child)) {
-    g_signal_connect(child, "pad-added",
-                     G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer one) { static_cast<One*>(one)->watch(pad); }),
-                     data);
+    g_signal_connect(
+        child, "pad-added",
+        G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer one) { static_cast<CameraState*>(one)->watch(pad); }), data);
     return;
   }
   if (GST_IS_BIN(child) || child->sinkpads) return;
-  for (GList* pad = child->srcpads; pad; pad = pad->next) static_cast<One*>(data)->watch(GST_PAD(pad->data));
+  for (GList* pad = child->srcpads; pad; pad = pad->next) static_cast<CameraState*>(data)->watch(GST_PAD(pad->data));
 }
 
 uint64_t RigCameras::frames(CameraIndex camera) const { return all_[camera]->frames; }
@@ -319,7 +316,7 @@ TemporaryRig::TemporaryRig(Rig rig, const nlohmann::json& original, const std::s
   std::string pattern = (std::filesystem::temp_directory_path() / "lf-rig-XXXXXX").string();
   if (!mkdtemp(pattern.data())) throw Error(pattern + ": can't be made");
   directory_ = pattern;
-  relocate(rig, directory_);
+  rebase_paths(rig, directory_);
   save_rig(rig, this->path(), &original);
   rig_ = std::make_shared<const Rig>(load_rig(this->path()));
 }
@@ -345,7 +342,6 @@ std::string text_in(GstDevice* device, std::initializer_list<const char*> fields
   return text;
 }
 
-// The link among those of ports that leads to the device; "" without one.
 std::string port_of(const std::string& device, const std::string& by_path) {
   std::error_code error;
   const fs::path real = fs::canonical(device, error);
@@ -353,10 +349,9 @@ std::string port_of(const std::string& device, const std::string& by_path) {
   std::set<std::string> links;
   for (const fs::directory_entry& entry : fs::directory_iterator(by_path, error))
     if (fs::canonical(entry.path(), error) == real && !error) links.insert(entry.path().string());
-  return links.empty() ? "" : *links.begin();  // one device may be named by USB 2 and USB 3
+  return links.empty() ? "" : *links.begin();  // USB 2 and USB 3 may each have a link to one device
 }
 
-// A value as it stands in a line of elements.
 std::string value_text(const GValue* value) {
   if (G_VALUE_HOLDS_STRING(value)) {
     g_autofree gchar* escaped = g_strescape(g_value_get_string(value), nullptr);
@@ -366,8 +361,8 @@ std::string value_text(const GValue* value) {
   return text ? text : "";
 }
 
-// The device's element with what is set otherwise than in one that is just made, as gst-device-monitor-1.0 prints it.
-// "" where there is none.
+// Returns the device's element with all properties that differ from their defaults, as gst-device-monitor-1.0 prints
+// it; "": none.
 std::string element_of(GstDevice* device) {
   GstElement* element = gst_device_create_element(device, nullptr);
   if (!element) return "";
@@ -398,7 +393,7 @@ std::string element_of(GstDevice* device) {
     gst_object_unref(plain);
   }
   gst_object_unref(element);
-  // One word would be the name of a file.
+  // A single word would be read as a file name.
   return line.empty() || line.find('=') != std::string::npos ? line : line + " ! identity";
 }
 
@@ -411,7 +406,7 @@ bool is_screen(GstDevice* device) {
 
 std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
   std::vector<VideoDevice> devices;
-  std::set<std::string> paths;  // several providers may know one device
+  std::set<std::string> paths;  // several providers may report one device
   GstDeviceMonitor* monitor = gst_device_monitor_new();
   gst_device_monitor_add_filter(monitor, "Video/Source", nullptr);
   if (gst_device_monitor_start(monitor)) {
@@ -420,7 +415,7 @@ std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
       GstDevice* device = GST_DEVICE(item->data);
       if (is_screen(device)) continue;
       VideoDevice found;
-      // v4l2src and PipeWire each have their own name for it.
+      // v4l2src and PipeWire use different names for the path.
       if (const std::string path = text_in(device, {"device.path", "api.v4l2.path"}); !path.empty()) {
         if (!paths.insert(path).second) continue;
         const std::string port = port_of(path, by_path);

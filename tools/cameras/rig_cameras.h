@@ -18,64 +18,62 @@
 
 namespace lf::cameras {
 
-// The picture of a frame of lfcamsrc, raw or JPEG, as RGB. Throws Error for what can't be read. Any thread.
+// Converts a frame of lfcamsrc (raw or JPEG) to RGB. Throws Error if the frame is not readable. Thread-safe.
 Image rgb_of(GstBuffer* buffer, GstCaps* caps);
 inline Image rgb_of(GstSample* sample) { return rgb_of(gst_sample_get_buffer(sample), gst_sample_get_caps(sample)); }
 
-// A raw frame in grey, `smaller` times as narrow and as low: the mean of so many pixels in a square, rounded down where
-// there are fewer. Throws Error for what can't be read. Any thread.
-GreyPicture small_grey_of(GstSample* sample, int smaller);
+// Converts a raw frame to grey and reduces its size by the factor `smaller`, averaging square blocks. The size is
+// rounded down. Throws Error if the frame is not readable. Thread-safe.
+GreyImage small_grey_of(GstSample* sample, int smaller);
 bool is_jpeg(GstSample* sample);
 std::vector<uint8_t> bytes_of(GstSample* sample);
 
-// Mean brightness, 0..255, of a picture that is RGB.
 double brightness_of(const Image& rgb);
 
-// A frame of a camera, in the thread that brings it.
+// A frame of a camera, passed on the thread that delivers the frame.
 struct CameraFrame {
   CameraIndex camera = 0;
-  GstSample* sample = nullptr;  // borrowed; RGB of any order, I420 or JPEG, of the size in the rig
-  double taken = 0;             // seconds of clock time; capture time as the light field takes it
-  double came = 0;              // when the frame was here, seconds of the same clock
+  GstSample* sample = nullptr;  // borrowed; RGB in any channel order, I420 or JPEG, at the size in the rig
+  double taken = 0;             // capture time, seconds of clock time, including the rig's time offset
+  double came = 0;              // arrival time, seconds of the same clock
 };
 
-// The cameras of a rig, each opened as the light field opens it (lfcamsrc), side by side under one clock. One that
-// fails leaves the others alone, and is opened again.
+// Runs the cameras of a rig, each through lfcamsrc, under one clock. A camera that fails is reopened and does not
+// disturb the other cameras.
 class RigCameras {
  public:
   struct Options {
-    std::vector<CameraIndex> cameras;  // indices of the cameras to open; empty: all
-    bool decode = true;                // JPEG is decoded; else it comes as it is
-    bool trusted = false;              // the rig may run any element, see rig/source_security.h
-    int fps = 0;                       // asked of devices, frames per second; 0: as they have it
+    std::vector<CameraIndex> cameras;
+    bool decode = true;
+    bool trusted = false;  // allow any element as a source, see rig/source_security.h
+    int fps = 0;           // frames per second requested from devices; 0: device default
   };
   using OnFrame = std::function<void(const CameraFrame&)>;
 
-  // `rig` has been read from `path`. Throws Error where an element is not installed.
+  // `rig` was read from `path`. Throws Error if an element is not installed.
   RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, Options options, OnFrame on_frame);
   ~RigCameras();
   RigCameras(const RigCameras&) = delete;
 
-  // Starts the cameras and does not wait for them.
   void start();
-  // Waits for so many seconds, or until `done` is true. To be called from one thread; what has failed is known
-  // afterwards.
+  // Waits this many seconds or until `done` returns true, and collects camera errors meanwhile. Always call it from the
+  // same thread.
   void wait(double seconds, const std::function<bool()>& done = {});
-  // Stops the cameras: no frame comes any more.
+  // Stops the cameras. No frame is delivered after stop() returns.
   void stop();
 
   const std::vector<CameraIndex>& cameras() const { return options_.cameras; }
-  double now() const;                             // seconds, by the clock of the frames
-  uint64_t frames(CameraIndex camera) const;      // frames of the camera that have come
-  std::string problem(CameraIndex camera) const;  // why it does not work, or did not for a while; "": it works
+  double now() const;  // seconds, on the clock of the frames
+  uint64_t frames(CameraIndex camera) const;
+  std::string problem(CameraIndex camera) const;  // current or latest error of the camera; "": none
   GstStructure* stats(CameraIndex camera) const;  // `stats` of the camera's lfcamsrc; owned by the caller
-  // What comes from the camera's source: "JPEG", "YUY2", "H264 by RTP"; "" before the first frame, and of files and the
-  // scene.
+  // Returns the format of the camera's source: "JPEG", "YUY2", "H264 by RTP". "" before the first frame, and for files
+  // and the built-in scene.
   std::string format(CameraIndex camera) const;
-  uint64_t source_bytes(CameraIndex camera) const;  // bytes that the camera's source has given
+  uint64_t source_bytes(CameraIndex camera) const;
 
  private:
-  struct One;
+  struct CameraState;
   static void on_child(GstBin* pipeline, GstBin* parent, GstElement* child, gpointer one);
   void read_messages(GstClockTime timeout);
 
@@ -84,18 +82,18 @@ class RigCameras {
   OnFrame on_frame_;
   GstElement* pipeline_ = nullptr;
   GstClock* clock_ = nullptr;
-  std::vector<std::unique_ptr<One>> all_;  // by index in the rig; null for cameras that are not opened
+  std::vector<std::unique_ptr<CameraState>> all_;  // indexed by rig camera; null: camera not opened
 };
 
-// "3 (cam_00_03)".
 std::string name_of(const Camera& camera);
 
-// A rig file for as long as it lives, since cameras are opened by files. Files that the rig names are found from there.
+// A temporary rig file, deleted by the destructor; lfcamsrc opens cameras through a file. Relative paths are adapted to
+// the new location.
 class TemporaryRig {
  public:
-  // `original`: what else the cameras have, such as their controls (rig/rig_json.h). `path`: the file that the rig was
-  // read from. Its sources must be trusted (rig/source_security.h), because the copy belongs to this user in any case.
-  // Throws Error.
+  // `original`: JSON of the rig file with further fields, such as controls (rig/rig_json.h). `path`: file that the rig
+  // was read from. Its sources must be trusted (rig/source_security.h), because the copy always belongs to the current
+  // user. Throws Error.
   TemporaryRig(Rig rig, const nlohmann::json& original, const std::string& path, bool trusted);
   ~TemporaryRig();
   TemporaryRig(const TemporaryRig&) = delete;
@@ -110,15 +108,15 @@ class TemporaryRig {
 
 }  // namespace lf::cameras
 
-// A camera that is plugged in.
 struct VideoDevice {
-  std::string name;     // the name that people know the camera by
-  std::string source;   // what a rig has as source: a URI, or elements
-  bool stable = false;  // the source means the same camera after a restart, or what else has been plugged in
+  std::string name;
+  std::string source;   // value for `source` in a rig: a URI or a launch description
+  bool stable = false;  // true: the source identifies the same camera after reboot and replugging
 };
 
-// What GstDeviceMonitor finds under Video/Source, by whatever provider (v4l2, libcamera, Aravis, ...), in the order of
-// the sources' numbers, each once. Sources: of V4L2 the link in `by_path` to the device's port on this machine
-// (v4l2:///dev/v4l/by-path/...), else /dev/video0, which changes; of others their element with the properties that name
-// the device. Screens, and what makes no element, are left out. gst_init() comes first.
+// Lists the devices that GstDeviceMonitor finds under Video/Source, from all providers (v4l2, libcamera, Aravis, ...),
+// without duplicates, ordered by device number. A V4L2 source is the device's link in `by_path`
+// (v4l2:///dev/v4l/by-path/...), or /dev/video0 without such a link, which may change. Other sources are their element
+// with the properties that identify the device. Screen capture and devices without an element are skipped. Requires
+// gst_init().
 std::vector<VideoDevice> find_video_devices(const std::string& by_path = "/dev/v4l/by-path");

@@ -25,7 +25,6 @@ std::array<guint8, kDigestBytes> sha256(std::string_view text) {
   return digest;
 }
 
-// "example.org:8080" without the port, "[::1]:8080" without that and the brackets.
 std::string name_of(std::string_view host) {
   if (host.starts_with('[')) return std::string(host.substr(1, host.find(']') == host.npos ? 0 : host.find(']') - 1));
   return std::string(host.substr(0, host.find(':')));
@@ -38,7 +37,7 @@ std::string lower(std::string_view text) {
 
 bool is_scheme_character(char c) { return g_ascii_isalnum(c) || c == '-' || c == '+'; }
 
-// Of a name or an address.
+// True for characters of a host name or an IP address.
 bool is_host_name(const std::string& name) {
   return !name.empty() &&
          std::ranges::all_of(name, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:", c)); });
@@ -154,7 +153,7 @@ std::set<std::string> proxy_addresses(const std::string& proxy) {
   return {address};
 }
 
-// Only own addresses can be bound to.
+// A socket can be bound to local addresses only.
 bool is_local_address(const std::string& address) {
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), 0);
   if (!bound) return false;

@@ -4,10 +4,10 @@
 namespace lf::serve {
 namespace {
 
-// RFC 3550, 4585 and 5104.
+// Packet types and formats of RFC 3550, 4585 and 5104.
 enum PacketType : uint8_t { kReceiverReport = 201, kTransportFeedback = 205, kPayloadFeedback = 206 };
 constexpr uint8_t kGenericNack = 1, kPictureLoss = 1, kFullIntra = 4;
-constexpr size_t kHeader = 8;  // of each packet of a compound, with the sender's SSRC
+constexpr size_t kHeader = 8;  // header of each packet in a compound, including the sender's SSRC
 
 uint32_t sender_of(std::span<const uint8_t> packet) {
   return uint32_t{packet[4]} << 24 | uint32_t{packet[5]} << 16 | uint32_t{packet[6]} << 8 | packet[7];
@@ -24,7 +24,7 @@ bool is_needed(uint8_t type, uint8_t format) {
 
 }  // namespace
 
-bool RtcpFilter::take_sealed(std::span<const uint8_t> packet, int64_t now) {
+bool RtcpFilter::accept_encrypted(std::span<const uint8_t> packet, int64_t now) {
   if (packet.empty()) return false;
   if (packet[0] < 128 || packet[0] > 191) return true;
   const bool is_rtcp = packet.size() >= kHeader && packet[1] >= 192 && packet[1] <= 223;
@@ -36,7 +36,7 @@ bool RtcpFilter::take_sealed(std::span<const uint8_t> packet, int64_t now) {
   return true;
 }
 
-std::optional<std::vector<uint8_t>> RtcpFilter::needed_part(std::span<const uint8_t> compound) {
+std::optional<std::vector<uint8_t>> RtcpFilter::filter_compound(std::span<const uint8_t> compound) {
   std::vector<uint8_t> kept;
   for (size_t at = 0; at < compound.size();) {
     const std::span<const uint8_t> rest = compound.subspan(at);

@@ -17,7 +17,6 @@
 namespace lf::serve {
 namespace {
 
-// Empty where there is none; owned by the caller.
 GstStructure* stats_of(GstElement* element) {
   GstStructure* stats = nullptr;
   g_object_get(element, "stats", &stats, nullptr);
@@ -120,13 +119,13 @@ std::string to_metrics(const MonitorReport& report, const std::vector<std::strin
   out << "# HELP lightfield_monitor_bytes_total Bytes of answers that only measured the cameras.\n"
          "# TYPE lightfield_monitor_bytes_total counter\nlightfield_monitor_bytes_total "
       << report.bytes << '\n';
-  out << "# HELP lightfield_camera_psnr_db How well the others predict a camera.\n"
+  out << "# HELP lightfield_camera_psnr_db PSNR of a camera's prediction from the other cameras.\n"
          "# TYPE lightfield_camera_psnr_db gauge\n";
   const size_t count = std::min(report.cameras.size(), names.size());
   for (size_t i = 0; i < count; i++)
     if (std::isfinite(report.cameras[i].psnr))
       out << "lightfield_camera_psnr_db{camera=" << label(names[i]) << "} " << report.cameras[i].psnr << '\n';
-  out << "# HELP lightfield_camera_suspect Cameras that the others predict unusually badly, and what is wrong.\n"
+  out << "# HELP lightfield_camera_suspect Cameras with an unusually bad prediction, and the probable fault.\n"
          "# TYPE lightfield_camera_suspect gauge\n";
   for (size_t i = 0; i < count; i++)
     if (!report.cameras[i].fault.empty())

@@ -14,51 +14,46 @@
 
 namespace lf::serve {
 
-// How the cameras of an lfcameranode are. Any thread.
 struct CameraStates {
-  uint32_t count = 0, working = 0;  // working: not lost, as far as is known
+  uint32_t count = 0, working = 0;  // working: not known to be lost
 };
 CameraStates camera_states(GstElement* node);
-// Why the camera of this id was lost; "" where nothing is known.
+// Returns why the camera with this id was lost; "": unknown.
 std::string camera_problem(GstElement* node, uint32_t id);
 
-// What the monitor of an lfcompositor says of the cameras.
+// Report of lfcompositor's camera monitor.
 struct MonitorReport {
   struct Camera {
-    double psnr = 0, gain = 0, shift = 0;  // NaN: not known
+    double psnr = 0, gain = 0, shift = 0;  // NaN: unknown
     std::string fault;                     // "": none
   };
   uint64_t turns = 0, bytes = 0;
-  std::vector<Camera> cameras;  // in the order of the rig; none: no camera has had a turn
+  std::vector<Camera> cameras;  // in rig order; empty: no camera has been checked yet
 };
 
-// Reads the monitor's report out of an lfcompositor's `stats`.
 MonitorReport monitor_report(const GstStructure* stats);
-// {"turns": 70, "bytes": 2100000, "cameras": [{"name": "cam_00_00", "psnr": 25.1, "gain": 1.001, "shift": 0.02,
-// "fault": "colour"}, ...]}; numbers that are not known are null, as is the fault of who has none. `names`: of the
-// cameras.
+// Returns {"turns": 70, "bytes": 2100000, "cameras": [{"name": "cam_00_00", "psnr": 25.1, "gain": 1.001, "shift": 0.02,
+// "fault": "colour"}, ...]}. Unknown numbers and missing faults are null. `names`: camera names.
 nlohmann::json to_json(const MonitorReport& report, const std::vector<std::string>& names);
-// The report in the format of Prometheus.
 std::string to_metrics(const MonitorReport& report, const std::vector<std::string>& names);
 
-// What the page tells of the cameras, as JSON. Immutable; thread-safe.
+// Camera array data for the web page. Immutable; thread-safe.
 class ArrayInfo {
  public:
   // Throws Error.
   explicit ArrayInfo(const std::string& rig);
 
-  // {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...],
-  // "right": [1, 0, 0], "down": [0, 1, 0]}: the axes of whoever stands before the array.
+  // {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...], "right": [1, 0, 0],
+  // "down": [0, 1, 0]}, with the axes of a person in front of the array.
   const std::string& json() const { return json_; }
   const Rig& rig() const { return rig_; }
-  const std::vector<std::string>& names() const { return names_; }  // names of the cameras
-  // The hash of all that pictures depend on, in hexadecimal digits.
+  const std::vector<std::string>& names() const { return names_; }
   std::string hash() const;
-  double size() const { return size_; }  // metres between the two cameras that are farthest apart
-  // The cameras that make a pixel of a view, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true},
-  // ...]
+  double size() const { return size_; }  // metres between the two cameras farthest apart
+  // Returns the cameras that contribute to a pixel, by descending weight: [{"name": "cam_00_00", "weight": 0.5, "sees":
+  // true}, ...]
   nlohmann::json pixel(const View& view, int x, int y) const;
-  // The share of the view that cameras make, 0..1.
+  // Returns the fraction of the view that the cameras cover, 0..1.
   double coverage(const View& view) const;
 
  private:

@@ -37,7 +37,6 @@ double picture(const json& event, const char* key) {
   return number(member(event, key), key, ControlMessage::kMaxPicture);
 }
 
-// "shift-mask+button1-mask", as GStreamer writes flags.
 GstNavigationModifierType modifiers(const json& event) {
   if (!event.contains("modifier_state")) return GST_NAVIGATION_MODIFIER_NONE;
   const std::string names = text(event, "modifier_state");
@@ -75,20 +74,20 @@ GstEvent* navigation(const json& event) {
   throw Error("event is of an unknown kind");
 }
 
-// Names of fields are kept for ever (GQuark): none that nobody in this process knows, as lfviewrequest does its own.
+// True if a GQuark with this name exists. GQuarks are never freed, so unknown names must not create new ones.
 bool is_field_name(const std::string& name) {
   return !name.empty() && name.size() <= 32 && g_ascii_isalpha(name[0]) &&
          std::all_of(name.begin(), name.end(), [](char c) { return g_ascii_isalnum(c) || c == '-'; }) &&
          g_quark_try_string(name.c_str()) != 0;
 }
 
-// Pages of older versions have the prefix lf-.
+// Pages of older versions use the prefix lf-.
 std::string structure_name(const json& request) {
   const std::string name = text(request, "structureName");
   return name.starts_with("lf-") ? "lightfield-" + name.substr(3) : name;
 }
 
-// Numbers alone: what they mean is lfviewrequest's to know. Which view they are for is the server's to say.
+// Accepts numbers only; lfviewrequest interprets the values. The server sets the view id.
 GstEvent* view_change(const json& request, double max_aperture) {
   constexpr char kName[] = "lightfield-view-request";
   if (structure_name(request) != kName) throw Error("structureName is unknown");

@@ -8,8 +8,8 @@
 
 #include <linux/tcp.h>
 #include <netinet/in.h>
-#include <nlohmann/json.hpp>
 #include <sys/socket.h>
+#include <nlohmann/json.hpp>
 
 #include "base/text.h"
 #include "serve/access.h"
@@ -21,7 +21,7 @@ namespace {
 constexpr const char* kReasons[] = {"address", "body", "filming",  "full",  "header",     "host", "offer", "origin",
                                     "path",    "rate", "starting", "token", "token-rate", "type", "view"};
 
-// Whether a header that decides who may ask came twice. Programs differ in which of the two they believe.
+// True if a security-relevant header is duplicated. Different programs use different copies.
 bool is_ambiguous(SoupMessageHeaders* headers) {
   constexpr const char* kOnce[] = {"Authorization", "Content-Length", "Content-Type",  "Host",
                                    "Origin",        "Sec-Fetch-Mode", "Sec-Fetch-Site"};
@@ -37,7 +37,6 @@ bool is_ambiguous(SoupMessageHeaders* headers) {
 
 constexpr guint kTickMs = 1000, kHandshakeTickMs = 100;
 
-// "ADDRESS PORT", unique among the open connections.
 std::string name_of(GSocketAddress* address) {
   if (!address || !G_IS_INET_SOCKET_ADDRESS(address)) return "";
   GInetSocketAddress* inet = G_INET_SOCKET_ADDRESS(address);
@@ -75,7 +74,7 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
 }
 
 void set_common_headers(SoupServerMessage* message, const char* caching) {
-  // libsoup before 3.3 never closes a connection that waits for another request when the client has closed it.
+  // libsoup before 3.3 leaks keep-alive connections that the client closes.
   set_header(message, "Connection", "close");
   set_header(message, "Cache-Control", caching);
   set_header(message, "X-Content-Type-Options", "nosniff");
@@ -84,7 +83,7 @@ void set_common_headers(SoupServerMessage* message, const char* caching) {
   set_header(message, "Cross-Origin-Resource-Policy", "same-origin");
 }
 
-const Refusal* refuse_early(SoupServerMessage* message, size_t most) {
+const HttpRefusal* refuse_early(SoupServerMessage* message, size_t most) {
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
   // libsoup sends the body once for each range, and a request may have thousands. Our responses need no ranges.
   soup_message_headers_remove(headers, "Range");
@@ -106,12 +105,12 @@ void allow(SoupServerMessage* message, const char* methods) {
   soup_server_message_set_status(message, SOUP_STATUS_NO_CONTENT, nullptr);
 }
 
-void Refusals::answer(SoupServerMessage* message, const std::string& client, const Refusal& refusal) {
+void Refusals::answer(SoupServerMessage* message, const std::string& client, const HttpRefusal& refusal) {
   answer(message, client, refusal, nlohmann::json::object());
 }
 
-// Those that ask again every second are not told of.
-void Refusals::answer(SoupServerMessage* message, const std::string& client, const Refusal& refusal,
+// Does not log refusals with status 503, because waiting clients repeat the request every second.
+void Refusals::answer(SoupServerMessage* message, const std::string& client, const HttpRefusal& refusal,
                       const nlohmann::json& more) {
   count_[refusal.reason]++;
   if (refusal.status != SOUP_STATUS_SERVICE_UNAVAILABLE)
@@ -135,15 +134,15 @@ std::string Refusals::metrics() const {
   return out.str();
 }
 
-// A TLS connection from its first byte to the end of its handshake. Owns what it names.
+// A TLS connection from its first byte to the end of its handshake. Owns its members.
 struct Connections::Handshake {
-  Connections* owner;  // null once that is gone
+  Connections* owner;  // null if the owner is destroyed
   GSocketConnection* connection;
-  Connection* state;  // in owner->open_ as long as there is a reference to `connection`
+  Connection* state;  // in owner->open_ as long as `connection` is referenced
   GIOStream* tls = nullptr;
   GSource* first_byte = nullptr;
-  bool has_begun = false;  // the first byte is there
-  int64_t since = 0;       // g_get_monotonic_time() when `tls` was made
+  bool has_begun = false;
+  int64_t since = 0;  // g_get_monotonic_time() at the creation of `tls`
   GCancellable* cancellable = g_cancellable_new();
 
   Handshake(Connections* owner, GSocketConnection* connection, Connection* state)
@@ -164,7 +163,7 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
     : server_(SOUP_SERVER(g_object_ref(server))),
       certificate_(certificate ? G_TLS_CERTIFICATE(g_object_ref(certificate)) : nullptr),
       service_(g_socket_service_new()) {
-  // GLib's 10 are few: a client for which there is no room waits a second before it tries again.
+  // GLib's default of 10 is too small: a rejected client waits a second before it tries again.
   g_socket_listener_set_backlog(G_SOCKET_LISTENER(service_), static_cast<int>(kMost));
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), static_cast<guint>(port));
   GSocketAddress* effective = nullptr;
@@ -206,7 +205,7 @@ Connections::~Connections() {
   for (Handshake* handshake : handshakes_) {
     handshake->owner = nullptr;
     g_cancellable_cancel(handshake->cancellable);
-    if (!handshake->tls) delete handshake;  // else its callback does
+    if (!handshake->tls) delete handshake;  // otherwise deleted by its callback
   }
   for (Connection& state : open_) g_weak_ref_clear(&state.connection);
   g_clear_object(&certificate_);
@@ -216,11 +215,11 @@ Connections::~Connections() {
 void Connections::set_certificate(GTlsCertificate* certificate) { g_set_object(&certificate_, certificate); }
 
 size_t Connections::size() {
-  forget_closed();
+  remove_closed();
   return open_.size();
 }
 
-void Connections::forget_closed() {
+void Connections::remove_closed() {
   for (auto i = open_.begin(); i != open_.end();) {
     g_autoptr(GObject) still = static_cast<GObject*>(g_weak_ref_get(&i->connection));
     if (still) {
@@ -232,31 +231,30 @@ void Connections::forget_closed() {
   }
 }
 
-size_t Connections::choose_victim(const std::vector<Standing>& all, int64_t now) {
+size_t Connections::choose_victim(const std::vector<ConnectionInfo>& all, int64_t now) {
   std::map<std::string, size_t> counts;
-  for (const Standing& one : all) counts[one.subscriber]++;
+  for (const ConnectionInfo& one : all) counts[one.subscriber]++;
   const auto most = std::ranges::max_element(counts, {}, [](const auto& entry) { return entry.second; });
-  const bool greedy = most->second > kFair;
-  // The group that loses one: 0 idle, 1 without a whole request, 2 any.
-  const auto group_of = [now](const Standing& one) {
+  const bool greedy = most->second > kFairShare;
+  // Priority of closing: 0 idle, 1 no complete request, 2 any.
+  const auto group_of = [now](const ConnectionInfo& one) {
     if (one.progress == Progress::kRequest) return 2;
     return one.progress == Progress::kNothing && now - one.since > kIdle ? 0 : 1;
   };
   size_t victim = all.size();
   for (size_t i = 0; i < all.size(); i++) {
     if (greedy && all[i].subscriber != most->first) continue;
-    const auto rank = [&](const Standing& one) { return std::pair(group_of(one), one.since); };
+    const auto rank = [&](const ConnectionInfo& one) { return std::pair(group_of(one), one.since); };
     if (victim == all.size() || rank(all[i]) < rank(all[victim])) victim = i;
   }
   return victim;
 }
 
-// Closes connections until there are fewer than kMost.
 void Connections::make_room() {
-  forget_closed();
+  remove_closed();
   const int64_t now = g_get_monotonic_time();
   for (;;) {
-    std::vector<Standing> standings;
+    std::vector<ConnectionInfo> standings;
     std::vector<Connection*> of;
     for (Connection& state : open_) {
       if (state.ended) continue;
@@ -275,7 +273,7 @@ void Connections::make_room() {
 
 void Connections::accept(GSocketConnection* connection) {
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
-  if (!remote) return;  // closed already
+  if (!remote) return;
   const std::string name = name_of(remote);
   make_room();
   Connection& state = open_.emplace_back();
@@ -290,7 +288,7 @@ void Connections::accept(GSocketConnection* connection) {
     hand_over(connection, G_IO_STREAM(connection));
 }
 
-// GLib does each handshake in a thread of a small pool. A silent client must not hold one.
+// GLib runs each handshake in a thread of a small pool. A silent client must not occupy a thread.
 void Connections::await_hello(GSocketConnection* connection, Connection& state) {
   auto* handshake = new Handshake(this, connection, &state);
   handshakes_.push_back(handshake);
@@ -305,7 +303,6 @@ void Connections::await_hello(GSocketConnection* connection, Connection& state) 
   g_source_attach(handshake->first_byte, nullptr);
 }
 
-// Starts those that wait, as far as others have ended or have had their time.
 void Connections::start_handshakes() {
   handshakes_.remove_if([](Handshake* handshake) {
     if (handshake->tls || !handshake->state->ended) return false;
@@ -315,7 +312,7 @@ void Connections::start_handshakes() {
   const int64_t now = g_get_monotonic_time();
   std::map<std::string, size_t> counts;
   for (const Connection& state : open_) counts[state.subscriber]++;
-  std::set<std::string> limited;  // subscribers
+  std::set<std::string> limited;
   for (;;) {
     size_t running = 0;
     Handshake *oldest = nullptr, *next = nullptr;
@@ -332,7 +329,7 @@ void Connections::start_handshakes() {
     }
     if (!next) break;
     if (running >= kMostHandshakes) {
-      if (now - oldest->since < kSlice) break;
+      if (now - oldest->since < kHandshakeSlice) break;
       end(*oldest->state);
     } else if (!handshake_limit_.take(next->state->subscriber, now)) {
       limited.insert(next->state->subscriber);
@@ -354,7 +351,7 @@ void Connections::start_handshakes() {
       this);
 }
 
-// False if there is nothing to start: the client has closed the connection.
+// Returns false if the client has closed the connection.
 bool Connections::start_handshake(Handshake* handshake) {
   if (g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0) return false;
   handshake->since = g_get_monotonic_time();
@@ -397,7 +394,7 @@ void Connections::hand_over(GSocketConnection* connection, GIOStream* stream) {
   if (local && remote) soup_server_accept_iostream(server_, stream, local, remote, nullptr);
 }
 
-// libsoup, or the handshake, sees the end of the stream and releases it.
+// libsoup or the handshake notices the end of the stream and releases the connection.
 void Connections::end(Connection& state) {
   state.ended = true;
   g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&state.connection));
@@ -445,7 +442,7 @@ void Connections::refused(SoupServerMessage* message) {
 }
 
 void Connections::tick() {
-  forget_closed();
+  remove_closed();
   const int64_t now = g_get_monotonic_time();
   for (Connection& state : open_) {
     const int64_t most = state.phase == Phase::kResponse  ? kResponse

@@ -8,11 +8,11 @@
 #include <sstream>
 #include <utility>
 
-#include <nlohmann/json.hpp>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #include "base/file.h"
 #include "base/json_value.h"
@@ -30,11 +30,11 @@ BioPtr bio_of(const std::string& text) {
   return BioPtr(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())), BIO_free);
 }
 
-// GLib takes any two files, and would fail every handshake.
+// GLib accepts any two files; every handshake would fail.
 void check_pair(const std::string& certificate_file, const std::string& certificate, const std::string& key_file,
                 const std::string& key) {
   const BioPtr first = bio_of(certificate), second = bio_of(key);
-  // Without this OpenSSL asks the terminal for a passphrase.
+  // Without this callback, OpenSSL asks for a passphrase on the terminal.
   const auto no_passphrase = [](char*, int, int, void*) { return 0; };
   const std::unique_ptr<X509, decltype(&X509_free)> x509(
       PEM_read_bio_X509(first.get(), nullptr, no_passphrase, nullptr), X509_free);
@@ -85,7 +85,7 @@ long resident_bytes() {
 
 std::unique_ptr<Certificate> load_certificate(const ServerOptions& options) {
   if (options.certificate.empty() != options.key.empty())
-    throw Error("--tls-certificate and --tls-key: one needs the other");
+    throw Error("--tls-certificate and --tls-key must be used together");
   return options.certificate.empty() ? nullptr : std::make_unique<Certificate>(options.certificate, options.key);
 }
 
@@ -94,7 +94,7 @@ std::unique_ptr<Certificate> load_certificate(const ServerOptions& options) {
 Certificate::Version Certificate::version_of(const std::string& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return {};
-  return {static_cast<int64_t>(status.st_ino), status.st_size, status.st_mtim.tv_sec, status.st_mtim.tv_nsec};
+  return {static_cast<int64_t>(status.st_ino), status.st_size, status.st_ctim.tv_sec, status.st_ctim.tv_nsec};
 }
 
 Certificate::Certificate(std::string certificate_file, std::string key_file)
@@ -113,47 +113,48 @@ bool Certificate::reload() {
   return true;
 }
 
-Whep::Whep(Options options, const Limits& limits, Refusals& refusals)
+WhepEndpoint::WhepEndpoint(Options options, const Limits& limits, Refusals& refusals)
     : options_(std::move(options)),
       limits_(limits),
       refusals_(refusals),
       connects_(limits.connects_per_second, limits.connect_burst) {}
 
-void Whep::link(SoupServerMessage* message) {
+void WhepEndpoint::link(SoupServerMessage* message) {
   if (!options_.ice.empty()) set_header(message, "Link", options_.ice.links(seconds_now()));
 }
 
-// Credentials are for those who may watch.
-void Whep::options(SoupServerMessage* message, bool trusted) {
+// Only trusted clients receive the TURN credentials.
+void WhepEndpoint::options(SoupServerMessage* message, bool trusted) {
   set_header(message, "Accept-Post", "application/sdp");
   if (trusted) link(message);
   allow(message, kMethods);
 }
 
-void Whep::refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why) {
+void WhepEndpoint::refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why) {
   refusals_.answer(message, client.address, {SOUP_STATUS_BAD_REQUEST, "offer", why.c_str()});
 }
 
-std::optional<Wish> Whep::wish(SoupServerMessage* message, const Client& client, GHashTable* query) {
+std::optional<ViewParams> WhepEndpoint::view_params(SoupServerMessage* message, const Client& client,
+                                                    GHashTable* query) {
   const auto picture = view_size(value_of(query, "width"), value_of(query, "height"), limits_);
   if (!picture) return refuse_offer(message, client, "width and height must be pixels"), std::nullopt;
   const auto distance = eye_distance(value_of(query, "eye-distance"));
   if (!distance) return refuse_offer(message, client, "eye-distance must be metres"), std::nullopt;
-  Wish wish{picture->width, picture->height, *distance, ""};
+  ViewParams view_params{picture->width, picture->height, *distance, ""};
   if (const char* name = value_of(query, "path")) {
     const auto found = options_.paths.find(name);
     if (found == options_.paths.end()) return refusals_.answer(message, client.address, refusal::kPath), std::nullopt;
-    wish.path = found->second;
+    view_params.path = found->second;
   }
-  return wish;
+  return view_params;
 }
 
-bool Whep::seat(SoupServerMessage* message, const Client& client, const Wish& wish, const char* ticket,
-                Sessions& sessions) {
-  const Seats::Answer answer = sessions.ask(subscriber(client.address), wish, ticket ? ticket : "");
-  if (answer.verdict == Seats::Answer::kSeat) return true;
+bool WhepEndpoint::seat(SoupServerMessage* message, const Client& client, const ViewParams& view_params,
+                        const char* ticket, Sessions& sessions) {
+  const AdmissionControl::Answer answer = sessions.ask(subscriber(client.address), view_params, ticket ? ticket : "");
+  if (answer.verdict == AdmissionControl::Answer::kAdmitted) return true;
   nlohmann::json more;
-  if (answer.verdict == Seats::Answer::kAddress) {
+  if (answer.verdict == AdmissionControl::Answer::kAddress) {
     more["seats"] = sessions.seats().of_address();
     refusals_.answer(message, client.address, refusal::kAddress, more);
     return false;
@@ -165,7 +166,7 @@ bool Whep::seat(SoupServerMessage* message, const Client& client, const Wish& wi
   return false;
 }
 
-void Whep::endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions) {
+void WhepEndpoint::endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions) {
   const std::string method = soup_server_message_get_method(message);
   set_header(message, "Accept-Post", "application/sdp");
   if (method != "POST") {
@@ -176,27 +177,28 @@ void Whep::endpoint(SoupServerMessage* message, const Client& client, GHashTable
   if (g_strcmp0(type, "application/sdp") != 0) return refusals_.answer(message, client.address, refusal::kType);
   if (!connects_.take(subscriber(client.address), g_get_monotonic_time()))
     return refusals_.answer(message, client.address, refusal::kRate);
-  const auto wish = this->wish(message, client, query);
-  if (!wish) return;
+  const auto view_params = this->view_params(message, client, query);
+  if (!view_params) return;
 
   SoupMessageBody* body = soup_server_message_get_request_body(message);
   g_autoptr(GBytes) bytes = soup_message_body_flatten(body);
   gsize size = 0;
   const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
   std::string reason;
-  // Behind address translation packets must be sent to where a viewer's come from, or its relay's, before they can
-  // come.
+  // Behind a NAT, the server must send packets to the viewer's or relay's address before it can receive packets from
+  // there.
   std::set<std::string> known = options_.relays;
   if (!options_.ice.empty()) known.insert(client.address);
   auto offer = parse_offer(std::string(data ? data : "", size), can_encode(VideoCodec::kH264),
                            can_encode(VideoCodec::kVp8), known, &reason);
   if (!offer) return refuse_offer(message, client, reason);
-  if (seat(message, client, *wish, value_of(query, "ticket"), sessions))
-    open(message, client, std::move(*offer), *wish, sessions);
+  if (seat(message, client, *view_params, value_of(query, "ticket"), sessions))
+    open(message, client, std::move(*offer), *view_params, sessions);
 }
 
-// The browser may have gone when the answer is there: nobody waits for it then.
-void Whep::open(SoupServerMessage* message, const Client& client, Offer offer, const Wish& wish, Sessions& sessions) {
+// The browser may disconnect before the answer is ready.
+void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer offer, const ViewParams& view_params,
+                        Sessions& sessions) {
   g_object_ref(message);
   soup_server_message_pause(message);
   auto name = std::make_shared<std::string>();
@@ -206,7 +208,7 @@ void Whep::open(SoupServerMessage* message, const Client& client, Offer offer, c
       message, "finished", G_CALLBACK(+[](SoupServerMessage*, gpointer data) { **static_cast<Waits*>(data) = false; }),
       new Waits(waits), [](gpointer data, GClosure*) { delete static_cast<Waits*>(data); }, GConnectFlags(0));
   const auto answer = [this, message, client, name, waits](const std::string& sdp, const std::string& problem) {
-    if (*waits && sdp.empty() && problem == kUnanswerable) {
+    if (*waits && sdp.empty() && problem == kOfferRejected) {
       refuse_offer(message, client, problem);
     } else if (*waits && sdp.empty()) {
       refusals_.answer(message, client.address, refusal::kFull);
@@ -220,7 +222,7 @@ void Whep::open(SoupServerMessage* message, const Client& client, Offer offer, c
   };
   try {
     Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
-    *name = sessions.open(subscriber(client.address), std::move(offer), wish, std::move(route), answer);
+    *name = sessions.open(subscriber(client.address), std::move(offer), view_params, std::move(route), answer);
   } catch (const Error& error) {
     say(std::string("a view can't be opened: ") + error.what());
     refusals_.answer(message, client.address, refusal::kView);
@@ -229,7 +231,7 @@ void Whep::open(SoupServerMessage* message, const Client& client, Offer offer, c
   }
 }
 
-void Whep::session(SoupServerMessage* message, const std::string& name, Sessions& sessions) {
+void WhepEndpoint::session(SoupServerMessage* message, const std::string& name, Sessions& sessions) {
   if (!g_str_equal(soup_server_message_get_method(message), "DELETE")) {
     set_header(message, "Allow", "DELETE, OPTIONS");
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "DELETE only\n");
@@ -246,8 +248,8 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       wrong_tokens_(Limits::kWrongTokens, Limits::kWrongTokensAtOnce),
       certificate_(load_certificate(options)) {
   if (!is_loopback(options.address) && !certificate_ && !options.insecure)
-    throw Error("--listen " + options.address + ": others can listen in; needs --tls-certificate and --tls-key, or " +
-                "--insecure if that does not matter");
+    throw Error("--listen " + options.address + ": unencrypted HTTP; needs --tls-certificate and --tls-key, or " +
+                "--insecure if encryption is not required");
   server_ = soup_server_new("server-header", "lf-serve", nullptr);
   soup_server_add_early_handler(
       server_, nullptr,
@@ -280,8 +282,7 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       this);
 }
 
-// Programs that renew certificates replace the two files one after the other: a key that does not fit yet is not the
-// last word.
+// Renewal programs replace the two files in turn, so a mismatched key may be temporary.
 void HttpServer::renew_certificate() {
   try {
     if (!certificate_->reload()) return;
@@ -316,17 +317,17 @@ void HttpServer::stop() {
   sessions_ = nullptr;
 }
 
-Whep::Client HttpServer::client_of(SoupServerMessage* message) const {
+WhepEndpoint::Client HttpServer::client_of(SoupServerMessage* message) const {
   const std::string peer = address_of(message);
-  Whep::Client client{client_address(peer, header(message, "X-Forwarded-For"), options_.proxies), ""};
+  WhepEndpoint::Client client{client_address(peer, header(message, "X-Forwarded-For"), options_.proxies), ""};
   if (options_.proxies.contains(peer)) client.prefix = path_prefix(header(message, "X-Forwarded-Prefix"));
   return client;
 }
 
-// Before the body is read: nobody needs to read one that won't be taken.
+// Runs before the body is read, so that bodies of refused requests are skipped.
 void HttpServer::begin(SoupServerMessage* message) {
   set_common_headers(message, "no-cache");
-  const Refusal* const refusal = refuse_early(message, Offer::kMaxBytes);
+  const HttpRefusal* const refusal = refuse_early(message, Offer::kMaxBytes);
   if (!refusal) return;
   connections_->refused(message);
   refusals_.answer(message, client_of(message).address, *refusal);
@@ -336,7 +337,7 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
   connections_->asked(message);
   const std::string method = soup_server_message_get_method(message);
   if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
-  const Whep::Client client = client_of(message);
+  const WhepEndpoint::Client client = client_of(message);
   if (!access_.allows_host(header(message, "Host"))) return refusals_.answer(message, client.address, refusal::kHost);
   const bool whep = path == kWhep || path.starts_with(std::string(kWhep) + "/");
   const bool data = path == "/array.json" || path == "/monitor.json" || path == "/metrics" || path == "/mosaic.json" ||
@@ -348,7 +349,7 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
   }
   if (!admit(message, client)) return;
   if (method == "OPTIONS" && whep)
-    return whep_.options(message, !access_.asks_for_token() || access_.has_token(header(message, "Authorization")));
+    return whep_.options(message, !access_.requires_token() || access_.has_token(header(message, "Authorization")));
   if (method == "OPTIONS") return allow(message, "GET, OPTIONS");
   if (data && method != "GET" && method != "HEAD") {
     set_header(message, "Allow", "GET, HEAD");
@@ -358,14 +359,14 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
   serve(message, client, path, query);
 }
 
-void HttpServer::wait(SoupServerMessage* message, const Whep::Client& client) {
-  if (filmed_)
-    refusals_.answer(message, client.address, refusal::kFilming, {{"progress", *filmed_}});
+void HttpServer::wait(SoupServerMessage* message, const WhepEndpoint::Client& client) {
+  if (filming_progress_)
+    refusals_.answer(message, client.address, refusal::kFilming, {{"progress", *filming_progress_}});
   else
     refusals_.answer(message, client.address, refusal::kStarting);
 }
 
-void HttpServer::serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path,
+void HttpServer::serve(SoupServerMessage* message, const WhepEndpoint::Client& client, const std::string& path,
                        GHashTable* query) {
   if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_->array()->json());
   if (path == "/monitor.json")
@@ -387,8 +388,7 @@ void HttpServer::mosaic(SoupServerMessage* message, bool picture) {
   }
 }
 
-// Checks origin and token, and sets the headers that let a page of an allowed origin read the response.
-bool HttpServer::admit(SoupServerMessage* message, const Whep::Client& client) {
+bool HttpServer::admit(SoupServerMessage* message, const WhepEndpoint::Client& client) {
   const char *origin = header(message, "Origin"), *host = header(message, "Host");
   if (!access_.allows_origin(origin, host) || !access_.allows_site(header(message, "Sec-Fetch-Site"), origin, host)) {
     refusals_.answer(message, client.address, refusal::kOrigin);
@@ -399,14 +399,14 @@ bool HttpServer::admit(SoupServerMessage* message, const Whep::Client& client) {
     set_header(message, "Access-Control-Expose-Headers", "Location, Retry-After, Link");
     set_header(message, "Vary", "Origin");
   }
-  // Browsers ask what is allowed without the token.
+  // CORS preflights carry no token.
   const bool asks = g_str_equal(soup_server_message_get_method(message), "OPTIONS");
-  return (asks && !header(message, "Authorization")) || knows_token(message, client);
+  return (asks && !header(message, "Authorization")) || check_token(message, client);
 }
 
-// A right token is never limited: wrong ones, from whatever addresses, keep out nobody who has it.
-bool HttpServer::knows_token(SoupServerMessage* message, const Whep::Client& client) {
-  if (!access_.asks_for_token()) return true;
+// Requests with the correct token are never limited, so that wrong tokens cannot lock out legitimate clients.
+bool HttpServer::check_token(SoupServerMessage* message, const WhepEndpoint::Client& client) {
+  if (!access_.requires_token()) return true;
   const char* given = header(message, "Authorization");
   const std::string who = subscriber(client.address);
   const int64_t now = g_get_monotonic_time();
@@ -429,7 +429,7 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   std::string frames;
   for (const std::string& origin : access_.origins())
     if (origin != "null") frames += " " + origin;
-  // Others' pages may use the element; what they may watch is decided when they ask for it.
+  // Pages of other sites may load the element; access to streams is checked per request.
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Cross-Origin-Resource-Policy", "cross-origin");
   set_header(message, "Content-Security-Policy",
@@ -444,31 +444,31 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
 }
 
 std::string HttpServer::metrics() const {
-  const Viewer::Figures figures = sessions_->figures();
+  const Viewer::ViewerCounters counters = sessions_->counters();
   std::ostringstream out;
   const auto put = [&out](const char* name, const char* type, const char* help, auto value) {
     out << "# HELP lightfield_" << name << ' ' << help << "\n# TYPE lightfield_" << name << ' ' << type
         << "\nlightfield_" << name << ' ' << value << '\n';
   };
   put("viewers", "gauge", "Viewers now.", sessions_->size());
-  put("viewers_total", "counter", "Viewers that were let in.", sessions_->opened());
-  put("pictures_total", "counter", "Pictures composed.", figures.pictures);
-  put("incomplete_pictures_total", "counter", "Pictures of which something was missing.", figures.incomplete);
-  put("camera_bytes_total", "counter", "Bytes of answers that came from the cameras.", field_->answer_bytes());
-  put("composed_bytes_total", "counter", "Bytes of answers that pictures were composed of.", figures.answer_bytes);
-  put("video_bytes_total", "counter", "Bytes of RTP packets for browsers.", figures.video_bytes);
-  put("refused_messages_total", "counter", "Messages on data channels that were not understood or too many.",
-      figures.refused_messages);
+  put("viewers_total", "counter", "Admitted viewers.", sessions_->opened());
+  put("pictures_total", "counter", "Pictures composed.", counters.pictures);
+  put("incomplete_pictures_total", "counter", "Incomplete pictures.", counters.incomplete);
+  put("camera_bytes_total", "counter", "Bytes of answers from the cameras.", field_->answer_bytes());
+  put("composed_bytes_total", "counter", "Bytes of answers used in pictures.", counters.answer_bytes);
+  put("video_bytes_total", "counter", "Bytes of RTP packets for browsers.", counters.video_bytes);
+  put("refused_messages_total", "counter", "Data channel messages that were invalid or above the rate limit.",
+      counters.refused_messages);
   put("resident_bytes", "gauge", "Memory of the process.", resident_bytes());
   put("connections", "gauge", "TCP connections now.", connections_->size());
-  put("closed_connections_total", "counter", "TCP connections that took too long or were too many.",
+  put("closed_connections_total", "counter", "TCP connections closed because they were too slow or too many.",
       connections_->closed());
-  put("shed_step", "gauge", "What is left away for want of processors: 0 nothing, 1 and 2 trials, 3 rate, 4 size.",
-      sessions_->shedding().step());
+  put("shed_step", "gauge", "Load reduction: 0 none, 1 and 2 fewer depth hypotheses, 3 half the rate, 4 half the size.",
+      sessions_->load_shedding().step());
   put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());
   if (!field_->is_local()) {
     const std::vector<size_t> silent = field_->silent_nodes();
-    out << "# HELP lightfield_node_silent Hosts with cameras that are asked and do not answer.\n"
+    out << "# HELP lightfield_node_silent Camera hosts that do not answer requests.\n"
            "# TYPE lightfield_node_silent gauge\n";
     for (size_t node = 0; node < field_->nodes(); node++)
       out << "lightfield_node_silent{node=\"" << field_->node_name(node) << "\"} " << std::ranges::count(silent, node)

@@ -20,21 +20,21 @@
 
 namespace lf::serve {
 
-// The TLS certificate of a server, from two PEM files that may be replaced while the server runs. Not thread-safe.
+// TLS certificate of a server, from two PEM files that may be replaced at run time. Not thread-safe.
 class Certificate {
  public:
-  // Throws Error naming the file that can't be used. The key file must be closed to other users.
+  // Throws Error that names the unusable file. The key file must not be accessible to other users.
   Certificate(std::string certificate_file, std::string key_file);
   ~Certificate() { g_object_unref(certificate_); }
   Certificate(const Certificate&) = delete;
 
-  GTlsCertificate* get() const { return certificate_; }  // borrowed until reload() or the end of this
-  // Reads the files again if they have changed since they were read last. Returns whether there is another
-  // certificate. Throws Error if the files can't be used: the certificate stays as it was, until they change again.
+  GTlsCertificate* get() const { return certificate_; }  // borrowed until reload() or destruction
+  // Reads the files again if they have changed. Returns true if the certificate is new. Throws Error if the files are
+  // unusable; the old certificate then stays until the files change again.
   bool reload();
 
  private:
-  // What tells two versions of a file apart. Links are followed, because renewing often replaces a link.
+  // Identifies a version of a file. Links are followed, because renewal often replaces a link.
   using Version = std::array<int64_t, 4>;
   static Version version_of(const std::string& path);
 
@@ -43,36 +43,36 @@ class Certificate {
   GTlsCertificate* certificate_;
 };
 
-// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/web-interface.md), behind whoever has looked at
-// origin and token. On the main thread alone.
-class Whep {
+// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/reference/web-interface.md). The caller checks origin and
+// token. Main thread only.
+class WhepEndpoint {
  public:
   struct Options {
-    std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
+    std::map<std::string, std::string> paths;  // views.json files that viewers can play, by name
     IceServers ice;
-    std::set<std::string> relays;  // addresses of relays, whose candidates are taken
-    std::string media_address;     // the only address of this machine that video comes from, or ""
+    std::set<std::string> relays;  // addresses of relays; their candidates are accepted
+    std::string media_address;     // local address for video; "": any
   };
   struct Client {
-    std::string address;  // address of the client, as text
-    std::string prefix;   // the path that a proxy has put before ours, or ""
+    std::string address;
+    std::string prefix;  // path prefix added by a proxy, or ""
   };
 
-  Whep(Options options, const Limits& limits, Refusals& refusals);
+  WhepEndpoint(Options options, const Limits& limits, Refusals& refusals);
 
-  // Answers requests to /whep.
   void endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions);
-  // Answers requests to /whep/NAME.
   void session(SoupServerMessage* message, const std::string& name, Sessions& sessions);
-  // Answers OPTIONS; `trusted`: the client has shown the token.
+  // Answers OPTIONS; `trusted`: the client has sent the token.
   void options(SoupServerMessage* message, bool trusted);
 
  private:
   void refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why);
-  // Nothing where it was refused.
-  std::optional<Wish> wish(SoupServerMessage* message, const Client& client, GHashTable* query);
-  bool seat(SoupServerMessage* message, const Client& client, const Wish& wish, const char* ticket, Sessions& sessions);
-  void open(SoupServerMessage* message, const Client& client, Offer offer, const Wish& wish, Sessions& sessions);
+  // Returns std::nullopt if the request was refused.
+  std::optional<ViewParams> view_params(SoupServerMessage* message, const Client& client, GHashTable* query);
+  bool seat(SoupServerMessage* message, const Client& client, const ViewParams& view_params, const char* ticket,
+            Sessions& sessions);
+  void open(SoupServerMessage* message, const Client& client, Offer offer, const ViewParams& view_params,
+            Sessions& sessions);
   void link(SoupServerMessage* message);
 
   Options options_;
@@ -84,15 +84,15 @@ class Whep {
 struct ServerOptions {
   std::string address = "127.0.0.1";
   int port = 8080;               // 0: any
-  std::string certificate, key;  // PEM files, read again when they change; both or none
+  std::string certificate, key;  // PEM files, reloaded when they change; both or none
   std::string token;
   std::set<std::string> origins, hosts, proxies;
-  Whep::Options whep;
-  bool insecure = false;  // addresses other than loopback are allowed without TLS
+  WhepEndpoint::Options whep;
+  bool insecure = false;
 };
 
-// The page, the WHEP endpoint, metrics and health over HTTP (docs/web-interface.md): the page from the beginning, the
-// rest from serve() on. On the main thread alone.
+// Serves the page, the WHEP endpoint, metrics and health over HTTP (docs/reference/web-interface.md). The page is available at
+// once, everything else after serve(). Main thread only.
 class HttpServer {
  public:
   // Throws Error.
@@ -101,23 +101,24 @@ class HttpServer {
   HttpServer(const HttpServer&) = delete;
 
   std::string url() const;
-  // Says what viewers have to wait for, until serve(): the first film, of which this part is done, or the cameras.
-  void films(double progress) { filmed_ = progress; }
-  void starts() { filmed_.reset(); }
-  // Serves the light field's views, too, from now on. Both are borrowed until stop().
+  // Sets what viewers wait for until serve(): filming the scene, with its progress, or opening the cameras.
+  void show_filming(double progress) { filming_progress_ = progress; }
+  void show_starting() { filming_progress_.reset(); }
+  // Also serves the views of the light field from now on. The arguments are borrowed until stop().
   void serve(LightField& field, Sessions& sessions);
   void stop();
 
  private:
-  bool admit(SoupServerMessage* message, const Whep::Client& client);
-  bool knows_token(SoupServerMessage* message, const Whep::Client& client);
+  bool admit(SoupServerMessage* message, const WhepEndpoint::Client& client);
+  bool check_token(SoupServerMessage* message, const WhepEndpoint::Client& client);
   void begin(SoupServerMessage* message);
   void handle(SoupServerMessage* message, const std::string& path, GHashTable* query);
-  void serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path, GHashTable* query);
+  void serve(SoupServerMessage* message, const WhepEndpoint::Client& client, const std::string& path,
+             GHashTable* query);
   void page(SoupServerMessage* message, const std::string& path);
   void mosaic(SoupServerMessage* message, bool picture);
-  void wait(SoupServerMessage* message, const Whep::Client& client);
-  Whep::Client client_of(SoupServerMessage* message) const;
+  void wait(SoupServerMessage* message, const WhepEndpoint::Client& client);
+  WhepEndpoint::Client client_of(SoupServerMessage* message) const;
   std::string metrics() const;
   void renew_certificate();
 
@@ -125,13 +126,13 @@ class HttpServer {
   Limits limits_;
   Access access_;
   Refusals refusals_;
-  Whep whep_;
+  WhepEndpoint whep_;
   AddressLimit wrong_tokens_;
   std::unique_ptr<Certificate> certificate_;  // null: no TLS
   guint certificate_timer_ = 0;
   SoupServer* server_;
   std::unique_ptr<Connections> connections_;
-  std::optional<double> filmed_;
+  std::optional<double> filming_progress_;
   LightField* field_ = nullptr;
   Sessions* sessions_ = nullptr;
 };

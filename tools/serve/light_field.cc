@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "base/text.h"
-#include "common/day_clock.h"
+#include "common/wall_clock.h"
 #include "rig/source_security.h"
 #include "serve/pipelines.h"
 #include "serve/process.h"
@@ -23,7 +23,7 @@ std::string launch_line(size_t hosts, const std::string& resampling, const std::
   std::ostringstream line;
   line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
        << kRequestCaps << '"';
-  // Answers don't leave the process, although the compositors are in pipelines of their own.
+  // Uncompressed, because local answers stay in this process although the compositors have their own pipelines.
   if (hosts == 0)
     line << " ! lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling
          << " renderer=" << renderer << " !";
@@ -37,7 +37,6 @@ void link(GstElement* from, GstElement* to) {
     throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
 }
 
-// Borrowed; there must be one.
 GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
   return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline.get()), name.c_str())).get();
 }
@@ -58,7 +57,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     node_ = child_of(pipeline_, "cameras");
     g_object_set(node_, "rig", rig.c_str(), "trusted", static_cast<gboolean>(trusted), nullptr);
     if (!record.empty()) g_object_set(node_, "record", record.c_str(), nullptr);
-    // Those that have gone count for a while.
+    // Doubled because departed viewers still count for a while.
     g_autoptr(GstStructure) limits =
         gst_structure_new("limits", "max-views", G_TYPE_UINT, static_cast<guint>(2 * max_views), nullptr);
     g_object_set(node_, "limits", limits, nullptr);
@@ -77,8 +76,8 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     callbacks.new_sample = take_answer;
     gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, answers_[i].get(), nullptr);
   }
-  // Hosts share the time of day; requests name the time of capture by it.
-  clock_ = new_day_clock();
+  // Requests state capture times in wall-clock time, which all hosts share.
+  clock_ = new_wall_clock();
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_.get()), clock_);
 }
 
@@ -137,7 +136,7 @@ bool LightField::has_cameras_of(const ArrayInfo& array) const {
   return problem_.empty() && std::ranges::equal(now->rig().cameras, array.rig().cameras, same);
 }
 
-void LightField::take_rig(std::shared_ptr<const ArrayInfo> array) {
+void LightField::update_rig(std::shared_ptr<const ArrayInfo> array) {
   if (node_) g_object_set(node_, "rig", rig_.c_str(), nullptr);
   const std::lock_guard lock(mutex_);
   if (array->rig().cameras.size() != array_->rig().cameras.size() || array->hash() != array_->hash())
@@ -153,7 +152,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
     problem_.clear();
   }
   gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
-  take_rig(std::move(array));
+  update_rig(std::move(array));
   const GstStateChangeReturn result = play();
   std::unique_lock lock(mutex_);
   if ((result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC) && problem_.empty())
@@ -165,7 +164,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
   if (!problem.empty()) throw Error(problem);
 }
 
-// What goes wrong in a restart is told by that.
+// During a restart, errors are stored for restart() to report.
 GstBusSyncReply LightField::bus_sync(GstBus*, GstMessage* message, gpointer data) {
   LightField* self = static_cast<LightField*>(data);
   if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->restarting_) return GST_BUS_PASS;
@@ -186,7 +185,7 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   return G_SOURCE_CONTINUE;
 }
 
-// The node's cameras are made when it starts, and again with every restart.
+// lfcameranode creates its cameras at every start.
 void LightField::camera_added(GstBin*, GstElement* child, gpointer data) {
   GstElementFactory* factory = gst_element_get_factory(child);
   if (!factory || !g_str_equal(GST_OBJECT_NAME(factory), "lfcamsrc")) return;
@@ -222,7 +221,7 @@ std::vector<uint8_t> LightField::mosaic_jpeg() {
 
 std::string LightField::mosaic_state() {
   if (!local_) throw Error("the cameras are on other hosts");
-  constexpr double kEvery = 0.1;  // seconds for which it is told again: each costs a look at all cameras
+  constexpr double kEvery = 0.1;  // seconds between updates, because each update visits all cameras
   const std::lock_guard lock(state_mutex_);
   const double time = now();
   if (time - state_at_ < kEvery) return state_;
@@ -231,7 +230,7 @@ std::string LightField::mosaic_state() {
   return state_;
 }
 
-void LightField::look_at_cameras() {
+void LightField::update_camera_states() {
   if (node_) states_ = camera_states(node_);
 }
 
@@ -248,7 +247,7 @@ void LightField::leave(uint32_t view) {
 std::vector<size_t> LightField::silent_nodes() const {
   const int64_t now = g_get_monotonic_time();
   std::vector<size_t> silent;
-  if (local_ || now - asked_ > kSilence) return silent;
+  if (local_ || now - last_request_ > kSilence) return silent;
   for (const auto& answers : answers_)
     if (now - std::max<int64_t>(answers->heard, asked_since_) > kSilence) silent.push_back(answers->node);
   return silent;
@@ -256,8 +255,8 @@ std::vector<size_t> LightField::silent_nodes() const {
 
 void LightField::request(GstBuffer* request) {
   const int64_t now = g_get_monotonic_time();
-  if (now - asked_.exchange(now) > kSilence) asked_since_ = now;
-  // Stamps are those of the viewer's pipeline and mean nothing here.
+  if (now - last_request_.exchange(now) > kSilence) asked_since_ = now;
+  // The request's timestamps belong to the viewer's pipeline and have no meaning here.
   GstBuffer* buffer = gst_buffer_copy(request);
   GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
   gst_app_src_push_buffer(requests_, buffer);

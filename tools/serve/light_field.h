@@ -21,71 +21,68 @@
 
 namespace lf::serve {
 
-// The cameras, in one pipeline for all viewers: requests of any view go in, answers come out to the viewer of their
-// view. Nobody is waited for: where one side is behind, its oldest are dropped. All functions are thread-safe.
+// The cameras, in one pipeline for all viewers. Routes requests of all views in, and answers out to the viewer of the
+// view. Queues drop their oldest entries, so that no side blocks. All functions are thread-safe.
 class LightField {
  public:
   static constexpr int64_t kSilence = 2000000;  // microseconds
 
-  // Called for each answer of the view, in a streaming thread; must not wait. The buffer is the caller's.
+  // Called on a streaming thread for each answer of the view; must not block. The buffer is borrowed.
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
-  // Cameras in this process, sampled and rendered as lffragment's properties "resampling" and "renderer" say, or, where
-  // `nodes` has any, on those hosts (CameraHosts, with `key_file`). Cameras in this process are recorded into the
-  // folder `record` ("": not). `max_views` bounds what is in flight. `trusted`: the rig may run any element
-  // (rig/source_security.h); other rigs are refused, also when they come later. Throws Error.
+  // Uses cameras in this process, with lffragment's properties "resampling" and "renderer", or the hosts in `nodes`, if
+  // any (CameraHosts, with `key_file`). Local cameras are recorded into the folder `record`; "": no recording.
+  // `max_views` limits requests in flight. `trusted`: the rig may run any element (rig/source_security.h); an untrusted
+  // rig with other elements is rejected, also on reload. Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
              const std::string& resampling, const std::string& renderer, const std::string& record, int max_views,
              bool trusted);
   ~LightField();
   LightField(const LightField&) = delete;
 
-  // Makes start() and restart(), now and later, fail instead of waiting for cameras: the program ends.
+  // Makes current and future calls of start() and restart() fail at once, for program exit.
   void cancel() { cancelled_ = true; }
-  // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread, when they have failed later.
+  // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread if the cameras fail later.
   void start(std::function<void(const std::string&)> on_error);
 
-  // Whether the cameras of `array`, a rig file that has been read again, are those that are open, with the same
-  // sources.
+  // True if the cameras of `array`, a reloaded rig file, are the open cameras with the same sources.
   bool has_cameras_of(const ArrayInfo& array) const;
-  // Goes on with another rig of the same cameras, at once.
-  void take_rig(std::shared_ptr<const ArrayInfo> array);
-  // Opens the cameras of another rig and closes those there were: blocks until they run. Not on the main thread. Throws
-  // Error; then there are none.
+  // Switches to another rig of the same cameras, without a pause.
+  void update_rig(std::shared_ptr<const ArrayInfo> array);
+  // Closes the cameras and opens the cameras of another rig. Blocks until these run. Must not be called on the main
+  // thread. Throws Error; then no cameras are open.
   void restart(std::shared_ptr<const ArrayInfo> array);
 
-  // Pipelines of viewers run under the clock of the cameras.
+  // Viewer pipelines use the clock of the cameras.
   GstClock* clock() const { return clock_; }
   const std::string& rig() const { return rig_; }
   std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
-  bool is_local() const { return local_; }  // the cameras are in this process
+  bool is_local() const { return local_; }
 
-  // Small pictures of the cameras in this process (cameras/mosaic.h): a JPEG file, and what it shows, as JSON. Throw
-  // Error where the cameras are on other hosts.
+  // Thumbnails of local cameras as a JPEG file, and their state as JSON (cameras/mosaic.h). Throw Error if the cameras
+  // are on other hosts.
   std::vector<uint8_t> mosaic_jpeg();
   std::string mosaic_state();
 
-  // How the cameras in this process are: none of them where they are on other hosts. As they were when they were looked
-  // at last.
+  // State of the local cameras at the last update_camera_states(); zero if they are on other hosts.
   CameraStates cameras() const { return states_; }
-  void look_at_cameras();
+  void update_camera_states();
 
   void join(uint32_t view, OnAnswer on_answer);
-  void leave(uint32_t view);         // when it returns, on_answer is not called any more
+  void leave(uint32_t view);         // after return, on_answer is not called any more
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
-  // Numbers of the hosts, in the order in which they were named, that are asked and have not answered for kSilence.
+  // Returns the indices of hosts that have pending requests and have not answered for kSilence.
   std::vector<size_t> silent_nodes() const;
-  // "HOST:PORT" of a host.
   const std::string& node_name(size_t node) const { return hosts_->hosts()[node].name; }
 
  private:
   struct Answers {
     LightField* field = nullptr;
     size_t node = 0;
-    std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last
+    std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last answer
   };
   GstStateChangeReturn play();
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
@@ -95,27 +92,27 @@ class LightField {
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
   std::string rig_;
-  std::shared_ptr<const ArrayInfo> array_;  // under the mutex, as is what follows
+  std::shared_ptr<const ArrayInfo> array_;  // guarded by mutex_, like mosaic_
   std::shared_ptr<cameras::Mosaic> mosaic_;
   bool local_, trusted_;
   ElementPtr pipeline_;
   GstAppSrc* requests_ = nullptr;       // borrowed from the pipeline
-  GstElement* node_ = nullptr;          // the cameras in this process, or null; borrowed from the pipeline
-  std::unique_ptr<CameraHosts> hosts_;  // null where the cameras are in this process
+  GstElement* node_ = nullptr;          // cameras in this process, or null; borrowed from the pipeline
+  std::unique_ptr<CameraHosts> hosts_;  // null: the cameras are in this process
   GstClock* clock_ = nullptr;
   std::vector<std::unique_ptr<Answers>> answers_;
   guint watch_ = 0;
   std::function<void(const std::string&)> on_error_;
   std::atomic<bool> restarting_ = false, cancelled_ = false;
   mutable std::mutex mutex_;
-  std::string problem_;  // why the latest restart failed
+  std::string problem_;
   std::mutex state_mutex_;
-  std::string state_;  // what mosaic_state() told at `state_at_`
+  std::string state_;
   double state_at_ = -1e9;
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
   std::atomic<CameraStates> states_ = CameraStates{};
-  std::atomic<int64_t> asked_ = 0, asked_since_ = 0;  // the last request, and the first since there was a pause
+  std::atomic<int64_t> last_request_ = 0, asked_since_ = 0;
 };
 
 }  // namespace lf::serve

@@ -36,7 +36,7 @@ TokenBucket& AddressLimit::bucket(const std::string& address, int64_t now) {
     order_.splice(order_.end(), order_, found->second.place);
     return found->second.bucket;
   }
-  // A full bucket is as good as none.
+  // A full bucket equals a new bucket.
   while (!order_.empty() && (entries_.size() >= kMaxAddresses || entries_.at(order_.front()).bucket.full(now))) {
     entries_.erase(order_.front());
     order_.pop_front();
@@ -48,9 +48,8 @@ TokenBucket& AddressLimit::bucket(const std::string& address, int64_t now) {
 
 namespace {
 
-// The first to have come of those that `may` go; end() if none may.
-template <typename Held, typename May>
-auto oldest(const Held& held, const May& may) {
+template <typename SeatMap, typename May>
+auto oldest(const SeatMap& held, const May& may) {
   auto found = held.end();
   for (auto i = held.begin(); i != held.end(); ++i)
     if (may(i->second) && (found == held.end() || i->second.since < found->second.since)) found = i;
@@ -59,12 +58,14 @@ auto oldest(const Held& held, const May& may) {
 
 }  // namespace
 
-// Less than two and nobody with two eyes could connect.
-Seats::Seats(int seats, int of_address)
-    : seats_(seats), of_address_(of_address), unconnected_(std::max(2, seats / 4)) {}
+// At least two, because a stereo viewer needs two seats.
+AdmissionControl::AdmissionControl(int seats, int of_address)
+    : admission_(seats), of_address_(of_address), unconnected_(std::max(2, seats / 4)) {}
 
-// Of the address that has more unconnected views than `address` has with `views` more: its oldest; else end().
-Seats::Held::const_iterator Seats::greediest(const Held& held, const std::string& address, int views) const {
+// Returns the oldest unconnected seat of the address with the most unconnected views, if they exceed those of `address`
+// plus `views`; end() otherwise.
+AdmissionControl::SeatMap::const_iterator AdmissionControl::largest_user(const SeatMap& held,
+                                                                         const std::string& address, int views) const {
   std::map<std::string, int> unconnected;
   for (const auto& [session, seat] : held)
     if (!seat.connected) unconnected[seat.address] += seat.views;
@@ -74,16 +75,16 @@ Seats::Held::const_iterator Seats::greediest(const Held& held, const std::string
   return oldest(held, [&](const Seat& seat) { return !seat.connected && seat.address == most->first; });
 }
 
-// Tried on a copy, so that nobody leaves for one who does not fit in the end.
-bool Seats::make_room(const std::string& address, int views, int ahead, int64_t now, Answer& answer) const {
-  Held held = held_;
-  const auto end = [&](Held::const_iterator seat) {
+// Works on a copy, so that no viewer is closed unless there is enough room in the end.
+bool AdmissionControl::make_room(const std::string& address, int views, int ahead, int64_t now, Answer& answer) const {
+  SeatMap held = held_;
+  const auto end = [&](SeatMap::const_iterator seat) {
     if (seat == held.end()) return false;
     answer.leave.push_back(seat->first);
     held.erase(seat);
     return true;
   };
-  const auto late = [now](const Seat& seat) { return !seat.connected && now - seat.since > kPatience; };
+  const auto late = [now](const Seat& seat) { return !seat.connected && now - seat.since > kConnectTimeout; };
   const auto own = [&](const Seat& seat) { return seat.address == address; };
   while (sum(held, own) + views > of_address_)
     if (!end(oldest(held, [&](const Seat& seat) { return own(seat) && late(seat); }))) {
@@ -92,36 +93,36 @@ bool Seats::make_room(const std::string& address, int views, int ahead, int64_t 
     }
   const auto unconnected = [](const Seat& seat) { return !seat.connected; };
   while (sum(held, unconnected) + views > unconnected_)
-    if (!end(oldest(held, late)) && !end(greediest(held, address, views))) return false;
-  while (sum(held, [](const Seat&) { return true; }) + ahead + views > seats_)
+    if (!end(oldest(held, late)) && !end(largest_user(held, address, views))) return false;
+  while (sum(held, [](const Seat&) { return true; }) + ahead + views > admission_)
     if (!end(oldest(held, late))) return false;
   return true;
 }
 
-void Seats::queue_up(const std::string& address, const std::string& new_ticket, int64_t now, Answer& answer) {
-  if (std::ranges::count(queue_, address, &Ticket::address) >= of_address_) {
+void AdmissionControl::enqueue(const std::string& address, const std::string& new_ticket, int64_t now, Answer& answer) {
+  if (std::ranges::count(queue_, address, &QueueEntry::address) >= of_address_) {
     answer.verdict = Answer::kAddress;
-  } else if (queue_.size() < kMostWaiting) {
+  } else if (queue_.size() < kMaxQueued) {
     queue_.push_back({new_ticket, address, now});
     answer.ticket = new_ticket;
     answer.place = queue_.size();
   }
 }
 
-Seats::Answer Seats::ask(const std::string& address, int views, const std::string& ticket,
-                         const std::string& new_ticket, int64_t now) {
-  std::erase_if(queue_, [now](const Ticket& waiting) { return now - waiting.shown > kForgotten; });
-  const auto shown = ticket.empty() ? queue_.end() : std::ranges::find(queue_, ticket, &Ticket::name);
+AdmissionControl::Answer AdmissionControl::ask(const std::string& address, int views, const std::string& ticket,
+                                               const std::string& new_ticket, int64_t now) {
+  std::erase_if(queue_, [now](const QueueEntry& waiting) { return now - waiting.shown > kTicketTimeout; });
+  const auto shown = ticket.empty() ? queue_.end() : std::ranges::find(queue_, ticket, &QueueEntry::name);
   Answer answer;
   if (make_room(address, views, static_cast<int>(shown - queue_.begin()), now, answer)) {
-    answer.verdict = Answer::kSeat;
+    answer.verdict = Answer::kAdmitted;
     if (shown != queue_.end()) queue_.erase(shown);
     return answer;
   }
   answer.leave.clear();
   if (answer.verdict == Answer::kAddress) return answer;
   if (shown == queue_.end()) {
-    queue_up(address, new_ticket, now, answer);
+    enqueue(address, new_ticket, now, answer);
   } else {
     shown->shown = now;
     answer.ticket = ticket;
@@ -130,14 +131,14 @@ Seats::Answer Seats::ask(const std::string& address, int views, const std::strin
   return answer;
 }
 
-void Seats::take(const std::string& session, const std::string& address, int views, int64_t now) {
+void AdmissionControl::take(const std::string& session, const std::string& address, int views, int64_t now) {
   held_[session] = {address, views, now, false};
 }
 
-void Seats::connected(const std::string& session) {
+void AdmissionControl::connected(const std::string& session) {
   if (const auto found = held_.find(session); found != held_.end()) found->second.connected = true;
 }
 
-void Seats::leave(const std::string& session) { held_.erase(session); }
+void AdmissionControl::leave(const std::string& session) { held_.erase(session); }
 
 }  // namespace lf::serve

@@ -20,7 +20,7 @@
 namespace lf::serve {
 namespace {
 
-// Names, addresses, "[::1]" and a port: nothing that could end a header.
+// True for characters of a name, an address, "[::1]" and a port; excludes characters that could end a header.
 bool is_host(const std::string& text) {
   return !text.empty() &&
          std::ranges::all_of(text, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-:[]", c)); });
@@ -79,7 +79,7 @@ IceServers::IceServers(const std::vector<std::string>& uris, const std::string& 
     fixed_ = {first, second};
 }
 
-// Of a secret: the user is the time until which the password is good.
+// With a shared secret, the user name is the expiry time of the password.
 IceServers::Credentials IceServers::credentials(int64_t now) const {
   if (secret_.empty()) return fixed_;
   const std::string user = std::to_string(now + kLifetime);
@@ -141,7 +141,6 @@ std::optional<GChecksumType> hash_of(std::string_view text) {
   return std::nullopt;
 }
 
-// The digits in lower case; nothing where they are not pairs with colons between them.
 std::optional<std::string> digits_of(std::string_view text) {
   std::string_view value = text.substr(std::min(text.size(), hash_name(text).size() + 1));
   std::string digits;
@@ -153,7 +152,6 @@ std::optional<std::string> digits_of(std::string_view text) {
   return digits;
 }
 
-// The bytes of the first certificate.
 std::string der_of(const std::string& pem) {
   constexpr std::string_view kBegin = "-----BEGIN CERTIFICATE-----", kEnd = "-----END CERTIFICATE-----";
   const size_t begin = pem.find(kBegin), end = pem.find(kEnd);
@@ -168,7 +166,7 @@ std::string der_of(const std::string& pem) {
 
 FingerprintKind fingerprint_kind(std::string_view text) {
   const auto hash = hash_of(text);
-  if (!hash) return hash_name(text).empty() ? FingerprintKind::kMalformed : FingerprintKind::kOfAnotherHash;
+  if (!hash) return hash_name(text).empty() ? FingerprintKind::kMalformed : FingerprintKind::kUnknownHash;
   const auto digits = digits_of(text);
   const auto size = static_cast<size_t>(2 * g_checksum_type_get_length(*hash));
   return digits && digits->size() == size ? FingerprintKind::kKnown : FingerprintKind::kMalformed;
@@ -190,7 +188,6 @@ namespace {
 constexpr char kMalformedFingerprint[] = "an a=fingerprint of the offer is malformed";
 constexpr char kTooManyAttributes[] = "the offer has too many formats or attributes";
 
-// The value of "NAME" in "NAME=value;OTHER=value" (RFC 6184: names in either case).
 std::string parameter(std::string_view parameters, std::string_view name) {
   while (!parameters.empty()) {
     std::string_view item = parameters.substr(0, parameters.find(';'));
@@ -203,7 +200,7 @@ std::string parameter(std::string_view parameters, std::string_view name) {
   return "";
 }
 
-// Baseline in the constrained form: profile_idc 42, constraint_set1_flag (RFC 6184, table 5).
+// True for constrained baseline: profile_idc 42, constraint_set1_flag (RFC 6184, table 5).
 bool is_constrained_baseline(const std::string& profile) {
   unsigned value = 0;
   const char* end = profile.data() + profile.size();
@@ -211,13 +208,13 @@ bool is_constrained_baseline(const std::string& profile) {
   return value >> 16 == 0x42 && (value >> 8 & 0x40);
 }
 
-// What an offer says of a payload type. Refers to the offer's text.
 struct Format {
-  std::string_view map, parameters;  // rtpmap and fmtp; "" if there is none
+  std::string_view map, parameters;  // rtpmap and fmtp; "" if absent
 };
 constexpr size_t kPayloadTypes = 128;
 
-// Takes "PAYLOAD " off the front of an attribute's value. Nothing for a value that begins with no payload type.
+// Removes "PAYLOAD " from the front of an attribute's value. Returns std::nullopt if the value does not begin with a
+// payload type.
 std::optional<size_t> take_payload(std::string_view& value) {
   size_t number = 0;
   const char* end = std::from_chars(value.data(), value.data() + value.size(), number).ptr;
@@ -227,7 +224,6 @@ std::optional<size_t> take_payload(std::string_view& value) {
   return number;
 }
 
-// The first rtpmap and fmtp of each payload type, in one pass over the attributes.
 std::array<Format, kPayloadTypes> read_formats(const GstSDPMedia* media) {
   std::array<Format, kPayloadTypes> formats{};
   for (guint i = 0; i < gst_sdp_media_attributes_len(media); i++) {
@@ -249,12 +245,12 @@ bool encodes(std::string_view rtpmap, std::string_view encoding) {
          rtpmap.substr(encoding.size()) == "";
 }
 
-// Takes the first format of the codec in the offer's order. GStreamer's payloaders know the dynamic payload types from
-// 96 on.
+// Selects the first format of the codec in the offer's order. GStreamer's payloaders support the dynamic payload types
+// from 96.
 bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes>& formats, VideoCodec codec,
                 Offer& offer) {
   constexpr size_t kLeastPayloadType = 96;
-  std::bitset<kPayloadTypes> seen;  // a format that comes again costs nothing
+  std::bitset<kPayloadTypes> seen;
   for (guint i = 0; i < gst_sdp_media_formats_len(media); i++) {
     std::string_view text = gst_sdp_media_get_format(media, i);
     const auto number = take_payload(text);
@@ -278,7 +274,7 @@ bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes
   return false;
 }
 
-// The offer's number of a header extension, as far as one byte has it: "3 URI", "3/recvonly URI" (RFC 8285).
+// Returns the id of a header extension with a one-byte header: "3 URI", "3/recvonly URI" (RFC 8285).
 guint find_extension(const GstSDPMedia* media, std::string_view uri) {
   for (guint i = 0; i < gst_sdp_media_attributes_len(media); i++) {
     const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
@@ -293,10 +289,10 @@ guint find_extension(const GstSDPMedia* media, std::string_view uri) {
   return 0;
 }
 
-// Of H.264 as it is sent here. Streams may be of any level up to the one named (RFC 6184): webrtcbin would decline an
-// offer that does not name just the stream's own.
+// Sets the parameters of the outgoing H.264. Any level up to the stated one is allowed (RFC 6184), but webrtcbin would
+// decline an offer that states another level.
 void set_parameters(const GstSDPMedia* media, guint payload_type, const std::string& profile) {
-  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is ours
+  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is owned
   const std::string payload = std::to_string(payload_type) + " ";
   const std::string value = payload + "level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=" + profile;
   for (guint i = gst_sdp_media_attributes_len(media); i-- > 0;) {
@@ -311,7 +307,7 @@ bool has(const GstSDPMessage* sdp, const GstSDPMedia* media, const char* attribu
   return gst_sdp_media_get_attribute_val(media, attribute) || gst_sdp_message_get_attribute_val(sdp, attribute);
 }
 
-// "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host": of one of these addresses, and for UDP.
+// True for a UDP candidate of one of the addresses: "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host".
 bool is_of(std::string_view candidate, const std::set<std::string>& addresses) {
   std::string_view fields[5];
   for (std::string_view& field : fields) {
@@ -324,7 +320,7 @@ bool is_of(std::string_view candidate, const std::set<std::string>& addresses) {
 }
 
 void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& known) {
-  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is ours
+  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is owned
   size_t kept = 0;
   for (guint i = 0; i < gst_sdp_media_attributes_len(media);) {
     const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
@@ -338,7 +334,7 @@ void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& kno
   }
 }
 
-// webrtcbin looks through all attributes for each format, and through all before an attribute to find it.
+// webrtcbin scans all attributes for each format and for each attribute, which takes quadratic time.
 bool is_too_large(const GstSDPMedia* media) {
   return gst_sdp_media_formats_len(media) > Offer::kMaxFormats ||
          gst_sdp_media_attributes_len(media) > Offer::kMaxAttributes;
@@ -352,7 +348,7 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
   return "";
 }
 
-// Returns true if all media share one transport (RFC 9143). WHEP requires that.
+// True if all media share one transport (RFC 9143), as WHEP requires.
 bool is_bundled(const GstSDPMessage* sdp) {
   std::set<std::string> bundled;
   for (guint i = 0; i < gst_sdp_message_attributes_len(sdp); i++) {
@@ -394,7 +390,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     if (reason) *reason = why;
     return std::nullopt;
   };
-  // GStreamer's parser warns of criticals for what is no text at all.
+  // GStreamer's parser logs criticals for text that is not valid UTF-8.
   if (text.size() > Offer::kMaxBytes) return fail("the offer is too long");
   if (!text.starts_with("v=0") || text.find('\0') != text.npos || !g_utf8_validate(text.data(), -1, nullptr))
     return fail("the offer is not SDP");
@@ -439,7 +435,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
   return offer;
 }
 
-void name_profile(GstSDPMessage* answer, const Offer& offer) {
+void set_profile(GstSDPMessage* answer, const Offer& offer) {
   if (offer.codec != VideoCodec::kH264) return;
   for (guint i = 0; i < gst_sdp_message_medias_len(answer); i++)
     if (const GstSDPMedia* media = gst_sdp_message_get_media(answer, i);

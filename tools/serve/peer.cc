@@ -17,7 +17,8 @@ namespace {
 
 using Reply = std::function<void(const GstStructure*)>;
 
-// For one call, which takes it. `reply` is called in webrtcbin's thread; null where the promise was not kept.
+// Returns a promise for one call, which takes ownership. `reply` runs on webrtcbin's thread and receives null if there
+// was no reply.
 GstPromise* promise(Reply reply) {
   return gst_promise_new_with_change_func(
       [](GstPromise* promise, gpointer data) {
@@ -30,7 +31,7 @@ GstPromise* promise(Reply reply) {
 
 bool is_error(const GstStructure* reply) { return reply && gst_structure_has_field(reply, "error"); }
 
-// Signal handlers know the peer as long as it lives.
+// Signal handlers hold a weak reference to the peer.
 using Weak = std::weak_ptr<Peer>;
 
 template <typename Handler>
@@ -41,10 +42,9 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
 
-// Takes ownership of a buffer and returns a buffer that the caller owns, or null to drop it.
+// Takes ownership of a buffer and returns an owned buffer, or null to drop the packet.
 using Filter = std::function<GstBuffer*(GstBuffer*)>;
 
-// Applies the filter to each buffer that `element` pushes from the pad.
 void filter(GstElement* element, const char* pad_name, Filter by) {
   g_autoptr(GstPad) pad = gst_element_get_static_pad(element, pad_name);
   const auto each = [](GstBuffer** buffer, guint, gpointer data) -> gboolean {
@@ -74,11 +74,11 @@ void filter(GstElement* element, const char* pad_name, Filter by) {
       new Probe{std::move(by), each}, [](gpointer data) { delete static_cast<Probe*>(data); });
 }
 
-GstBuffer* needed_part(GstBuffer* compound) {
+GstBuffer* filter_compound(GstBuffer* compound) {
   GstMapInfo map;
   std::optional<std::vector<uint8_t>> needed = std::vector<uint8_t>();
   if (gst_buffer_map(compound, &map, GST_MAP_READ)) {
-    needed = RtcpFilter::needed_part({map.data, map.size});
+    needed = RtcpFilter::filter_compound({map.data, map.size});
     gst_buffer_unmap(compound, &map);
   }
   if (!needed) return compound;
@@ -88,7 +88,6 @@ GstBuffer* needed_part(GstBuffer* compound) {
   return rest;
 }
 
-// What a viewer's reports say of what it has received.
 struct Reception {
   std::vector<ReceptionReport> reports;
   double round_trip = 0;  // seconds
@@ -113,21 +112,20 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
   return TRUE;
 }
 
-// Reads the reports out of the statistics that webrtcbin's get-stats gives.
 Reception read_reception(const GstStructure* stats) {
   Reception received;
   gst_structure_foreach(stats, read_stats, &received);
   return received;
 }
 
-// Waits until the end of a DTLS connection has left: another thread sends it, which must not be stopped before.
-class Goodbye {
+// Waits until DTLS has sent its closing alert. The sending thread must not be stopped before.
+class DtlsShutdown {
  public:
   static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
     constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
     guint8 type = 0;
     if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
-      (*static_cast<std::shared_ptr<Goodbye>*>(data))->note();
+      (*static_cast<std::shared_ptr<DtlsShutdown>*>(data))->note();
     return GST_PAD_PROBE_OK;
   }
   void wait() {
@@ -171,34 +169,33 @@ Peer::~Peer() {
 }
 
 void Peer::set_bit_rate(int bits_per_second) {
-  const double bytes = kRepeatShare * bits_per_second / 8;
+  const double bytes = kRetransmitShare * bits_per_second / 8;
   const std::lock_guard lock(mutex_);
-  repeats_.set_rate(bytes, std::max(bytes, kRepeatBurst), g_get_monotonic_time());
+  retransmit_limit_.set_rate(bytes, std::max(bytes, kRetransmitBurst), g_get_monotonic_time());
 }
 
 bool Peer::take_key_frame() {
   const std::lock_guard lock(mutex_);
-  return key_frames_.take(g_get_monotonic_time());
+  return key_frame_limit_.take(g_get_monotonic_time());
 }
 
 // The RTP session turns each sequence number in a NACK into one event for rtprtxsend.
-GstPadProbeReturn Peer::asked_to_repeat(GstPad*, GstPadProbeInfo* info, gpointer data) {
+GstPadProbeReturn Peer::on_retransmission_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
   const GstStructure* structure = gst_event_get_structure(GST_PAD_PROBE_INFO_EVENT(info));
   if (!structure || !gst_structure_has_name(structure, "GstRTPRetransmissionRequest")) return GST_PAD_PROBE_OK;
   const auto peer = peer_of(data);
   if (!peer) return GST_PAD_PROBE_DROP;
   const std::lock_guard lock(peer->mutex_);
-  return peer->repeats_.take(g_get_monotonic_time(), kRepeatBytes) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+  return peer->retransmit_limit_.take(g_get_monotonic_time(), kRetransmitBytes) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
 }
 
-// A packet from the network, before it is decrypted.
 bool Peer::take(GstBuffer* packet) {
   if (failed_) return false;
   const int64_t now = g_get_monotonic_time();
-  heard_ = now;
+  last_packet_time_ = now;
   GstMapInfo map;
   if (!gst_buffer_map(packet, &map, GST_MAP_READ)) return false;
-  const bool taken = rtcp_.take_sealed({map.data, map.size}, now);
+  const bool taken = rtcp_.accept_encrypted({map.data, map.size}, now);
   gst_buffer_unmap(packet, &map);
   return taken;
 }
@@ -217,13 +214,13 @@ void Peer::fail(const std::string& why) {
 void Peer::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
   const std::string type = factory ? GST_OBJECT_NAME(factory) : "";
-  // Would hold every picture back for a frame.
+  // With sync, clocksync would delay each picture by a frame.
   if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
   if (type == "dtlsenc") {
     const std::lock_guard lock(mutex_);
     gst_object_replace(reinterpret_cast<GstObject**>(&dtls_), GST_OBJECT(element));
   }
-  // The certificate comes before the keys do.
+  // The certificate arrives before the keys.
   if (type == "dtlsdec")
     connect(
         element, "notify::peer-pem",
@@ -232,8 +229,8 @@ void Peer::watch_element(GstElement* element) {
           g_object_get(decoder, "peer-pem", &pem, nullptr);
           const auto peer = peer_of(data);
           if (!peer || (pem && has_fingerprint(pem, peer->fingerprints_))) return;
-          peer->is_stranger_ = true;
-          peer->fail("its certificate is not the one of the offer");
+          peer->certificate_mismatch_ = true;
+          peer->fail("its certificate does not match the offer");
         },
         weak_from_this());
   if (type == "nicesink") {
@@ -242,16 +239,16 @@ void Peer::watch_element(GstElement* element) {
         sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
         [](GstPad*, GstPadProbeInfo*, gpointer data) {
           const auto peer = peer_of(data);
-          return peer && peer->is_stranger_ ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+          return peer && peer->certificate_mismatch_ ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
         },
         new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
   }
   if (type == "rtprtxsend") {
     g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");
-    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, asked_to_repeat, new Weak(weak_from_this()),
+    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, on_retransmission_request, new Weak(weak_from_this()),
                       [](gpointer data) { delete static_cast<Weak*>(data); });
   }
-  // A pad each SCTP stream, which costs elements and a thread, announced as a data channel or not.
+  // Each SCTP stream adds a pad, elements and a thread, even without a data channel.
   if (type == "sctpdec")
     connect(
         element, "pad-added",
@@ -267,7 +264,7 @@ void Peer::watch_element(GstElement* element) {
       gst_buffer_unref(packet);
       return nullptr;
     });
-  if (type == "srtpdec") filter(element, "rtcp_src", needed_part);
+  if (type == "srtpdec") filter(element, "rtcp_src", filter_compound);
 }
 
 void Peer::watch(const Route& route) {
@@ -320,7 +317,6 @@ void Peer::watch(const Route& route) {
   gst_object_unref(transceiver);
 }
 
-// DTLS is up by then.
 void Peer::connection_changed(int state) {
   if (state == GST_WEBRTC_PEER_CONNECTION_STATE_CONNECTED && !connected_.exchange(true))
     call_back([](Peer& peer) { peer.callbacks_.on_connected(); });
@@ -328,8 +324,8 @@ void Peer::connection_changed(int state) {
     fail("the connection is lost");
 }
 
-// What the video will be, to be answered with before there is any. An answer made before the stream has its SSRC would
-// name 0 as the one of retransmissions, and browsers show black.
+// Announces the caps of the video, so that the answer can be made before there is video. An answer made without the
+// stream's SSRC would name SSRC 0 for retransmissions, and browsers would show black.
 void Peer::announce() {
   GstCaps* caps =
       gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "video", "clock-rate", G_TYPE_INT, 90000,
@@ -355,18 +351,18 @@ void Peer::negotiate() {
     if (!peer) return;
     GstWebRTCSessionDescription* local = nullptr;
     if (reply) gst_structure_get(reply, "answer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &local, nullptr);
-    if (!local) return peer->fail(kUnanswerable);
-    name_profile(local->sdp, peer->offer_);
+    if (!local) return peer->fail(kOfferRejected);
+    set_profile(local->sdp, peer->offer_);
     g_signal_emit_by_name(peer->webrtc_, "set-local-description", local, promise([weak](const GstStructure* set) {
                             const auto p = weak.lock();
-                            if (p && is_error(set)) p->fail(kUnanswerable);
+                            if (p && is_error(set)) p->fail(kOfferRejected);
                           }));
     gst_webrtc_session_description_free(local);
   };
   const auto taken = [weak = weak_from_this(), made](const GstStructure* reply) {
     const auto peer = weak.lock();
     if (!peer) return;
-    if (is_error(reply)) return peer->fail(kUnanswerable);
+    if (is_error(reply)) return peer->fail(kOfferRejected);
     g_signal_emit_by_name(peer->webrtc_, "create-answer", nullptr, promise(made));
   };
   g_signal_emit_by_name(webrtc_, "set-remote-description", remote, promise(taken));
@@ -380,7 +376,6 @@ void Peer::negotiate() {
       new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
 }
 
-// Once all candidates are known, or it is late.
 void Peer::answer(bool late) {
   GstWebRTCICEGatheringState state;
   GstWebRTCSessionDescription* local = nullptr;
@@ -392,12 +387,12 @@ void Peer::answer(bool late) {
   if (local) gst_webrtc_session_description_free(local);
 }
 
-// The channel may be open already. webrtcbin can't close one alone (it would be used after it was freed).
+// The channel may already be open. webrtcbin can't close a single channel (use after free).
 void Peer::open_channel(GstWebRTCDataChannel* channel) {
   g_autofree gchar* label = nullptr;
   g_object_get(channel, "label", &label, nullptr);
   const std::lock_guard lock(mutex_);
-  if (channel_ || g_strcmp0(label, "control") != 0) return fail("it opens a data channel that is none of ours");
+  if (channel_ || g_strcmp0(label, "control") != 0) return fail("it opens an unknown data channel");
   channel_ = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel));
   connect(
       channel, "on-message-string",
@@ -418,27 +413,26 @@ void Peer::send(const std::string& text) {
   GstWebRTCDataChannelState state;
   guint64 waiting = 0;
   g_object_get(channel, "ready-state", &state, "buffered-amount", &waiting, nullptr);
-  // Who does not read is told nothing.
   constexpr guint64 kMostWaiting = 65536;
   if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMostWaiting)
     gst_webrtc_data_channel_send_string(channel, text.c_str());
   g_object_unref(channel);
 }
 
-void Peer::say_goodbye() {
+void Peer::close_dtls() {
   GstElement* dtls = nullptr;
   {
     const std::lock_guard lock(mutex_);
     if (connected_ && dtls_) dtls = GST_ELEMENT(gst_object_ref(dtls_));
   }
   if (!dtls) return;
-  const auto goodbye = std::make_shared<Goodbye>();
+  const auto goodbye = std::make_shared<DtlsShutdown>();
   g_autoptr(GstPad) src = gst_element_get_static_pad(dtls, "src");
-  const gulong probe =
-      !src
-          ? 0
-          : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, Goodbye::on_packet, new std::shared_ptr<Goodbye>(goodbye),
-                              [](gpointer data) { delete static_cast<std::shared_ptr<Goodbye>*>(data); });
+  const gulong probe = !src ? 0
+                            : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, DtlsShutdown::on_packet,
+                                                new std::shared_ptr<DtlsShutdown>(goodbye), [](gpointer data) {
+                                                  delete static_cast<std::shared_ptr<DtlsShutdown>*>(data);
+                                                });
   gst_element_foreach_sink_pad(
       dtls,
       [](GstElement*, GstPad* pad, gpointer) -> gboolean {

@@ -19,72 +19,69 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
-// Why a peer fails whose offer webrtcbin does not take. Its own words may have parts of the offer in them, which are
-// not for logs.
-inline constexpr char kUnanswerable[] = "the offer can't be answered";
+// Error of a peer if webrtcbin rejects the offer. The message of webrtcbin may quote the offer and must not be logged.
+inline constexpr char kOfferRejected[] = "the offer can't be answered";
 
-// What the receiver says of the last second.
 struct LinkReport {
-  double loss = 0;        // part of the packets that was lost, 0 to 1
-  double round_trip = 0;  // seconds; 0: not known
+  double loss = 0;        // fraction of lost packets, 0 to 1
+  double round_trip = 0;  // seconds; 0: unknown
 };
 
-// The addresses by which a peer is to be reached, and servers that help it.
 struct Route {
-  std::string address;  // the only one of this machine, or ""
-  std::vector<std::string>
-      ice_servers;  // "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT", as webrtcbin takes them
+  std::string address;                   // local address to use; "": any
+  std::vector<std::string> ice_servers;  // webrtcbin's format: "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT"
 };
 
-// One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
-// negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
-// channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more. Its certificate
-// must have a fingerprint of the offer. Packets that a viewer need not send are dropped (RtcpFilter).
-// Made on the main thread; what it calls back comes on the main thread, but for on_message. Destroyed on any thread.
+// One browser at the other end of a webrtcbin: offer and answer, data channel and liveness. It negotiates before there
+// is video, which must later arrive at the webrtcbin's pad with `ssrc`. A peer has one data channel, "control", and one
+// SCTP stream. A browser that opens more fails and is ignored. Its certificate must match a fingerprint of the offer.
+// Unneeded packets are dropped (RtcpFilter).
+//
+// Created on the main thread. Callbacks run on the main thread, except on_message. May be destroyed on any thread.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;  // called once, with all candidates found within kGathering
-    std::function<void()> on_connected;                     // called once, when DTLS is up
+    std::function<void()> on_connected;                     // called once, when DTLS is connected
     std::function<void(const std::string& why)> on_failed;
-    // A message of the data channel "control"; called by a streaming thread.
+    // Receives a message of the data channel "control"; called on a streaming thread.
     std::function<void(const std::string& text)> on_message;
     std::function<void(const LinkReport&)> on_report;
   };
 
-  static constexpr unsigned kGathering = 1000;  // milliseconds: a STUN server that is away takes five seconds
+  static constexpr unsigned kGathering = 1000;  // milliseconds; an unreachable STUN server would take five seconds
 
-  // `webrtc` is in a pipeline that has not been started; its sink_0 is linked. Takes a reference.
+  // `webrtc` is in a pipeline that is not started; its sink_0 is linked. Takes a reference.
   static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
                                     Callbacks callbacks);
-  // Call after the pipeline was stopped.
+  // Stop the pipeline first.
   ~Peer();
 
   // Answers the offer. Call once the pipeline is PAUSED.
   void negotiate();
 
   // g_get_monotonic_time() of the last packet from the browser; 0: none yet. Thread-safe.
-  int64_t heard() const { return heard_; }
+  int64_t last_packet_time() const { return last_packet_time_; }
   bool connected() const { return connected_; }
-  // Sends a text on the data channel "control", if there is one. Thread-safe.
+  // Sends a text on the data channel "control", if the channel is open. Thread-safe.
   void send(const std::string& text);
-  // The video's bit rate from now on. A browser that asks for packets again gets no more of them than that: the
-  // requests are small, and may be endless. Thread-safe.
+  // Sets the video's bit rate. It also limits retransmissions, because the small requests could be endless.
+  // Thread-safe.
   void set_bit_rate(int bits_per_second);
-  // Whether the browser may ask for a key frame now, which costs many bits. Thread-safe.
+  // Returns true if the browser may request a key frame now; key frames are large. Thread-safe.
   bool take_key_frame();
-  // Stops the callbacks on the main thread. Call on the main thread.
+  // Disables the callbacks. Call on the main thread.
   void leave() { has_left_ = true; }
-  // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
-  void say_goodbye();
-  // Asks webrtcbin for its statistics; on_report() follows.
+  // Closes DTLS, so that the browser notices at once. The pipeline must keep running meanwhile.
+  void close_dtls();
+  // on_report() receives the result.
   void ask_for_report();
 
  private:
-  // Bytes of repeated packets per second, as a part of the video's bit rate; bytes of them at once, at least.
-  static constexpr double kRepeatShare = 1, kRepeatBurst = 100000;
-  static constexpr double kRepeatBytes = 1250;                   // of a repeated packet, at most
-  static constexpr double kKeyFrames = 2, kKeyFramesAtOnce = 5;  // key frames that a browser may ask for, per second
+  // Retransmitted bytes per second, relative to the video's bit rate, and minimum burst in bytes.
+  static constexpr double kRetransmitShare = 1, kRetransmitBurst = 100000;
+  static constexpr double kRetransmitBytes = 1250;
+  static constexpr double kKeyFrames = 2, kKeyFramesAtOnce = 5;
 
   Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks);
   void watch(const Route& route);
@@ -96,24 +93,25 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
   bool take(GstBuffer* packet);
-  static GstPadProbeReturn asked_to_repeat(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  static GstPadProbeReturn on_retransmission_request(GstPad* pad, GstPadProbeInfo* info, gpointer data);
 
   GstElement* const webrtc_;
   const std::set<std::string> fingerprints_;
   Offer offer_;
   uint32_t ssrc_;
   Callbacks callbacks_;
-  std::atomic<int64_t> heard_ = 0;
-  std::atomic<int> streams_ = 0;  // SCTP streams from the browser
+  std::atomic<int64_t> last_packet_time_ = 0;
+  std::atomic<int> streams_ = 0;
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
-  std::atomic<bool> is_stranger_ = false;  // the certificate does not match the offer: packets are dropped
+  // drop all packets, because the certificate does not match the offer
+  std::atomic<bool> certificate_mismatch_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
-  GstElement* dtls_ = nullptr;  // the encoder
+  GstElement* dtls_ = nullptr;
   RtcpFilter rtcp_;
-  TokenBucket repeats_{kRepeatBurst, kRepeatBurst}, key_frames_{kKeyFrames, kKeyFramesAtOnce};
-  PacketLoss loss_;        // used by the main thread alone
-  bool has_left_ = false;  // used by the main thread alone
+  TokenBucket retransmit_limit_{kRetransmitBurst, kRetransmitBurst}, key_frame_limit_{kKeyFrames, kKeyFramesAtOnce};
+  PacketLoss loss_;        // main thread only
+  bool has_left_ = false;  // main thread only
 };
 
 }  // namespace lf::serve

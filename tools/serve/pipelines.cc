@@ -15,13 +15,13 @@
 namespace lf::serve {
 namespace {
 
-// An encoder of H.264 and how it is told to keep no picture back. All of them make about the same of a picture: of
-// the same quality where that takes fewer bits than there are.
+// An H.264 encoder with its low-latency options. All encoders are configured alike: constant quality with a maximum bit
+// rate, where supported.
 struct H264Encoder {
   const char* element;
-  const char* options;   // of the launch line
-  const char* bit_rate;  // the property
-  int unit;              // of that, bits per second
+  const char* options;
+  const char* bit_rate;
+  int unit;  // unit of the property, bits per second
 };
 
 constexpr H264Encoder kH264Encoders[] = {
@@ -29,7 +29,7 @@ constexpr H264Encoder kH264Encoders[] = {
     {"vah264enc", "target-usage=7 key-int-max=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
     {"vaapih264enc", "quality-level=7 keyframe-period=900 max-bframes=0 rate-control=vbr", "bitrate", 1000},
     {"qsvh264enc", "low-latency=true gop-size=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
-    // Bits where the picture needs them, up to `bitrate`; `threads` would cut pictures to pieces or keep them back.
+    // Constant quality up to `bitrate`. More `threads` would slice or delay pictures.
     {"x264enc",
      "tune=zerolatency speed-preset=ultrafast threads=1 key-int-max=900 vbv-buf-capacity=300 pass=qual quantizer=23",
      "bitrate", 1000},
@@ -41,7 +41,7 @@ bool installed(const char* element) {
   return factory;
 }
 
-// As GStreamer's rank has it (GST_PLUGIN_FEATURE_RANK can change it), those of hardware first where it is the same.
+// Selects by GStreamer's rank (GST_PLUGIN_FEATURE_RANK can change it); hardware first if ranks are equal.
 const H264Encoder* h264_encoder() {
   const H264Encoder* best = nullptr;
   guint best_rank = GST_RANK_NONE;
@@ -58,7 +58,7 @@ const H264Encoder* h264_encoder() {
   return best;
 }
 
-// Least and most delay, 12 bits each, in steps of 10 ms: none.
+// Minimum and maximum delay, 12 bits each, in units of 10 ms; both 0.
 constexpr gsize kBytes = 3;
 
 struct PlayoutDelay {
@@ -108,7 +108,7 @@ void check_elements() {
     throw Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
 }
 
-// A viewer takes about ten files, a camera two: the usual 1024 are soon used up.
+// A viewer needs about ten files, a camera two, which soon exceeds the usual limit of 1024.
 void raise_file_limit() {
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -122,7 +122,7 @@ bool can_encode(VideoCodec codec) {
   return codec == VideoCodec::kH264 ? h264_encoder() != nullptr : installed("vp8enc");
 }
 
-// Browsers ask for a key frame when they need one.
+// Key frames are rare, because browsers request them when needed.
 std::string encoder_line(const Offer& offer, int bits_per_second) {
   std::ostringstream line;
   if (offer.codec == VideoCodec::kVp8) {
@@ -158,11 +158,11 @@ void add_playout_delay(GstElement* payloader, guint id) {
 }
 
 void prepare_process() {
-  // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
+  // Viewers start and end many threads. One malloc arena per thread would fragment memory.
   mallopt(M_ARENA_MAX, 2);
   raise_file_limit();
-  // GStreamer's threads may still be at work on DTLS while the process ends: they would use what OpenSSL has cleaned up
-  // by then, and what each of them has of it, as random generators, would never be freed.
+  // GStreamer threads may still use DTLS at exit, after OpenSSL's cleanup, and their per-thread state, such as random
+  // generators, would leak.
   OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
 }
 

@@ -11,7 +11,7 @@
 
 namespace lf::serve {
 
-// A pipeline from a launch line; owned by the caller. Throws Error that names what is not installed.
+// Creates a pipeline from a launch line; owned by the caller. Throws Error that names a missing element.
 inline GstElement* launch_pipeline(const std::string& line) {
   GError* error = nullptr;
   GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
@@ -22,7 +22,7 @@ inline GstElement* launch_pipeline(const std::string& line) {
   throw Error(text);
 }
 
-// A bin with a pad for what the line leaves open; floating. Throws Error that names what is not installed.
+// Creates a bin with ghost pads for unlinked pads; floating. Throws Error that names a missing element.
 inline GstElement* launch_bin(const std::string& line) {
   GError* error = nullptr;
   GstElement* bin =
@@ -34,37 +34,34 @@ inline GstElement* launch_bin(const std::string& line) {
   throw Error(text);
 }
 
-// The text of an error or a warning: which element says what.
 inline std::string text_of(GstMessage* message) {
   GError* error = nullptr;
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     gst_message_parse_error(message, &error, nullptr);
   else
     gst_message_parse_warning(message, &error, nullptr);
-  std::string text = std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + location_text(error ? error->message : "");
+  std::string text =
+      std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + redacted_location(error ? error->message : "");
   g_clear_error(&error);
   return text;
 }
 
-// Whether an encoder for the codec is installed: of those for H.264 that are known here the one of the highest rank is
-// used, hardware or not.
+// True if an encoder for the codec is installed. For H.264, the known encoder, hardware or not, with the highest
+// rank is used.
 bool can_encode(VideoCodec codec);
 
-// A part of a launch line from raw video to RTP for webrtcbin: an encoder "encoder" that keeps no picture back, and a
-// payloader "payloader" whose timestamps are 90,000 times the running time in seconds.
+// Returns a part of a launch line from raw video to RTP for webrtcbin: a low-latency encoder "encoder", and a payloader
+// "payloader" with timestamps of 90,000 times the running time in seconds.
 std::string encoder_line(const Offer& offer, int bits_per_second);
-// Sets the bit rate of an encoder, while it runs.
 void set_bit_rate(GstElement* encoder, int bits_per_second);
 
-// Puts the RTP header extension kPlayoutDelayUri into all packets of the payloader, under the number that the offer has
-// for it, 1..14.
 void add_playout_delay(GstElement* payloader, guint id);
 
-// Prepares the process for many viewers, who take more files than usual, and less memory. Call before threads are
-// started.
+// Prepares the process for many viewers: raises the file limit and reduces memory fragmentation. Call before threads
+// are started.
 void prepare_process();
-// Prepares GStreamer for viewers: all elements must be installed, and a key for DTLS is made, which takes up to a
-// second; the first viewer should not wait for it. Throws Error that names the package of what is missing.
+// Prepares GStreamer for viewers: checks that all elements are installed and creates the DTLS key in advance, which
+// takes up to a second. Throws Error that names the package of a missing element.
 void prepare_elements();
 
 }  // namespace lf::serve

@@ -21,7 +21,7 @@ std::string printable(const std::string& line) {
 }
 
 void say(const std::string& said) {
-  const std::string line = location_text(said);
+  const std::string line = redacted_location(said);
   static std::mutex mutex;
   static TokenBucket lines(kLinesPerSecond, kLinesAtOnce);
   static uint64_t left_away = 0;
@@ -30,12 +30,12 @@ void say(const std::string& said) {
     left_away++;
     return;
   }
-  if (left_away > 0) std::printf("%llu lines left away\n", static_cast<unsigned long long>(left_away));
+  if (left_away > 0) std::printf("%llu lines suppressed\n", static_cast<unsigned long long>(left_away));
   left_away = 0;
   std::printf("%s\n", printable(line).c_str());
 }
 
-void Departures::add(std::function<void()> end) {
+void Teardowns::add(std::function<void()> end) {
   {
     const std::lock_guard lock(state_->mutex);
     state_->under_way++;
@@ -49,12 +49,12 @@ void Departures::add(std::function<void()> end) {
   }).detach();
 }
 
-size_t Departures::size() const {
+size_t Teardowns::size() const {
   const std::lock_guard lock(state_->mutex);
   return state_->under_way;
 }
 
-bool Departures::wait(std::chrono::milliseconds longest) const {
+bool Teardowns::wait(std::chrono::milliseconds longest) const {
   std::unique_lock lock(state_->mutex);
   return state_->changed.wait_for(lock, longest, [this] { return state_->under_way == 0; });
 }

@@ -13,18 +13,16 @@
 
 namespace lf::serve {
 
-// A line for whoever runs the server, of what others make it say: printable ASCII alone, of at most kLongestLine
-// characters, and no more lines than a person reads: those left away are counted, and the number is said with the next.
-// Thread-safe.
+// Prints a log line that may contain remote input: printable ASCII only, at most kLongestLine characters, at a limited
+// rate. The number of suppressed lines is printed with the next line. Thread-safe.
 void say(const std::string& line);
 
 inline constexpr size_t kLongestLine = 200;
 inline constexpr double kLinesPerSecond = 5, kLinesAtOnce = 100;
 
-// A line as say() writes it.
 std::string printable(const std::string& line);
 
-// Runs the job in the main loop, soon, and never inside of this call. Any thread.
+// Runs the job in the main loop, never inside this call. Thread-safe.
 inline void on_main_thread(std::function<void()> job) {
   GSource* source = g_idle_source_new();
   g_source_set_priority(source, G_PRIORITY_DEFAULT);
@@ -40,14 +38,12 @@ inline void on_main_thread(std::function<void()> job) {
   g_source_unref(source);
 }
 
-// Runs destructors that may take long, such as those of pipelines, on separate threads, so that a hung element cannot
-// block the server. Thread-safe.
-class Departures {
+// Runs slow destructors, such as those of pipelines, on separate threads, so that a hung element cannot block the
+// server. Thread-safe.
+class Teardowns {
  public:
-  // Calls `end` on a new thread.
   void add(std::function<void()> end);
   size_t size() const;
-  // Waits until all have finished. Returns false on timeout.
   bool wait(std::chrono::milliseconds longest) const;
 
  private:

@@ -11,11 +11,12 @@
 namespace lf::serve {
 namespace {
 
-constexpr guint kQuiet = 300;  // milliseconds: editors write a file in several steps
+constexpr guint kQuiet = 300;  // milliseconds; editors write a file in several steps
 
 }  // namespace
 
-RigWatch::RigWatch(const std::string& path, std::function<void()> on_change) : on_change_(std::move(on_change)) {
+RigFileMonitor::RigFileMonitor(const std::string& path, std::function<void()> on_change)
+    : on_change_(std::move(on_change)) {
   g_autoptr(GError) error = nullptr;
   g_autoptr(GFile) file = g_file_new_for_path(path.c_str());
   monitor_ = g_file_monitor_file(file, G_FILE_MONITOR_WATCH_MOVES, nullptr, &error);
@@ -23,34 +24,34 @@ RigWatch::RigWatch(const std::string& path, std::function<void()> on_change) : o
   g_signal_connect(monitor_, "changed", G_CALLBACK(changed), this);
 }
 
-RigWatch::~RigWatch() {
+RigFileMonitor::~RigFileMonitor() {
   if (timer_) g_source_remove(timer_);
   g_file_monitor_cancel(monitor_);
   g_object_unref(monitor_);
 }
 
-void RigWatch::changed(GFileMonitor*, GFile*, GFile*, GFileMonitorEvent, gpointer data) {
-  auto* self = static_cast<RigWatch*>(data);
+void RigFileMonitor::changed(GFileMonitor*, GFile*, GFile*, GFileMonitorEvent, gpointer data) {
+  auto* self = static_cast<RigFileMonitor*>(data);
   if (self->timer_) g_source_remove(self->timer_);
   self->timer_ = g_timeout_add(
       kQuiet,
       [](gpointer watch) -> gboolean {
-        static_cast<RigWatch*>(watch)->timer_ = 0;
-        static_cast<RigWatch*>(watch)->on_change_();
+        static_cast<RigFileMonitor*>(watch)->timer_ = 0;
+        static_cast<RigFileMonitor*>(watch)->on_change_();
         return G_SOURCE_REMOVE;
       },
       self);
 }
 
-RigReload::RigReload(LightField& field, Sessions& sessions)
+RigReloader::RigReloader(LightField& field, Sessions& sessions)
     : field_(field), sessions_(sessions), watch_(field.rig(), [this] { changed(); }) {}
 
-RigReload::~RigReload() {
+RigReloader::~RigReloader() {
   alive_.reset();
-  if (opens_.joinable()) opens_.join();
+  if (open_thread_.joinable()) open_thread_.join();
 }
 
-void RigReload::changed() {
+void RigReloader::changed() {
   if (is_opening_) {
     changed_again_ = true;
     return;
@@ -62,17 +63,17 @@ void RigReload::changed() {
     return say(std::string("the rig stays as it was: ") + error.what());
   }
   if (!field_.has_cameras_of(*array)) return open(std::move(array));
-  // Colours and time offsets are no part of the hash.
+  // The rig hash does not cover colours and time offsets.
   if (rig_to_json(field_.array()->rig()) == rig_to_json(array->rig())) return;
-  field_.take_rig(std::move(array));
+  field_.update_rig(std::move(array));
   tell();
 }
 
-void RigReload::open(std::shared_ptr<const ArrayInfo> array) {
-  say("the rig has other cameras: opening them");
+void RigReloader::open(std::shared_ptr<const ArrayInfo> array) {
+  say("the rig has other cameras: opening the cameras");
   is_opening_ = true;
-  if (opens_.joinable()) opens_.join();
-  opens_ = std::thread([this, array, alive = std::weak_ptr(alive_)] {
+  if (open_thread_.joinable()) open_thread_.join();
+  open_thread_ = std::thread([this, array, alive = std::weak_ptr(alive_)] {
     std::string problem;
     try {
       field_.restart(array);
@@ -82,15 +83,15 @@ void RigReload::open(std::shared_ptr<const ArrayInfo> array) {
     on_main_thread([this, problem, alive] {
       if (!alive.lock()) return;
       is_opening_ = false;
-      if (!problem.empty()) say("no pictures until the rig changes again: " + problem);
+      if (!problem.empty()) say("no pictures until the rig file changes: " + problem);
       tell();
       if (std::exchange(changed_again_, false)) changed();
     });
   });
 }
 
-void RigReload::tell() {
-  sessions_.take_rig();
+void RigReloader::tell() {
+  sessions_.update_rig();
   say("the rig is " + field_.rig() + " as it is now, " + field_.array()->hash() + ", for " +
       std::to_string(sessions_.size()) + " viewers");
 }

@@ -13,13 +13,13 @@
 
 namespace lf::serve {
 
-// Tells when a file has been written or replaced, once it has been left alone for a moment. On the main thread alone.
-class RigWatch {
+// Reports changes of a file, after it has not changed for a moment. Main thread only.
+class RigFileMonitor {
  public:
-  // Throws Error where files can't be watched.
-  RigWatch(const std::string& path, std::function<void()> on_change);
-  ~RigWatch();
-  RigWatch(const RigWatch&) = delete;
+  // Throws Error if the file can't be watched.
+  RigFileMonitor(const std::string& path, std::function<void()> on_change);
+  ~RigFileMonitor();
+  RigFileMonitor(const RigFileMonitor&) = delete;
 
  private:
   static void changed(GFileMonitor*, GFile*, GFile*, GFileMonitorEvent, gpointer self);
@@ -29,15 +29,15 @@ class RigWatch {
   guint timer_ = 0;
 };
 
-// Brings the light field and its viewers to what the rig file says whenever that has changed, after a calibration say.
-// A file that is no rig changes nothing; other cameras, or other sources, are opened in place of those there were, for
-// which pictures pause. On the main thread alone.
-class RigReload {
+// Reloads the rig for the light field and its viewers when the rig file changes, for example after a calibration. An
+// invalid file changes nothing. If cameras or sources differ, the old cameras are closed and the new ones opened, and
+// pictures pause. Main thread only.
+class RigReloader {
  public:
-  // Both arguments must outlive this. Throws Error where files can't be watched.
-  RigReload(LightField& field, Sessions& sessions);
-  ~RigReload();
-  RigReload(const RigReload&) = delete;
+  // The arguments must outlive this object. Throws Error if the file can't be watched.
+  RigReloader(LightField& field, Sessions& sessions);
+  ~RigReloader();
+  RigReloader(const RigReloader&) = delete;
 
  private:
   void changed();
@@ -46,8 +46,8 @@ class RigReload {
 
   LightField& field_;
   Sessions& sessions_;
-  RigWatch watch_;
-  std::thread opens_;  // opens cameras, which may take a minute
+  RigFileMonitor watch_;
+  std::thread open_thread_;
   bool is_opening_ = false, changed_again_ = false;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
 };

@@ -14,7 +14,7 @@ namespace {
 
 constexpr guint kTickMs = 250;
 constexpr unsigned kTicksPerReport = 4;
-constexpr std::chrono::seconds kLongestEnd{5};  // of all viewers, when the server ends
+constexpr std::chrono::seconds kLongestEnd{5};
 
 std::string random_name() {
   std::random_device random;
@@ -27,18 +27,18 @@ std::string random_name() {
   return name;
 }
 
-void add(Viewer::Figures& sum, const Viewer::Figures& figures) {
-  sum.pictures += figures.pictures;
-  sum.incomplete += figures.incomplete;
-  sum.answer_bytes += figures.answer_bytes;
-  sum.video_bytes += figures.video_bytes;
-  sum.refused_messages += figures.refused_messages;
+void add(Viewer::ViewerCounters& sum, const Viewer::ViewerCounters& counters) {
+  sum.pictures += counters.pictures;
+  sum.incomplete += counters.incomplete;
+  sum.answer_bytes += counters.answer_bytes;
+  sum.video_bytes += counters.video_bytes;
+  sum.refused_messages += counters.refused_messages;
 }
 
 }  // namespace
 
 Sessions::Sessions(LightField& field, const Limits& limits)
-    : field_(field), limits_(limits), seats_(limits.viewers, limits.address_views) {
+    : field_(field), limits_(limits), admission_(limits.viewers, limits.address_views) {
   timer_ = g_timeout_add(
       kTickMs,
       [](gpointer data) -> gboolean {
@@ -52,7 +52,7 @@ Sessions::~Sessions() {
   g_source_remove(timer_);
   alive_.reset();
   close_all("the server ends");
-  if (!departures_.wait(kLongestEnd)) say("views do not end: " + std::to_string(departures_.size()));
+  if (!teardowns_.wait(kLongestEnd)) say("views do not end: " + std::to_string(teardowns_.size()));
 }
 
 void Sessions::close_all(const std::string& why) {
@@ -63,31 +63,34 @@ double Sessions::max_aperture() const {
   return limits_.max_aperture > 0 ? limits_.max_aperture : field_.array()->size();
 }
 
-// What was found of the cameras before is not true of the new rig.
-void Sessions::take_rig() {
+// Monitor results of the old rig do not apply to the new rig.
+void Sessions::update_rig() {
   monitor_ = {};
-  for (const auto& [name, session] : viewers_) session.viewer->take_rig(max_aperture());
+  for (const auto& [name, session] : viewers_) session.viewer->update_rig(max_aperture());
 }
 
-Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const std::string& ticket) {
-  if (departures_.size() >= kMostDepartures) return {};
-  const Seats::Answer answer = seats_.ask(address, wish.views(), ticket, random_name(), g_get_monotonic_time());
-  for (const std::string& name : answer.leave) close(name, "it did not connect, and its seat goes to another");
+AdmissionControl::Answer Sessions::ask(const std::string& address, const ViewParams& view_params,
+                                       const std::string& ticket) {
+  if (teardowns_.size() >= kMaxTeardowns) return {};
+  const AdmissionControl::Answer answer =
+      admission_.ask(address, view_params.views(), ticket, random_name(), g_get_monotonic_time());
+  for (const std::string& name : answer.leave) close(name, "it did not connect; its seat is given to another viewer");
   return answer;
 }
 
-std::string Sessions::open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer) {
+std::string Sessions::open(const std::string& address, Offer offer, const ViewParams& view_params, Route route,
+                           OnAnswer on_answer) {
   ViewerSettings settings;
   settings.eye.view = next_view_++;
-  settings.eye.eye_distance = wish.eye_distance;
-  settings.eye.width = wish.width;
-  settings.eye.height = wish.height;
+  settings.eye.eye_distance = view_params.eye_distance;
+  settings.eye.width = view_params.width;
+  settings.eye.height = view_params.height;
   settings.eye.framerate = limits_.framerate;
   settings.eye.focus = limits_.focus;
-  settings.eye.focus_on = limits_.focus_on;
-  settings.eye.path = wish.path;
+  settings.eye.focus_settings = limits_.focus_settings;
+  settings.eye.path = view_params.path;
   settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
-  settings.most_bit_rate = best_bit_rate(wish.width * wish.views(), wish.height, limits_);
+  settings.most_bit_rate = best_bit_rate(view_params.width * view_params.views(), view_params.height, limits_);
   settings.least_bit_rate = std::min(settings.least_bit_rate, settings.most_bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
   settings.max_aperture = max_aperture();
@@ -102,15 +105,15 @@ std::string Sessions::open(const std::string& address, Offer offer, const Wish& 
     found->second.on_answer = nullptr;
     on_answer(sdp, "");
   };
-  callbacks.on_connected = [this, name] { seats_.connected(name); };
+  callbacks.on_connected = [this, name] { admission_.connected(name); };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
-  viewer->shed(shedding_);
+  viewer->shed(load_shedding_);
   viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
-  seats_.take(name, address, wish.views(), g_get_monotonic_time());
+  admission_.take(name, address, view_params.views(), g_get_monotonic_time());
   opened_++;
-  say("view " + std::to_string(settings.eye.view) + " opens: " + (wish.eye_distance > 0 ? "two of " : "") +
-      std::to_string(wish.width) + "x" + std::to_string(wish.height) + ", " + codec + "; " +
+  say("view " + std::to_string(settings.eye.view) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
+      std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec + "; " +
       std::to_string(viewers_.size()) + " viewers");
   return name;
 }
@@ -120,12 +123,12 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   if (found == viewers_.end()) return false;
   Session session = std::move(found->second);
   viewers_.erase(found);
-  seats_.leave(name);
-  add(gone_, session.viewer->figures());
+  admission_.leave(name);
+  add(closed_counters_, session.viewer->counters());
   session.viewer->leave();
-  departures_.add([viewer = std::shared_ptr<Viewer>(std::move(session.viewer))]() mutable {
+  teardowns_.add([viewer = std::shared_ptr<Viewer>(std::move(session.viewer))]() mutable {
     viewer.reset();
-    malloc_trim(0);  // a viewer leaves megabytes in small pieces
+    malloc_trim(0);  // returns the viewer's memory, megabytes in small blocks
   });
   say("view " + std::to_string(session.view) + " closes: " + why + "; " + std::to_string(viewers_.size()) + " viewers");
   if (session.on_answer) session.on_answer("", why);
@@ -143,18 +146,18 @@ void Sessions::tick() {
   const bool report = ++ticks_ % kTicksPerReport == 0;
   if (report) shed();
   if (report) watch_nodes();
-  if (report) field_.look_at_cameras();
+  if (report) field_.update_camera_states();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
     if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))
-      close(std::string(name), session.viewer->connected() ? "nothing is heard of the browser" : "it does not connect");
+      close(std::string(name), session.viewer->connected() ? "no packets from the browser" : "it does not connect");
     else if (report)
       session.viewer->tick(busy_);
   }
   if (report && limits_.monitor > 0) watch_cameras();
 }
 
-// Of all viewers, whoever of them is slow: they share the processors.
+// Averages over all viewers, because they share the processors.
 void Sessions::shed() {
   busy_ = load_.update();
   double kept = 0;
@@ -164,11 +167,12 @@ void Sessions::shed() {
       kept += session.viewer->kept();
       connected++;
     }
-  if (!shedding_.update(busy_, connected > 0 ? kept / connected : 1)) return;
-  for (const auto& [name, session] : viewers_) session.viewer->shed(shedding_);
+  if (!load_shedding_.update(busy_, connected > 0 ? kept / connected : 1)) return;
+  for (const auto& [name, session] : viewers_) session.viewer->shed(load_shedding_);
 }
 
-// One viewer is enough for that. What was found remains when it leaves, until another has gone round the array.
+// Runs the camera monitor in one viewer only. Its results stay when the viewer leaves, until another viewer has checked
+// all cameras.
 void Sessions::watch_cameras() {
   const auto watching = viewers_.find(watching_);
   if (watching == viewers_.end()) {
@@ -176,14 +180,14 @@ void Sessions::watch_cameras() {
         std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
     if (next == viewers_.end()) return;
     watching_ = next->first;
-    next->second.viewer->set_monitor(limits_.monitor);
+    next->second.viewer->set_monitor_interval(limits_.monitor);
     return;
   }
   MonitorReport report = watching->second.viewer->monitor();
   if (report.turns >= std::min<uint64_t>(monitor_.turns, report.cameras.size())) monitor_ = std::move(report);
 }
 
-// Said once, and once more when they are back. Without viewers nobody is asked.
+// Logs each silent host once, and again when it answers. Without viewers there are no requests.
 void Sessions::watch_nodes() {
   const std::vector<size_t> silent = field_.silent_nodes();
   const auto tell = [this](const std::vector<size_t>& some, const std::vector<size_t>& others, const char* what) {
@@ -195,9 +199,9 @@ void Sessions::watch_nodes() {
   silent_nodes_ = silent;
 }
 
-Viewer::Figures Sessions::figures() const {
-  Viewer::Figures sum = gone_;
-  for (const auto& [name, session] : viewers_) add(sum, session.viewer->figures());
+Viewer::ViewerCounters Sessions::counters() const {
+  Viewer::ViewerCounters sum = closed_counters_;
+  for (const auto& [name, session] : viewers_) add(sum, session.viewer->counters());
   return sum;
 }
 

@@ -14,43 +14,44 @@
 
 namespace lf::serve {
 
-// All viewers, each under a name that can't be guessed. On the main thread alone.
+// All viewers, by unguessable session names. Main thread only.
 class Sessions {
  public:
-  // The answer's SDP, or "" and why there is none.
+  // Receives the answer's SDP, or "" and the reason for the failure.
   using OnAnswer = std::function<void(const std::string& sdp, const std::string& problem)>;
 
   Sessions(LightField& field, const Limits& limits);
   ~Sessions();
 
   size_t size() const { return viewers_.size(); }
-  const Seats& seats() const { return seats_; }
-  // Whether `wish` of this address gets its seats now; `ticket` as Seats has it.
-  Seats::Answer ask(const std::string& address, const Wish& wish, const std::string& ticket);
-  // After ask() has answered kSeat: returns the session's name; `on_answer` is called once, later. Throws Error.
-  std::string open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer);
-  // Closes a session; false if there is none of this name. Not to be called inside of a viewer's callback.
+  const AdmissionControl& seats() const { return admission_; }
+  // Requests seats for a viewer of this address; `ticket` as in AdmissionControl.
+  AdmissionControl::Answer ask(const std::string& address, const ViewParams& view_params, const std::string& ticket);
+  // Opens a viewer after ask() has returned kAdmitted. Returns the session's name; `on_answer` is called once, later.
+  // Throws Error.
+  std::string open(const std::string& address, Offer offer, const ViewParams& view_params, Route route,
+                   OnAnswer on_answer);
+  // Closes a session; false if there is none of this name. Must not be called inside a viewer's callback.
   bool close(const std::string& name, const std::string& why);
 
   void close_all(const std::string& why);
-  // The light field has another rig.
-  void take_rig();
+  void update_rig();
 
-  // What is known of the cameras, from whichever viewer watches them.
+  // Latest monitor report, from the viewer that currently runs the camera monitor.
   const MonitorReport& monitor() const { return monitor_; }
-  const Shedding& shedding() const { return shedding_; }
+  const LoadShedding& load_shedding() const { return load_shedding_; }
   uint64_t opened() const { return opened_; }
-  // Totals over all viewers, those gone included.
-  Viewer::Figures figures() const;
+  // Totals over all viewers, including closed ones.
+  Viewer::ViewerCounters counters() const;
 
  private:
-  // At this number of closed viewers whose pipelines still run, new viewers get no seat.
-  static constexpr size_t kMostDepartures = 32;
+  // Maximum number of closed viewers with running pipelines; beyond it, new viewers get no seat.
+  static constexpr size_t kMaxTeardowns = 32;
 
   struct Session {
     std::unique_ptr<Viewer> viewer;
     uint32_t view;
-    OnAnswer on_answer;  // null once it was called
+    OnAnswer on_answer;  // null after the call
   };
   double max_aperture() const;
   void close_soon(const std::string& name, const std::string& why);
@@ -61,15 +62,15 @@ class Sessions {
 
   LightField& field_;
   Limits limits_;
-  Seats seats_;
-  Departures departures_;  // of closed viewers
+  AdmissionControl admission_;
+  Teardowns teardowns_;
   std::map<std::string, Session> viewers_;
-  Viewer::Figures gone_;
-  std::string watching_;  // the viewer whose requests the cameras are watched by
+  Viewer::ViewerCounters closed_counters_;
+  std::string watching_;
   MonitorReport monitor_;
-  std::vector<size_t> silent_nodes_;  // silent nodes that the log has named
+  std::vector<size_t> silent_nodes_;
   ProcessorLoad load_;
-  Shedding shedding_;
+  LoadShedding load_shedding_;
   double busy_ = 0;
   uint32_t next_view_ = 1;
   uint64_t opened_ = 0;

@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-// Requests of a viewer that are under way. Over a network a round trip may be longer than a frame.
+// Maximum number of requests in flight. Over a network, a round trip may be longer than a frame.
 constexpr int kMostLocal = 2, kMostRemote = 4;
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
@@ -32,11 +32,11 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       max_aperture_(settings.max_aperture),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
-      pace_(field.is_local() ? kMostLocal : kMostRemote),
+      pacer_(field.is_local() ? kMostLocal : kMostRemote),
       quality_(settings.least_bit_rate, settings.most_bit_rate,
                static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  video_ = launch_bin(Eye::launch_line(field.nodes()) + encoder_line(offer, settings.most_bit_rate));
+  video_ = launch_bin(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.most_bit_rate));
   GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc) {
     gst_object_unref(video_);
@@ -49,8 +49,9 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(video_), name.c_str()); };
   encoder_ = find("encoder");
   encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
-  eye_ = std::make_unique<Eye>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
-  watch_pace();
+  view_pipeline_ =
+      std::make_unique<ViewerPipeline>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
+  update_pacer();
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
   GstElement* payloader = find("payloader");
@@ -80,7 +81,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
                      {callbacks_.on_answer,
                       [this] {
-                        begin_video();
+                        start_video();
                         callbacks_.on_connected();
                       },
                       callbacks_.on_gone, [this](const std::string& text) { control(text); },
@@ -90,76 +91,76 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
-  take_turn();
+  set_request_phase();
   gst_element_set_state(video_, GST_STATE_READY);
   gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
   peer_->negotiate();
 }
 
-// Requests leave at multiples of the frame's duration in running time.
-void Viewer::take_turn() {
+// Requests are sent at multiples of the frame duration in running time, so the base time determines their phase.
+void Viewer::set_request_phase() {
   const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
   const GstClockTime now = gst_clock_get_time(field_.clock());
-  const auto turn = static_cast<GstClockTime>(turn_of(settings_.eye.view) * static_cast<double>(period));
-  gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);  // the base time stays
+  const auto turn = static_cast<GstClockTime>(request_phase(settings_.eye.view) * static_cast<double>(period));
+  gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);  // keeps the base time
   gst_element_set_base_time(pipeline_, now - (now - turn) % period);
 }
 
-void Viewer::begin_video() {
+void Viewer::start_video() {
   gst_element_set_base_time(video_, gst_element_get_base_time(pipeline_));
   gst_element_set_locked_state(video_, FALSE);
   gst_element_sync_state_with_parent(video_);
   for (std::vector<std::string> early;; early.clear()) {
     {
       const std::lock_guard lock(mutex_);
-      early.swap(early_);
-      began_video_ = early.empty();
+      early.swap(early_messages_);
+      video_started_ = early.empty();
     }
     if (early.empty()) return;
-    for (const std::string& text : early) obey(text);
+    for (const std::string& text : early) handle_control(text);
   }
 }
 
 void Viewer::leave() {
-  eye_->close();
+  view_pipeline_->close();
   g_source_remove(watch_);
   peer_->leave();
 }
 
 Viewer::~Viewer() {
-  peer_->say_goodbye();
+  peer_->close_dtls();
   gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(video_, GST_STATE_NULL);
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   peer_.reset();
-  eye_.reset();
+  view_pipeline_.reset();
   gst_object_unref(encoder_);
   gst_object_unref(pipeline_);
 }
 
-void Viewer::watch_pace() {
+void Viewer::update_pacer() {
   gst_pad_add_probe(
-      eye_->requests(), GST_PAD_PROBE_TYPE_BUFFER,
+      view_pipeline_->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
         GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
         if (is_probe(request)) return GST_PAD_PROBE_OK;
         const GstClockTime time = GST_BUFFER_PTS(request);
-        return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+        return static_cast<RequestPacer*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
-      &pace_, nullptr);
-  GstPad* pictures = gst_element_get_static_pad(eye_->compositor(), "src");
+      &pacer_, nullptr);
+  GstPad* pictures = gst_element_get_static_pad(view_pipeline_->compositor(), "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
-        static_cast<Pace*>(data)->end(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
+        static_cast<RequestPacer*>(data)->end(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
         return GST_PAD_PROBE_OK;
       },
-      &pace_, nullptr);
+      &pacer_, nullptr);
   gst_object_unref(pictures);
 }
 
-// A browser that goes makes an error of its own pipeline: it is a departure.
+// A departing browser causes an error in its own pipeline, which means that the viewer is gone.
 gboolean Viewer::bus_message(GstBus*, GstMessage* message, gpointer data) {
   Viewer* self = static_cast<Viewer*>(data);
   switch (GST_MESSAGE_TYPE(message)) {
@@ -178,7 +179,7 @@ void Viewer::requested(GstClockTime time) {
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(mutex_);
-    // A request's time is that of the captures it asks for; it left when these were old enough.
+    // The time of a request is its capture time; the request was sent capture_delay later.
     if (change_ && change_->time <= time + settings_.eye.capture_delay) {
       applied = change_->id;
       change_.reset();
@@ -186,7 +187,8 @@ void Viewer::requested(GstClockTime time) {
   }
   if (!applied) return;
   const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
-  peer_->send(info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eye_->numbers()}}));
+  peer_->send(info_message(
+      json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", view_pipeline_->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -194,34 +196,34 @@ void Viewer::control(const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
-      if (!flooded_) say("view " + std::to_string(settings_.eye.view) + ": too many messages");
-      flooded_ = true;
+      if (!rate_limited_) say("view " + std::to_string(settings_.eye.view) + ": too many messages");
+      rate_limited_ = true;
       return;
     }
-    // The data channel may be open before there is anything to be steered: a link's view comes first of all.
-    if (!began_video_) {
+    // The data channel may open before the video starts. Messages with a link's initial view are queued.
+    if (!video_started_) {
       const bool fits = text.size() <= ControlMessage::kMaxBytes;
-      if (fits) early_.push_back(text);  // few: see messages_
+      if (fits) early_messages_.push_back(text);  // limited by messages_
       refused_messages_ += !fits;
       return;
     }
   }
-  obey(text);
+  handle_control(text);
 }
 
-void Viewer::obey(const std::string& text) {
+void Viewer::handle_control(const std::string& text) {
   ControlMessage message = parse_control_message(text, max_aperture_);
   if (!message.error.empty()) refused_messages_++;
-  if (message.pixel) tell_pixel(*message.pixel);
-  // Noted before, because a request that has the change may leave at once.
+  if (message.pixel) send_pixel_info(*message.pixel);
+  // Recorded first, because a request with the change may be sent immediately.
   std::optional<Change> before;
   if (message.event) {
     const std::lock_guard lock(mutex_);
     before = change_;
     change_ = {*message.id, running_time()};
   }
-  // That a key or a movement means nothing here is no error.
-  if (message.event && !eye_->steer(message.event.release())) {
+  // Keys and movements without a meaning are not errors.
+  if (message.event && !view_pipeline_->send_navigation(message.event.release())) {
     const std::lock_guard lock(mutex_);
     if (change_ && change_->id == *message.id) change_ = before;
   }
@@ -233,45 +235,44 @@ void Viewer::tick(double busy) {
   if (connected()) peer_->ask_for_report();
 }
 
-void Viewer::take_rig(double max_aperture) {
+void Viewer::update_rig(double max_aperture) {
   max_aperture_ = max_aperture;
-  eye_->set_rig(field_.rig());
+  view_pipeline_->set_rig(field_.rig());
   if (connected()) peer_->send(info_message(json{{"rig", field_.array()->hash()}}));
 }
 
-void Viewer::shed(const Shedding& shedding) {
-  shedding_ = shedding;
-  use_quality();
+void Viewer::shed(const LoadShedding& load_shedding) {
+  load_shedding_ = load_shedding;
+  apply_quality();
 }
 
-void Viewer::use_quality() {
+void Viewer::apply_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   peer_->set_bit_rate(quality_.bits_per_second());
-  // A little less, because requests of an eager view do not leave on the dot.
+  // Slightly shorter, because the times of requests jitter while the view changes.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
-  pace_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
-  eye_->set_trials(shedding_.trial_interval());
+  pacer_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
+  view_pipeline_->set_depth_interval(load_shedding_.depth_interval());
   const auto side = [this](int full) { return full / size_divisor() & ~1; };
-  eye_->set_size(side(settings_.eye.width), side(settings_.eye.height));
+  view_pipeline_->set_size(side(settings_.eye.width), side(settings_.eye.height));
 }
 
 double Viewer::silence(int64_t now) const {
-  return static_cast<double>(now - (connected() ? std::max(peer_->heard(), began_) : began_)) * 1e-6;
+  return static_cast<double>(now - (connected() ? std::max(peer_->last_packet_time(), began_) : began_)) * 1e-6;
 }
 
-void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
-  auto view = eye_->asked();
+void Viewer::send_pixel_info(const ControlMessage::Pixel& pixel) {
+  auto view = view_pipeline_->asked();
   if (!view) return;
   const bool right = settings_.eye.eye_distance > 0 && pixel.x >= view->width;
-  if (right) view = seen_beside(*view, settings_.eye.eye_distance);
+  if (right) view = offset_view(*view, settings_.eye.eye_distance);
   nlohmann::json cameras = field_.array()->pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message(json{{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
 
-// What is left away, the machine's reasons first where both have one.
-json Viewer::shed_report() const {
-  const bool trials = shedding_.trial_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
-  const bool processor = trials && (!rate || shedding_.pictures_left_out() > 0);
+json Viewer::load_shedding_report() const {
+  const bool trials = load_shedding_.depth_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
+  const bool processor = trials && (!rate || load_shedding_.pictures_left_out() > 0);
   return {{"what", size     ? "size"
                    : rate   ? "rate"
                    : trials ? "trials"
@@ -285,16 +286,16 @@ json Viewer::shed_report() const {
 }
 
 void Viewer::report(const LinkReport& link) {
-  if (quality_.update(link.loss, link.round_trip)) use_quality();
+  if (quality_.update(link.loss, link.round_trip)) apply_quality();
   if (quality_.wants_key_frame())
     gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-  GstStructure* stats = eye_->stats();
+  GstStructure* stats = view_pipeline_->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
                {"missing", count_in(stats, "missing-fragments")},
                {"outOfService", count_in(stats, "out-of-service")},
-               {"answerBytes", figures().answer_bytes},
+               {"answerBytes", counters().answer_bytes},
                {"skewMs", ms("max-skew-ns")},
                {"answerMs", ms("answer-ns-p50")},
                {"addMs", ms("add-ns-p50")},
@@ -303,28 +304,28 @@ void Viewer::report(const LinkReport& link) {
                {"bitRate", quality_.bits_per_second()},
                {"frameRate", settings_.eye.framerate / (1 + pictures_left_out())},
                {"sizeDivisor", size_divisor()},
-               {"sentRate", 8 * (video_bytes_ - video_bytes_told_)},
-               {"shed", shed_report()},
+               {"sentRate", 8 * (video_bytes_ - video_bytes_reported_)},
+               {"shed", load_shedding_report()},
                {"encoder", encoder_name_},
                {"busy", busy_},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
-  video_bytes_told_ = video_bytes_;
-  json focus = {{"on", settings_.eye.focus_on.mode},
+  video_bytes_reported_ = video_bytes_;
+  json focus = {{"on", settings_.eye.focus_settings.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
                 {"trialBytes", count_in(stats, "trial-bytes")}};
   gdouble residual = 0, gained = 0, near = 0, far = 0;
   gboolean flat = FALSE;
-  gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-gained", G_TYPE_DOUBLE, &gained,
+  gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-improvement", G_TYPE_DOUBLE, &gained,
                     "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
                     &far, nullptr);
   gst_structure_free(stats);
   focus["residual"] = std::isfinite(residual) ? residual : 0;
   focus["gained"] = std::isfinite(gained) ? gained : 0;
   focus["flat"] = flat != FALSE;
-  // Where the scene is, metres; what is beyond all bounds has no place on a slider.
-  constexpr double kFarthest = 30;  // times the nearest
+  // Depth range of the scene, metres, limited for the slider.
+  constexpr double kFarthest = 30;
   if (near > 0) {
     focus["near"] = near;
     focus["far"] = std::min(far, kFarthest * near);
@@ -333,31 +334,31 @@ void Viewer::report(const LinkReport& link) {
   if (const CameraStates cameras = field_.cameras(); cameras.count > 0)
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
-  if (json shown = eye_->shown(); shown.is_object()) info["picture"] = std::move(shown);
+  if (json shown = view_pipeline_->shown(); shown.is_object()) info["picture"] = std::move(shown);
   info["monitored"] = settings_.monitored;
-  if (const auto view = eye_->asked()) info["coverage"] = field_.array()->coverage(*view);
+  if (const auto view = view_pipeline_->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
-  if (settings_.eye.path.empty()) message["view"] = eye_->numbers();
+  if (settings_.eye.path.empty()) message["view"] = view_pipeline_->numbers();
   peer_->send(info_message(message));
 }
 
 MonitorReport Viewer::monitor() const {
-  GstStructure* stats = eye_->stats();
+  GstStructure* stats = view_pipeline_->stats();
   MonitorReport report = monitor_report(stats);
   gst_structure_free(stats);
   return report;
 }
 
-Viewer::Figures Viewer::figures() const {
-  Figures figures{.video_bytes = video_bytes_,
-                  .refused_messages = refused_messages_,
-                  .bits_per_second = quality_.bits_per_second()};
-  GstStructure* stats = eye_->stats();
-  figures.pictures += count_in(stats, "pictures");
-  figures.incomplete += count_in(stats, "incomplete");
-  figures.answer_bytes += count_in(stats, "bytes");
+Viewer::ViewerCounters Viewer::counters() const {
+  ViewerCounters counters{.video_bytes = video_bytes_,
+                          .refused_messages = refused_messages_,
+                          .bits_per_second = quality_.bits_per_second()};
+  GstStructure* stats = view_pipeline_->stats();
+  counters.pictures += count_in(stats, "pictures");
+  counters.incomplete += count_in(stats, "incomplete");
+  counters.answer_bytes += count_in(stats, "bytes");
   gst_structure_free(stats);
-  return figures;
+  return counters;
 }
 
 }  // namespace lf::serve

@@ -15,105 +15,100 @@
 #include "serve/adaptation.h"
 #include "serve/array_info.h"
 #include "serve/control_message.h"
-#include "serve/eye.h"
 #include "serve/light_field.h"
 #include "serve/limits.h"
 #include "serve/peer.h"
+#include "serve/viewer_pipeline.h"
 
 namespace lf::serve {
 
 struct ViewerSettings {
-  EyeSettings eye;
+  ViewerPipelineSettings eye;
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   double max_aperture = 0;  // metres
-  bool monitored = false;   // whether the server watches its cameras, by this viewer's requests or another's
+  bool monitored = false;   // the camera monitor runs in this or another viewer
   Route route;
 };
 
-// One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
-// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made and used
-// on the main thread, where its callbacks come, too. Call leave() before the destructor, which may run on any thread and
-// take long.
+// One browser's virtual camera with its own pipeline. Sends requests to the light field, receives answers, and sends
+// video. Requests, rendering and encoding start when DTLS is connected. Created and used on the main thread, where its
+// callbacks run. Call leave() before the destructor, which may run on any thread and may be slow.
 class Viewer {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;
     std::function<void()> on_connected;
-    std::function<void(const std::string& why)> on_gone;  // the viewer is to be destroyed, but not inside of this call
+    std::function<void(const std::string& why)> on_gone;  // the viewer must be destroyed, but not inside this call
   };
 
-  // Throws Error.
   Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks);
   ~Viewer();
-  // Stops requests and callbacks.
   void leave();
   Viewer(const Viewer&) = delete;
 
-  // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
+  // Call once a second: adapts the bit rate and sends statistics to the page. `busy`: processor load, 0 to 1.
   void tick(double busy);
-  // The rig file has changed: reads it again, and tells the page. `max_aperture` in metres.
-  void take_rig(double max_aperture);
-  // Leaves away what `shedding` says.
-  void shed(const Shedding& shedding);
-  // The part of requests that was made since the last call, see Pace.
-  double kept() { return pace_.kept(); }
-  // Seconds since the browser was last heard, or asked, where it has not connected yet.
+  // Reloads the rig file and notifies the page. `max_aperture`: metres.
+  void update_rig(double max_aperture);
+  void shed(const LoadShedding& load_shedding);
+  // Returns the fraction of due requests sent since the previous call, see RequestPacer.
+  double kept() { return pacer_.kept(); }
+  // Returns the seconds since the last packet of the browser, or since creation if it has not connected yet.
   double silence(int64_t now) const;
-  // Watches the cameras by its requests, see Limits::monitor.
-  void set_monitor(int interval) { eye_->set_monitor(interval); }
+  void set_monitor_interval(int interval) { view_pipeline_->set_monitor_interval(interval); }
   MonitorReport monitor() const;
   bool connected() const { return peer_ && peer_->connected(); }
 
-  struct Figures {
+  struct ViewerCounters {
     uint64_t pictures = 0, incomplete = 0, answer_bytes = 0, video_bytes = 0, refused_messages = 0;
     int bits_per_second = 0;
   };
-  Figures figures() const;
+  ViewerCounters counters() const;
 
  private:
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
-  void obey(const std::string& text);
-  void take_turn();
-  void begin_video();
-  void watch_pace();
-  void use_quality();
+  void handle_control(const std::string& text);
+  void set_request_phase();
+  void start_video();
+  void update_pacer();
+  void apply_quality();
   GstClockTime running_time() const;
   void requested(GstClockTime time);
   void report(const LinkReport& link);
-  int pictures_left_out() const { return std::max(quality_.pictures_left_out(), shedding_.pictures_left_out()); }
-  int size_divisor() const { return std::max(quality_.size_divisor(), shedding_.size_divisor()); }
-  nlohmann::json shed_report() const;
-  void tell_pixel(const ControlMessage::Pixel& pixel);
+  int pictures_left_out() const { return std::max(quality_.pictures_left_out(), load_shedding_.pictures_left_out()); }
+  int size_divisor() const { return std::max(quality_.size_divisor(), load_shedding_.size_divisor()); }
+  nlohmann::json load_shedding_report() const;
+  void send_pixel_info(const ControlMessage::Pixel& pixel);
 
   LightField& field_;
   ViewerSettings settings_;
   std::atomic<double> max_aperture_;  // metres
   Callbacks callbacks_;
-  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: all but the webrtcbin
-  std::unique_ptr<Eye> eye_;
+  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: everything except the webrtcbin
+  std::unique_ptr<ViewerPipeline> view_pipeline_;
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
   int64_t began_;
-  Pace pace_;
+  RequestPacer pacer_;
   QualityControl quality_;
-  Shedding shedding_;
+  LoadShedding load_shedding_;
   double busy_ = 0;
   std::string encoder_name_;
-  uint64_t video_bytes_told_ = 0;
+  uint64_t video_bytes_reported_ = 0;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
 
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards the members below
   TokenBucket messages_;
-  bool flooded_ = false;
-  bool began_video_ = false;
-  std::vector<std::string> early_;  // messages that came before
+  bool rate_limited_ = false;
+  bool video_started_ = false;
+  std::vector<std::string> early_messages_;
   struct Change {
-    uint64_t id;        // number of the message
-    GstClockTime time;  // running time just before it
+    uint64_t id;
+    GstClockTime time;  // running time just before the change
   };
-  std::optional<Change> change_;  // the latest change that no request has shown yet
+  std::optional<Change> change_;
 };
 
 }  // namespace lf::serve

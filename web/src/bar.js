@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The control bar: it goes away while nobody does anything, and comes back with the pointer, a finger or the keyboard.
+// The control bar. It hides while idle and reappears on pointer, touch or keyboard input.
 
 const kIdle = 3000;  // milliseconds
-const kHint = 1500;  // milliseconds that a hint is there
+const kHint = 1500;  // milliseconds that a hint is visible
 
-export class Bar {
+export class ControlBar {
   constructor(viewer, root) {
     this.viewer = viewer;
     this.bar = root.querySelector('.bar');
@@ -13,7 +13,7 @@ export class Bar {
     const { host } = viewer;
     for (const name of ['pointermove', 'pointerdown', 'keydown', 'focusin', 'wheel'])
       host.addEventListener(name, () => this.wake(), { passive: true });
-    // A ring around the picture is for who goes by keys.
+    // The focus ring is shown only for keyboard users.
     host.addEventListener('keydown', () => viewer.stage.classList.add('keys'));
     host.addEventListener('pointerdown', () => viewer.stage.classList.remove('keys'));
     root.querySelector('button.help').addEventListener('click', () => this.toggleHelp());
@@ -38,7 +38,7 @@ export class Bar {
     return !this.help.hidden;
   }
 
-  // The wheel has been turned over it, and the page has scrolled.
+  // Shown when the wheel over the picture has scrolled the page.
   hint() {
     this.hintBox.textContent = 'Click, or hold Ctrl, to zoom';
     this.hintBox.classList.add('on');
@@ -48,6 +48,6 @@ export class Bar {
 
   toggleFull() {
     const ended = document.fullscreenElement ? document.exitFullscreen() : this.viewer.host.requestFullscreen();
-    ended?.catch(error => this.viewer.say(`No full screen: ${error.message}`));
+    ended?.catch(error => this.viewer.say(`Full screen failed: ${error.message}`));
   }
 }

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The border of what the cameras see: how it looks, and how it feels.
+// Feedback at the border of the cameras' coverage: a vignette, and overscroll.
 
 import { axesOf, dot } from './view.js';
 
-// Where the cameras see no farther the picture fades away, instead of ending at an edge. On which sides, and how far in, the
-// picture itself says, while the server says that something is missing or the view moves.
+// Fades out the picture at the border of the coverage, instead of ending it at a sharp edge. Measures the dark margins
+// in the picture itself, while the server reports missing coverage or the view moves.
 
-const kEvery = 60;       // milliseconds
-const kResting = 500;    // milliseconds, of a view that does not move
-const kWhole = 0.998;    // of the picture: so much is covered where nothing is missing
-const kMoving = 1200;    // milliseconds after the view has moved until the server's word on it is sure to be there
-const kSides = 128;      // pixels a side of what is looked at
-const kDark = 10;        // of 255: nothing is there
-const kDarkShare = 0.3;  // of a row that may be dark where something is there
-const kFade = 15;        // percent of the element, as in the style
+const kDrawInterval = 60;       // milliseconds
+const kStillInterval = 500;    // milliseconds, while the view does not move
+const kWhole = 0.998;    // minimum coverage of a complete picture
+const kMoving = 1200;    // milliseconds after a movement until the server's coverage is current
+const kSides = 128;      // sides of the analysed image, pixels
+const kDark = 10;        // of 255; darker pixels are empty
+const kDarkShare = 0.3;  // maximum fraction of dark pixels in a filled row
+const kFade = 15;        // percent of the element, as in the style sheet
 
 export class Vignette {
   constructor(viewer, box) {
@@ -30,22 +30,21 @@ export class Vignette {
     if (coverage !== undefined) this.missing = coverage < kWhole;
   }
 
-  // With every frame.
   draw(now) {
     const { seen } = this.viewer.flight;
     if (seen !== this.seen) this.moved = now;
     this.seen = seen;
     const moves = now < this.moved + kMoving, looks = this.missing || moves;
     if (now < this.next || (!looks && !this.shown)) return;
-    this.next = now + (moves ? kEvery : kResting);
+    this.next = now + (moves ? kDrawInterval : kStillInterval);
     this.show(looks && this.viewer.mode !== 'side' ? this.look() : [0, 0, 0, 0]);
   }
 
-  // How far in each side is dark: left, right, top, bottom, as shares of the picture.
+  // Returns the width of the dark margins: left, right, top, bottom, as fractions of the picture.
   look() {
     this.canvas ??= Object.assign(document.createElement('canvas'), { width: kSides, height: kSides });
     const context = this.canvas.getContext('2d', { willReadFrequently: true }), { video, picture } = this.viewer;
-    context.imageSmoothingEnabled = false;  // what is dark stays dark
+    context.imageSmoothingEnabled = false;  // averaging would brighten dark pixels
     context.drawImage(video, 0, 0, picture.eyeWidth, video.videoHeight, 0, 0, kSides, kSides);
     const { data } = context.getImageData(0, 0, kSides, kSides), columns = Array(kSides).fill(0), rows = Array(kSides).fill(0);
     for (let i = 0; i < kSides * kSides; i++) {
@@ -55,7 +54,7 @@ export class Vignette {
     }
     const depth = counts => {
       const at = counts.findIndex(count => count <= kDarkShare * kSides);
-      return at < 0 ? 0 : (at + (at > 0)) / kSides;  // all dark: a dark scene
+      return at < 0 ? 0 : (at + (at > 0)) / kSides;
     };
     return [depth(columns), depth(columns.toReversed()), depth(rows), depth(rows.toReversed())];
   }
@@ -71,28 +70,28 @@ export class Vignette {
   }
 }
 
-// Where the view can't go on, because the cameras see no farther, the picture gives way a little under the pointer and
-// springs back when it is let go: so one feels the border instead of wondering about a view that stands still.
+// Overscroll: if the view can't move further because the coverage ends, the picture yields slightly under the pointer
+// and springs back on release.
 //
-// How far the eye should have gone is known from the drag, how far it went from the server's word on each movement.
+// The requested movement of the eye follows from the drag, the actual movement from the views that the server reports.
 
-const kOrbitPerHeight = 0.25;  // radians, as lib/view/navigator.h has it
-const kGives = 0.04;           // of the picture's height, that it gives way
-const kFirm = 0.3;             // heights of pulling that bring half of that
-const kIdle = 0.02;            // heights that are no pulling yet
+const kOrbitPerHeight = 0.25;  // radians, as in lib/view/navigator.h
+const kMaxOverscroll = 0.04;           // maximum displacement, as a fraction of the picture's height
+const kOverscrollStiffness = 0.3;             // pull in picture heights that gives half of that
+const kIdle = 0.02;            // picture heights; shorter pulls are ignored
 
-export class Elastic {
+export class Overscroll {
   constructor(viewer, box) {
     this.viewer = viewer;
-    this.box = box;  // what gives way
+    this.box = box;
     this.still = matchMedia('(prefers-reduced-motion: reduce)');
     this.end();
   }
 
   begin(event) {
     this.last = event;
-    this.pulls = new Map();  // by message: how far the pointer had come since the one before, heights
-    this.missing = [0, 0];   // heights that the view has not gone
+    this.pulls = new Map();  // by message id: pointer movement since the previous message, in picture heights
+    this.missing = [0, 0];  // movement that the view did not follow, in picture heights
     this.before = this.viewer.flight.state;
   }
   pulled(id, event) {
@@ -102,7 +101,7 @@ export class Elastic {
     this.last = event;
   }
 
-  // The view as it is once the message `id` and those before are in it.
+  // `view`: the view after all messages up to `id`.
   applied(id, view) {
     const { before } = this;
     this.before = view;
@@ -116,10 +115,10 @@ export class Elastic {
     }
     const axes = axesOf(before), gone = ['x', 'y', 'z'].map(name => view[name] - before[name]);
     const perHeight = before['focus-distance'] * (pans ? 2 * Math.tan(before.fov * Math.PI / 360) : kOrbitPerHeight);
-    // The scene follows the pointer, so that the eye goes against it.
+    // The scene follows the pointer, so the eye moves in the opposite direction.
     [axes.right, axes.down].forEach((axis, k) => {
       const left = this.missing[k] + pull[k] + dot(axis, gone) / perHeight;
-      // Whoever turns back at a border is no longer pulling at it.
+      // Turning back at a border ends the pull.
       this.missing[k] = left * pull[k] < 0 && Math.abs(pull[k]) > kIdle ? 0 : left;
     });
     this.show();
@@ -128,11 +127,11 @@ export class Elastic {
   show() {
     const [x, y] = this.missing.map(value => {
       const pull = Math.max(0, Math.abs(value) - kIdle);
-      return Math.sign(value) * kGives * pull / (pull + kFirm);
+      return Math.sign(value) * kMaxOverscroll * pull / (pull + kOverscrollStiffness);
     });
     if (this.still.matches) return;
     const { width, height } = this.viewer.picture.box, { style } = this.box;
-    // Larger by what it is moved, so that nothing behind it shows.
+    // Enlarged by the displacement, so that no background shows.
     const larger = 1 + 2 * Math.max(Math.abs(x) * height / width, Math.abs(y));
     style.transform = x || y ? `translate(${x * height}px, ${y * height}px) scale(${larger})` : '';
     style.transition = 'none';

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Which cameras make the picture: their mesh as the eye sees it, over the picture, and from in front, in a corner; who
-// makes the pixel at the pointer, in words.
+// The camera overlay: the mesh over the picture, a front view of the array in a corner, and a text with the cameras
+// that contribute to the pixel at the pointer.
 
 import { axesOf, dot, inView } from './view.js';
 
-const kAskEvery = 100;      // milliseconds
-const kMapSize = 110;       // pixels, the longer side
-const kTiny = 1e-6;         // metres from the eye's plane, where nothing is drawn
+const kPollInterval = 100;      // milliseconds
+const kMapSize = 110;       // longer side, pixels
+const kTiny = 1e-6;         // minimum distance from the eye's plane, metres
 
 export class Cameras {
   constructor(viewer, canvas, words) {
@@ -14,7 +14,7 @@ export class Cameras {
     this.canvas = canvas;
     this.words = words;
     this.asked = 0;
-    this.makers = [];  // of the pixel
+    this.makers = [];
     viewer.video.addEventListener('pointermove', event => this.pointer = viewer.picture.pixelAt(event));
     viewer.video.addEventListener('pointerleave', () => this.pointer = null);
   }
@@ -34,42 +34,38 @@ export class Cameras {
       this.array = await response.json();
       this.known = null;
     } catch (error) {
-      this.words.textContent = `the cameras are not known: ${error.message}`;
+      this.words.textContent = `can't load the cameras: ${error.message}`;
     }
   }
 
-  // The rig is another one.
   async forget() {
     this.array = null;
     if (this.shown) await this.fetch();
   }
 
-  // The answer to ask().
   take({ cameras }) {
     this.makers = cameras;
     const names = cameras.map(({ name, weight, sees }) =>
-      `${name} ${(100 * weight).toFixed(0)} %${sees ? '' : ', does not see it'}`);
+      `${name} ${(100 * weight).toFixed(0)} %${sees ? '' : ', does not see this point'}`);
     this.words.textContent = names.join('\n') || 'no camera';
   }
 
-  // At the pointer, or the middle of the picture.
   ask(now) {
     const { video } = this.viewer;
-    if (now < this.asked + kAskEvery) return;
+    if (now < this.asked + kPollInterval) return;
     this.asked = now;
     const middle = { x: this.viewer.picture.eyeWidth / 2, y: video.videoHeight / 2 };
-    this.viewer.askAbout(this.pointer ?? middle);
+    this.viewer.requestPixelInfo(this.pointer ?? middle);
     const at = this.viewer.picture.placeOf(this.pointer ?? middle);
     this.words.style.translate = `${at.x + 12}px ${at.y + 12}px`;
   }
 
-  // With every frame.
   draw(now, view) {
     if (!this.shown || !this.array || !view) return;
     this.ask(now);
     const { canvas } = this, context = canvas.getContext('2d'), scale = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
-    Object.assign(canvas, { width: width * scale, height: height * scale });  // clears it
+    Object.assign(canvas, { width: width * scale, height: height * scale });
     context.scale(scale, scale);
     for (const eye of this.viewer.picture.eyes) this.drawMesh(context, view, eye);
     this.drawMap(context, view, width);
@@ -78,7 +74,7 @@ export class Cameras {
   drawMesh(context, view, { box, offset }) {
     const axes = axesOf(view), focal = box.height / 2 / Math.tan(view.fov * Math.PI / 360);
     const points = this.array.cameras.map(camera => inView(view, axes, camera.position, offset));
-    // The line of sight to a camera may begin behind the eye: such a camera is seen where its line leaves.
+    // Cameras behind the eye are drawn where their lines of sight, extended through the eye, cross the picture.
     const project = ([x, y, z]) => [box.x + box.width / 2 + focal * x / z, box.y + box.height / 2 + focal * y / z];
     context.save();
     context.beginPath();
@@ -98,7 +94,6 @@ export class Cameras {
     context.restore();
   }
 
-  // From in front, with the eye.
   drawMap(context, view, width) {
     const { right, down, cameras } = this.array;
     const flat = position => [dot(position, right), dot(position, down)];
@@ -131,7 +126,6 @@ export class Cameras {
     context.fill();
   }
 
-  // Each once.
   get edges() {
     return this.known ??= [...new Map(this.array.faces.flatMap(face => face.map((i, k) => {
       const j = face[(k + 1) % face.length];
@@ -140,7 +134,7 @@ export class Cameras {
   }
 }
 
-// Of the line from a to b what is before (side 1) or behind (-1) the eye.
+// Returns the part of the line from a to b in front of (side 1) or behind (-1) the eye; null: none.
 function clip(a, b, side) {
   if (side < 0) [a, b] = [a, b].map(point => point.map(value => -value));
   if (a[2] < kTiny && b[2] < kTiny) return null;

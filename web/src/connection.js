@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How a viewer reaches its server: ICE servers, the bearer token, WHEP and the data channel "control".
+// Connection to a server: ICE servers, bearer token, WHEP and the data channel "control".
 
 const kConnectTimeout = 15000;  // milliseconds
-const kDirect = 3000;           // milliseconds that it may take without ICE servers where the server has some
-const kGather = 1000;           // milliseconds that is waited for what ICE servers know
-const kRemembered = 256;        // requests
+const kDirectTimeout = 3000;           // milliseconds to connect without ICE servers if the server names some
+const kGatherTimeout = 1000;           // milliseconds to gather candidates from ICE servers
+const kMaxPending = 256;
 
-// STUN and TURN servers, as attributes and the Link headers of WHEP name them.
-
-// "stun:stun.example.org turn:USER:PASSWORD@turn.example.org:3478?transport=udp", separated by white space; user and
-// password percent-encoded.
+// Parses "stun:stun.example.org turn:USER:PASSWORD@turn.example.org:3478?transport=udp", separated by white space. User
+// and password are percent-encoded.
 export function serversIn(text) {
   return (text ?? '').split(/\s+/).filter(Boolean).map(word => {
     const [, scheme, user, password, host] = word.match(/^(stuns?|turns?):(?:([^:@]*):([^@]*)@)?(.+)$/) ?? [];
@@ -19,7 +17,7 @@ export function serversIn(text) {
   });
 }
 
-// Of a Link header: <turn:turn.example.org>; rel="ice-server"; username="USER"; credential="PASSWORD", ...
+// Parses a Link header: <turn:turn.example.org>; rel="ice-server"; username="USER"; credential="PASSWORD", ...
 export function serversInLinks(header) {
   const servers = [];
   for (const [, urls, parameters] of (header ?? '').matchAll(/<([^>]*)>((?:\s*;\s*[\w-]+\s*=\s*(?:"(?:[^"\\]|\\.)*"|[^\s;,]+))*)/g)) {
@@ -34,8 +32,8 @@ export function serversInLinks(header) {
   return servers;
 }
 
-// The bearer token: typed in, or of the attribute, or with `share` of the page's address. It never leaves the browser but as
-// a header.
+// The bearer token: entered by the user, from the attribute, or with `share` from the page's address. It leaves the
+// browser only as a header.
 export class Token {
   constructor(viewer) {
     this.viewer = viewer;
@@ -45,7 +43,7 @@ export class Token {
   get value() { return this.typed ?? this.viewer.given('token') ?? this.remembered ?? ''; }
   get authorization() { return this.value ? { Authorization: `Bearer ${this.value}` } : {}; }
 
-  // One that was typed in. The page of the server, which has `share`, knows it until its tab is closed.
+  // Stores an entered token. The server's own page, which has `share`, keeps the token until its tab is closed.
   keep(token) {
     this.typed = token;
     try {
@@ -62,12 +60,12 @@ export class Token {
   get key() { return `lightfield-token ${this.viewer.stream.endpoint}`; }
 }
 
-// Made once: it is what takes long in a new connection.
+// Generated once, because it is the slowest step of a new connection.
 let certificate = null;
 const certificates = async () => [await (certificate ??= RTCPeerConnection.generateCertificate({ name: 'ECDSA', namedCurve: 'P-256' }))];
 
-// What a server refuses, or why it can't be reached (without `status`): `reason` and more as its problem says
-// (RFC 9457), `retryAfter` seconds, Infinity: never.
+// An error response of the server, or a failure to reach the server (without `status`). Has `reason` and further
+// members of the problem (RFC 9457), and `retryAfter` in seconds, Infinity: never.
 export class Refusal extends Error {
   constructor(message, fields = {}) {
     super(message);
@@ -78,26 +76,27 @@ export class Refusal extends Error {
     let problem = {};
     try {
       if (/\bjson\b/.test(response.headers.get('Content-Type'))) problem = JSON.parse(text);
-    } catch { /* a proxy's page */ }
+    } catch { /* a proxy's error page */ }
     const { status } = response, later = [429, 500, 502, 503, 504].includes(status);
     const { reason, place, waiting, ticket, progress, title } = problem ?? {};
-    return new Refusal(title ?? (text.length < 200 && !text.startsWith('<') && text || `the server answers ${status}`),
+    return new Refusal(title ?? (text.length < 200 && !text.startsWith('<') && text || `HTTP status ${status}`),
       { status, reason, place, waiting, ticket, progress,
         retryAfter: later ? Number(response.headers.get('Retry-After')) || 5 : Infinity });
   }
 }
 
-// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: error).
+// WHEP session and data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail:
+// error).
 export class Connection extends EventTarget {
   constructor(video) {
     super();
     this.video = video;
     this.nextId = 1;
-    this.sent = new Map();  // the latest requests by id: {time, by}
+    this.sent = new Map();
   }
 
-  // `wish`: what the endpoint's query asks for, as {width, height, ...}; `iceServers` to gather with.
-  async open(endpoint, token, wish, iceServers = []) {
+  // `viewParams`: query parameters of the endpoint, as {width, height, ...}; `iceServers`: servers for gathering.
+  async open(endpoint, token, viewParams, iceServers = []) {
     this.token = token;
     const made = await certificates();
     if (this.closed) return;
@@ -111,7 +110,6 @@ export class Connection extends EventTarget {
     this.channel.onclose = () => this.lose();
     this.channel.onmessage = event => this.take(event.data);
     peer.ontrack = event => {
-      // Live is live: nothing is kept back for smoothness.
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
       this.hasTrack = true;
@@ -125,7 +123,7 @@ export class Connection extends EventTarget {
     if (this.closed) return;
 
     const url = new URL(endpoint);
-    for (const [name, value] of Object.entries(wish)) url.searchParams.set(name, value);
+    for (const [name, value] of Object.entries(viewParams)) url.searchParams.set(name, value);
     const headers = { 'Content-Type': 'application/sdp', ...this.authorization };
     const response = await fetch(url, { method: 'POST', headers, body: peer.localDescription.sdp });
     if (response.status !== 201) throw await Refusal.of(response);
@@ -133,9 +131,9 @@ export class Connection extends EventTarget {
     const text = await response.text();
     if (this.closed) return this.leave();
     await peer.setRemoteDescription({ type: 'answer', sdp: text });
-    // A way that needs no ICE servers is the usual one, and is not to wait for them.
+    // A connection usually works without ICE servers and should not wait for their candidates.
     this.iceServers = serversInLinks(response.headers.get('Link'));
-    const patience = this.iceServers.length && !iceServers.length ? kDirect : kConnectTimeout;
+    const patience = this.iceServers.length && !iceServers.length ? kDirectTimeout : kConnectTimeout;
     this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose(), patience);
     this.goodbye = () => this.leave();
     addEventListener('pagehide', this.goodbye);
@@ -144,7 +142,7 @@ export class Connection extends EventTarget {
   gathered() {
     const { peer } = this;
     return new Promise(done => {
-      setTimeout(done, kGather);
+      setTimeout(done, kGatherTimeout);
       peer.addEventListener('icegatheringstatechange', () => peer.iceGatheringState === 'complete' && done());
     });
   }
@@ -156,12 +154,12 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new CustomEvent('message', { detail: message }));
   }
 
-  // `by` whom: 'person' or 'script'. Returns the request's id; 0 if there is no connection.
+  // `by`: 'person' or 'script'. Returns the request's id; 0 if there is no connection.
   request(request, by = 'script') {
     if (this.channel?.readyState !== 'open') return 0;
     const id = this.nextId++;
     this.sent.set(id, { time: performance.now(), by });
-    this.sent.delete(id - kRemembered);
+    this.sent.delete(id - kMaxPending);
     this.channel.send(JSON.stringify({ id, mid: null, request }));
     return id;
   }

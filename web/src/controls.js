@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Mouse, pen, touch, wheel, keys and gamepad, made into the navigation events that GStreamer's windows send. The page
-// around scrolls as if nothing were here until somebody clicks: then the wheel and all touches are the viewer's.
+// Converts mouse, pen, touch, wheel, keyboard and gamepad input to the navigation events of GStreamer's windows. The
+// page scrolls normally until the user clicks the picture; then the viewer receives the wheel and all touches.
 
 const kKeys = { ArrowLeft: 'Left', ArrowRight: 'Right', ArrowUp: 'Up', ArrowDown: 'Down', '+': 'plus', '=': 'plus',
   '-': 'minus', '[': 'bracketleft', ']': 'bracketright' };
 const kLetters = 'wsadqe';
-const kWheelStep = 100;     // pixels of a wheel that are one step
-const kShift = 50;          // pixels of it with shift, which focuses, that are one step
-const kPinchStep = 1.1;     // ratio of finger distances that is one step
+const kWheelStep = 100;     // pixels of wheel movement per step
+const kShift = 50;          // pixels per step with shift, which focuses
+const kPinchStep = 1.1;
 const kStickDead = 0.15;
-const kStickHeights = 0.5;  // heights of the picture a second, of a stick pushed all the way
-const kStickSteps = 5;      // of the wheel, a second
-const kGlide = 70;          // milliseconds in which a drag that was let go loses most of its speed
-const kFast = 0.8, kSlow = 0.02;  // CSS pixels a millisecond: the most that it goes on with, and where it ends
-const kFresh = 100;         // milliseconds of a drag that say how fast it is
+const kStickHeights = 0.5;  // picture heights per second at full deflection
+const kStickSteps = 5;  // wheel steps per second
+const kGlideTime = 70;          // time constant of the glide after a drag, milliseconds
+const kFast = 0.8, kSlow = 0.02;  // maximum initial and minimum final speed of a glide, CSS pixels per millisecond
+const kSpeedWindow = 100;         // interval of the speed measurement at the end of a drag, milliseconds
 
 export class Controls {
   constructor(viewer) {
     this.viewer = viewer;
     this.pointers = new Map();
-    this.left = 0;  // pixels to the left of the picture under the pointer
+    this.left = 0;
     const { video, host } = viewer;
     video.addEventListener('pointerdown', event => this.flies && this.down(event));
     video.addEventListener('pointermove', event => this.move(event));
@@ -37,10 +37,9 @@ export class Controls {
     this.settle();
   }
 
-  // With `controls`, and where no path is flown.
+  // True with the attribute `controls`, unless a camera path plays.
   get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
-  // Sends a navigation event that a person makes.
   navigate(event) {
     this.viewer.flight.interrupt();
     return this.viewer.stream.connection?.request({ type: 'navigationEvent', event }, 'person') ?? 0;
@@ -64,11 +63,11 @@ export class Controls {
     viewer.video.focus({ preventScroll: true });
     viewer.video.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, event);
-    // Of two pictures side by side, that in which it begins.
+    // A gesture belongs to the picture under its start, if two pictures are side by side.
     const { eyeWidth } = viewer.picture;
     if (this.pointers.size === 1) this.left = viewer.picture.pixelAt(event).x < eyeWidth ? 0 : eyeWidth;
     if (this.pointers.size === 2) this.pinch = this.spread();
-    // Two fingers pan and pinch; the first is not let go, which would be a click.
+    // Two fingers pan and pinch. No release is sent for the first finger, because it would be a click.
     this.send('MouseButtonPress', event, { button: this.pointers.size === 2 ? 2 : event.button + 1 });
     viewer.elastic.begin(event);
     event.preventDefault();
@@ -79,7 +78,7 @@ export class Controls {
     const before = this.pointers.get(event.pointerId);
     this.pointers.set(event.pointerId, event);
     if (this.pointers.size < 2) {
-      this.trail = [...(this.trail ?? [before]).filter(({ timeStamp }) => timeStamp > event.timeStamp - kFresh), event];
+      this.trail = [...(this.trail ?? [before]).filter(({ timeStamp }) => timeStamp > event.timeStamp - kSpeedWindow), event];
       this.send('MouseMove', event);
     } else if (event.pointerId === [...this.pointers.keys()].at(-1)) {
       this.send('MouseMove', event);
@@ -100,29 +99,28 @@ export class Controls {
         matchMedia('(prefers-reduced-motion: reduce)').matches) return release(event);
     this.glide(event, speed, release);
   }
-  // The page scrolls instead: no click.
+  // The browser scrolls the page instead, so this is not a click.
   cancel(event) {
     if (!this.pointers.has(event.pointerId)) return;
     this.send('MouseButtonPress', event, { button: 2 });
     this.trail = null;
     this.up(event);
   }
-  // CSS pixels a millisecond; null: it stands still.
+  // Returns the speed in CSS pixels per millisecond; null: not moving.
   speedAt(time) {
-    const trail = this.trail?.filter(({ timeStamp }) => timeStamp > time - kFresh);
+    const trail = this.trail?.filter(({ timeStamp }) => timeStamp > time - kSpeedWindow);
     if (!(trail?.length > 1)) return null;
-    const [x, y] = ['clientX', 'clientY'].map(name => (trail.at(-1)[name] - trail[0][name]) / kFresh);
+    const [x, y] = ['clientX', 'clientY'].map(name => (trail.at(-1)[name] - trail[0][name]) / kSpeedWindow);
     const speed = Math.hypot(x, y), share = Math.min(1, kFast / speed);
     return speed > kSlow ? { x: x * share, y: y * share } : null;
   }
 
-  // A drag goes on for a moment, slower and slower.
   glide(event, { x, y }, release) {
     const { shiftKey, ctrlKey } = event, at = { clientX: event.clientX, clientY: event.clientY, shiftKey, ctrlKey };
     this.release = () => release(at);
     let before = performance.now();
     const step = now => {
-      const time = Math.max(0, now - before), left = Math.exp(-time / kGlide);
+      const time = Math.max(0, now - before), left = Math.exp(-time / kGlideTime);
       before = now;
       [at.clientX, at.clientY] = [at.clientX + x * time, at.clientY + y * time];
       [x, y] = [x * left, y * left];
@@ -144,7 +142,7 @@ export class Controls {
     return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
   }
 
-  // Pinches of touch pads come as a wheel with ctrl.
+  // Pinches on touch pads arrive as wheel events with ctrl.
   turn(event) {
     if (!event.ctrlKey && !this.isHeld) return this.viewer.bar.hint();
     event.preventDefault();
@@ -157,7 +155,7 @@ export class Controls {
 
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    // A slider, a list and a field have keys of their own.
+    // Sliders, lists and input fields handle these keys themselves.
     const [at] = event.composedPath();
     if (at.matches('select, input:not([type=range])') || (at.matches('input') && /^(Arrow|Home|End|Page)/.test(event.key))) return;
     const { viewer } = this, own = {
@@ -182,8 +180,8 @@ export class Controls {
     return this.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
   }
 
-  // Left stick orbits, with a shoulder button pans; right stick zooms and focuses; the first button goes home. All in
-  // proportion.
+  // The left stick orbits, or pans with a shoulder button. The right stick zooms and focuses. The first button goes
+  // home. Speeds are proportional to the deflection.
   gamepad(now, before = now) {
     const pad = navigator.getGamepads().find(Boolean);
     if (!pad || !this.viewer.host.isConnected) return;
@@ -203,7 +201,6 @@ export class Controls {
     this.padPressed = pressed;
   }
 
-  // As a mouse would that is held as long as the stick is.
   drag(x, y, heights, pans) {
     if (!x && !y) {
       if (this.held) this.navigate({ event: 'MouseButtonRelease', ...this.held, button: 1 });

@@ -1,54 +1,53 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where the viewer's camera is: what is asked for, what the server says, and what is on the screen.
+// The virtual camera: requested view, view on the server, and view on the screen.
 
 import { isShown } from './figures.js';
 import { kFields, toScript } from './view.js';
 
-const kHomeward = 300;  // milliseconds that the way home takes
-const kTold = 0.005;    // of its distance: a change of focus that is worth an event
+const kHomeDuration = 300;  // milliseconds
+const kMinFocusChange = 0.005;    // minimum relative change of the focus distance for an event
 
-const kHeard = 500;      // milliseconds in which the server says that it has a view
-const kNothing = -1;     // id of what was set by nothing: any picture shows it
+const kConfirmTimeout = 500;      // milliseconds for the server to confirm a view
+const kNothing = -1;     // id of views that were not sent; any picture completes these requests
 
 const isSame = (a, b) => kFields.every(name => a?.[name] === b?.[name]);
 
-export class Flight {
+export class ViewNavigation {
   constructor(viewer) {
     this.viewer = viewer;
     this.forget();
   }
-  // Starts again for another light field. Views that no picture has shown yet fail.
+  // Resets the state for another light field. Rejects views that no picture has shown yet.
   forget() {
     const given = this.asked ?? [];
     this.interrupt();
-    this.set = {};       // by scripts, attributes and links
-    this.state = null;   // of the view, as the server tells it
-    this.seen = null;    // that of the picture that is shown
-    this.home = null;    // of the server
+    this.set = {};
+    this.state = null;
+    this.seen = null;
+    this.home = null;
     this.isHomeSure = false;
-    this.homeId = null;  // of the message that went home
-    this.by = 'script';  // who changed the view last
+    this.homeId = null;
+    this.by = 'script';
     this.scene = null;   // {near, far}: metres
-    this.changes = [];   // [RTP timestamp, state] of pictures to come
-    this.asked = [];     // [id, done, failed, fields] of what setView() has set and no picture shows
+    this.changes = [];   // [RTP timestamp, state] of future pictures
+    this.asked = [];     // [id, done, failed, fields] of setView() calls that no picture shows yet
     for (const [, , failed] of given) failed(new DOMException('the element shows another light field', 'AbortError'));
   }
 
-  // Another connection goes on where the one before was.
   resume(first) {
     this.changes = [];
     const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
     const fields = { ...this.state ?? { ...first, ...this.set }, ...pending };
     this.homeId = null;
-    // The server's first view is its home, except for these fields.
+    // The server starts at its home view, except for these fields.
     if (!this.home) this.isHomeSure = Object.keys(fields).every(name => name in this.viewer.start);
     this.asked.push([0, () => {}, () => {}, fields]);
     const id = this.send(fields);
-    // The server answers with the view, to this if to nothing else.
+    // The server confirms every message with the view, so at least one message is sent.
     if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
   }
 
-  // Ends with the view when a picture shows it, or one that was set later.
+  // Resolves with the view when a picture shows this or a later view.
   setView(fields) {
     if (this.viewer.path !== null)
       return Promise.reject(new DOMException('the server flies a path: there is no view to set', 'InvalidStateError'));
@@ -61,7 +60,7 @@ export class Flight {
     if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
     return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
   }
-  // All that has been asked for is in these fields.
+  // Sends fields that include all pending requests.
   send(fields) {
     const id = this.sendView(fields);
     for (const entry of this.asked) entry[0] = id || kNothing;
@@ -72,20 +71,20 @@ export class Flight {
     for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));
     this.asked = this.asked.filter(entry => entry[0] !== id);
   }
-  // The message's id; 0 if there is no connection or nothing to set.
+  // Returns the message's id; 0 if there is no connection or nothing to set.
   sendView(view, by) {
     if (!Object.keys(view).length) return 0;
     return this.viewer.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }, by) ?? 0;
   }
 
-  // What the server says the view is; the slider follows.
+  // Handles the view reported by the server and updates the slider.
   take(view, applied) {
     this.state = view;
     this.home ??= view;
     if (applied && applied.id === this.homeId) [this.home, this.isHomeSure] = [view, true];
-    // What was asked for while the server's camera was not there yet has met nobody.
-    if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kHeard)
+    // The server discards requests that arrive before its virtual camera exists; sends them again.
+    if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kConfirmTimeout)
       this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
     this.changes.push([applied, view]);
     const { viewer } = this, focus = view['focus-distance'], { near, far } = this.range;
@@ -94,7 +93,6 @@ export class Flight {
     viewer.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
   }
 
-  // With every frame that is shown.
   show({ rtpTimestamp }) {
     const before = this.seen;
     let shown = 0;
@@ -102,7 +100,7 @@ export class Flight {
       const [applied, state] = this.changes[0];
       if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
       if (!isSame(state, this.seen)) this.seen = state;
-      // A focus that follows moves without a request: its author is the last one.
+      // Continuous focus moves without a request; the author stays the same.
       this.by = this.viewer.stream.connection?.sent.get(applied?.id)?.by ?? this.by;
       shown = Math.max(shown, applied?.id ?? 0);
       this.changes.shift();
@@ -116,27 +114,27 @@ export class Flight {
     const view = toScript(this.seen);
     this.viewer.tell('view-change', { view, by: this.by });
     const [now, then] = [this.seen['focus-distance'], this.told ?? before?.['focus-distance']];
-    if (Math.abs(now / then - 1) < kTold) return;
+    if (Math.abs(now / then - 1) < kMinFocusChange) return;
     this.told = now;
     this.viewer.tell('focus-change', { focusDistance: now });
   }
 
-  // Metres, over which the slider goes: where the scene is and half as far again, or a decade to each side of where the
-  // flight began.
+  // Range of the slider, metres: the depth range of the scene extended by half, or a decade to each side of the home
+  // distance.
   get range() {
     const home = this.home?.['focus-distance'] ?? 1;
     if (!this.scene) return { near: home / 10, far: home * 10 };
     return { near: Math.min(this.scene.near, home) / 1.5, far: Math.max(this.scene.far, home) * 1.5 };
   }
-  // `share` of the way from the nearest to the farthest, in equal ratios.
+  // Sets the focus distance; `share`: position in the range, on a logarithmic scale.
   focusShare(share, by) {
     this.interrupt();
     const { near, far } = this.range;
     if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share }, by);
   }
 
-  // Flies to the page's start view; the server's home gives the other numbers. The flight takes a moment, so that a person
-  // sees where home is. There is no flight for people who want no motion.
+  // Flies to the page's start view; the server's home view gives the remaining fields. The flight is short but visible,
+  // so that people see where home is. There is no flight if the system requests reduced motion.
   goHome(by = 'script') {
     const { viewer } = this, from = this.state, start = viewer.start, to = { ...this.home, ...start };
     if (viewer.path !== null) return;
@@ -157,7 +155,7 @@ export class Flight {
     const began = performance.now(), way = this.way = {};
     const step = now => {
       if (this.way !== way || !viewer.stream.isOpen) return;
-      const t = (now - began) / kHomeward;
+      const t = (now - began) / kHomeDuration;
       if (t >= 1) return arrive();
       const share = Math.max(0, t) ** 2 * (3 - 2 * t);
       const between = (name, by = to[name] - from[name]) =>
@@ -167,10 +165,9 @@ export class Flight {
     };
     requestAnimationFrame(step);
   }
-  // Another movement ends the way home.
   interrupt() { this.way = null; }
 
-  // Keeps in focus what was clicked last, as it moves.
+  // Keeps the last clicked point in focus while it moves.
   get follows() { return this.viewer.follower.getAttribute('aria-pressed') === 'true'; }
   follow(on, by) {
     this.viewer.follower.setAttribute('aria-pressed', on);
@@ -178,7 +175,6 @@ export class Flight {
   }
 
   endSweep() { this.viewer.root.querySelector('.sweep').setAttribute('aria-pressed', 'false'); }
-  // A person's: moves the focus to and fro until the button is pressed again.
   sweep(button) {
     const on = button.getAttribute('aria-pressed') !== 'true', began = performance.now(), { viewer } = this;
     button.setAttribute('aria-pressed', on);

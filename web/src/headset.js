@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A WebXR headset: the head flies the view, and each eye gets its half of the picture. What the picture is late is made
-// up for: it is shown where it belongs, turned by how the head has turned since it was asked for. Where the browser has
-// media layers its compositor takes the video itself, and shows it so at the display's own rate; else a shader does.
+// A WebXR headset: the head moves the view, and each eye gets its half of the picture. The picture appears in the
+// direction of its own view, which hides latency. If the browser supports media layers, its compositor shows the video
+// at the display's own rate; otherwise a shader does.
 
 import { axesOf, dot } from './view.js';
 
-const kFar = 100;     // metres to the layer: what the eyes are apart is less than a quarter of a pixel there
-const kHeight = 960;  // pixels of an eye's picture; the server has limits of its own
+const kFar = 100;     // metres to the layer; the eye distance is less than a quarter of a pixel there
+const kHeight = 960;  // height of an eye's picture, pixels; may be limited by the server
 
 const kVertex = `#version 300 es
 in vec2 corner;
@@ -16,7 +16,7 @@ void main() {
   gl_Position = vec4(corner, 0, 1);
 }`;
 
-// From a place on the display along the line of sight to the picture of the eye.
+// Maps a position on the display to a position in the eye's picture, along the line of sight.
 const kFragment = `#version 300 es
 precision highp float;
 uniform sampler2D both;
@@ -34,7 +34,7 @@ void main() {
 
 export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;
 
-// Right, down and forward, as everywhere here, of a WebXR orientation, whose axes are right, up and back.
+// Converts a WebXR orientation (right, up, back) to right, down and forward axes.
 function axesOfXr({ x, y, z, w }) {
   [y, z] = [-y, -z];
   return {
@@ -52,7 +52,7 @@ function anglesOf({ right, down, forward }) {
   return { yaw: Math.atan2(forward[0], forward[2]) * degrees, pitch: Math.asin(-forward[1]) * degrees,
     roll: Math.atan2(right[1], down[1]) * degrees };
 }
-// Of a rotation, by what it makes of the axes. Of the four ways to begin, the one that divides by the most.
+// Converts a rotation, given by its matrix columns, to a quaternion. Selects the numerically best of four formulas.
 function quaternionOf([m00, m10, m20], [m01, m11, m21], [m02, m12, m22]) {
   const [x, y, z, w] = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22];
   const most = Math.max(x, y, z, w);
@@ -62,13 +62,11 @@ function quaternionOf([m00, m10, m20], [m01, m11, m21], [m02, m12, m22]) {
   return { x: q[0] / length, y: q[1] / length, z: q[2] / length, w: q[3] / length };
 }
 
-// Tangents from the middle of the display to its borders.
 function tangents([sx, , , , , sy, , , px, py]) {
   return { x: Math.max((1 + px) / sx, (1 - px) / sx), y: Math.max((1 + py) / sy, (1 - py) / sy) };
 }
 
 export class Headset {
-  // `ended` is called once, when the person takes it off.
   constructor(viewer, ended) {
     this.viewer = viewer;
     this.ended = ended;
@@ -127,28 +125,27 @@ export class Headset {
     else this.draw(pose);
   }
 
-  // From where the flight was, as the head moves.
   fly(pose) {
     const base = axesOf(this.base), { position, orientation } = pose.transform;
     const [dx, dy, dz] = combine(base, [position.x, -position.y, -position.z]);
     const [left, right] = pose.views.map(view => view.transform.position);
     const sides = pose.views.map(view => tangents(view.projectionMatrix));
     const most = { x: Math.max(...sides.map(s => s.x)), y: Math.max(...sides.map(s => s.y)) };
-    if (!this.wish) {
+    if (!this.viewParams) {
       const distance = Math.hypot(left.x - right.x, left.y - right.y, left.z - right.z);
-      this.wish = { height: kHeight, width: Math.round(kHeight * most.x / most.y / 16) * 16, 'eye-distance': distance };
+      this.viewParams = { height: kHeight, width: Math.round(kHeight * most.x / most.y / 16) * 16, 'eye-distance': distance };
       this.viewer.stream.again();
     }
     this.viewer.flight.sendView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
       ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI }, 'person');
   }
 
-  // The layer is where the eyes looked when the picture was asked for, and as large as they see there.
+  // Places the layer in the picture's rendered direction, with the picture's angular size.
   place() {
     const { layer, viewer: { video, flight: { seen } } } = this;
     if (!seen || !video.videoWidth) return;
     const base = axesOf(this.base), { right, down, forward } = axesOf(seen);
-    // Of the world, in the headset's space, whose y is up and whose z is back.
+    // Converts a world vector to the headset's space, with y up and z back.
     const inSpace = line => [dot(base.right, line), -dot(base.down, line), -dot(base.forward, line)];
     const back = inSpace(forward).map(v => -v);
     const eye = inSpace([seen.x - this.base.x, seen.y - this.base.y, seen.z - this.base.z]);
@@ -172,7 +169,7 @@ export class Headset {
       const { x, y, width: w, height: h } = layer.getViewport(view);
       gl.viewport(x, y, w, h);
       const now = turned(base, axesOfXr(view.transform.orientation)), p = view.projectionMatrix;
-      // The line of sight of a place (u, v) is ((u + p[8]) / p[0], -(v + p[9]) / p[5], 1).
+      // The line of sight at (u, v) is ((u + p[8]) / p[0], -(v + p[9]) / p[5], 1).
       const rows = [then.right, then.down, then.forward].map(axis => {
         const [a, b, c] = [dot(axis, now.right), dot(axis, now.down), dot(axis, now.forward)];
         return [a / p[0], -b / p[5], c + a * p[8] / p[0] - b * p[9] / p[5]];

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The element's shadow tree, and its style sheet. Its slots and parts are named in the README.
+// The element's shadow tree and its style sheet. The README lists slots and parts.
 
 import { kModes } from './picture.js';
 
-// Makes elements without innerHTML, which pages with `require-trusted-types-for 'script'` forbid.
+// Creates elements without innerHTML, which pages with `require-trusted-types-for 'script'` forbid.
 
 const kSvg = new Set(['svg', 'path', 'circle']);
 
-// `attributes`: true is an attribute without a value, false is none. `children`: elements and texts.
+// `attributes`: true adds an attribute without a value, false omits it. `children`: elements and texts.
 function make(name, attributes = {}, ...children) {
   const element = kSvg.has(name) ? document.createElementNS('http://www.w3.org/2000/svg', name) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes))
@@ -27,13 +27,13 @@ const toggle = (...words) => {
   return made;
 };
 
-const kDescription = 'A click focuses on what is there, a double click goes back to the start, f keeps in focus what was clicked. ' +
-  'Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move the focus, r goes back to the ' +
-  'start, c shows the cameras, m how well they fit together, i shows figures, a question mark shows all gestures.';
+const kDescription = 'Click to focus, double-click to return to the start, press f to keep the clicked point in focus. ' +
+  'Arrow keys orbit the scene, w s a d q e fly, plus and minus zoom, square brackets move the focus, r returns to the ' +
+  'start, c shows the cameras, m their quality, i shows statistics, a question mark shows all gestures.';
 
 function makePicture() {
   const video = make('video', { part: 'video', autoplay: true, playsinline: true, muted: true });
-  video.muted = true;  // the attribute alone mutes only what a parser makes
+  video.muted = true;  // the attribute alone mutes only parsed elements
   return make('div', { class: 'picture' },
     video,
     ...['anaglyph', 'cameras', 'last'].map(name => make('canvas', { class: name, hidden: true, ...kUnseen })),
@@ -41,7 +41,6 @@ function makePicture() {
     make('div', { class: 'frame' }));
 }
 
-// Says why there is no picture, and what can be done.
 const makeStatus = () => make('div', { class: 'status', role: 'status', hidden: true },
   make('slot', { name: 'error' }, make('div', { part: 'notice' },
     make('p', { class: 'why' }),
@@ -53,27 +52,26 @@ const makeStatus = () => make('div', { class: 'status', role: 'status', hidden: 
     make('button', { class: 'again', hidden: true }, 'Try again'))));
 
 function makeBar() {
-  const quality = toggle('quality', 'Quality', 'How well the cameras fit together (key m)', path('M4 13l5 5L20 6'));
+  const quality = toggle('quality', 'Quality', 'Quality of each camera (key m)', path('M4 13l5 5L20 6'));
   quality.hidden = true;
   return make('div', { class: 'bar', part: 'controls' },
     make('label', {}, 'Focus ',
-      make('input', { type: 'range', min: 0, max: 1, step: 0.01, value: 0.5, 'aria-label': 'Distance of what is sharp' }),
+      make('input', { type: 'range', min: 0, max: 1, step: 0.01, value: 0.5, 'aria-label': 'Distance in focus' }),
       make('span', { class: 'distance', ...kUnseen })),
     toggle('sweep', 'Sweep', 'Moves the focus through the scene and back', path('M4 12h16M8 8l-4 4 4 4M16 8l4 4-4 4')),
-    toggle('follow', 'Follow', 'Keeps what was clicked last in focus (key f)', circle(12, 12, 6), path('M12 2v5M12 17v5M2 12h5M17 12h5')),
-    button('home', 'Home', 'Back to where the flight began (key r, double click)', path('M4 11l8-7 8 7M6 10v10h12V10')),
-    make('select', { 'aria-label': 'Eyes', title: 'A picture for one eye, or for two' },
+    toggle('follow', 'Follow', 'Keeps the last clicked point in focus (key f)', circle(12, 12, 6), path('M12 2v5M12 17v5M2 12h5M17 12h5')),
+    button('home', 'Home', 'Back to the start view (key r, double click)', path('M4 11l8-7 8 7M6 10v10h12V10')),
+    make('select', { 'aria-label': 'Eyes', title: 'Picture for one eye or for two' },
       ...Object.entries(kModes).map(([value, name]) => make('option', { value }, name))),
-    toggle('cameras', 'Cameras', 'Which cameras make the picture (key c)', path('M3 8h4l2-3h6l2 3h4v11H3z'), circle(12, 13, 3.5)),
+    toggle('cameras', 'Cameras', 'Cameras that contribute to the picture (key c)', path('M3 8h4l2-3h6l2 3h4v11H3z'), circle(12, 13, 3.5)),
     toggle('figures', 'Figures', 'Frames per second, latency, bytes (key i)', path('M5 20V11M12 20V4M19 20v-6')),
     quality,
     button('share', 'Share', 'Copies a link to exactly this view', path('M12 15V3M8 7l4-4 4 4M5 12v8h14v-8')),
-    button('full', 'Full screen', 'The picture alone', path('M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5')),
+    button('full', 'Full screen', 'Show only the picture', path('M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5')),
     button('help', 'Help', 'Gestures and keys (key ?)', circle(12, 12, 9),
       path('M9.5 9.5a2.5 2.5 0 1 1 3.5 2.3c-.7.4-1 .8-1 1.7M12 16.5v.2')));
 }
 
-// The help page: gestures as pictures, and keys.
 const hand = (x, y) => ['circle', { class: 'hand', cx: x, cy: y, r: 4 }];
 const ring = (x, y, r) => ['circle', { cx: x, cy: y, r }];
 const arrow = (x1, y1, x2, y2) => {
@@ -82,14 +80,14 @@ const arrow = (x1, y1, x2, y2) => {
 };
 
 const kGestures = [
-  [[hand(14, 16), arrow(22, 16, 42, 16)], 'Drag', 'look around what is in focus'],
-  [[hand(10, 10), hand(10, 22), arrow(20, 16, 42, 16)], 'Two fingers, or shift and drag', 'go sideways'],
-  [[hand(12, 26), hand(36, 6), arrow(20, 20, 14, 25), arrow(28, 12, 34, 7)], 'Pinch, or wheel', 'zoom on what is there'],
-  [[hand(24, 16), ring(24, 16, 9)], 'Tap, or click', 'focus on what is there'],
+  [[hand(14, 16), arrow(22, 16, 42, 16)], 'Drag', 'orbit the point in focus'],
+  [[hand(10, 10), hand(10, 22), arrow(20, 16, 42, 16)], 'Two fingers, or shift and drag', 'move sideways'],
+  [[hand(12, 26), hand(36, 6), arrow(20, 20, 14, 25), arrow(28, 12, 34, 7)], 'Pinch, or wheel', 'zoom at the pointer'],
+  [[hand(24, 16), ring(24, 16, 9)], 'Tap, or click', 'focus at the pointer'],
   [[hand(24, 16), ring(24, 16, 8), ring(24, 16, 12)], 'Double tap, or double click', 'back to the start'],
 ];
-const kKeys = [['← ↑ ↓ →', 'look around'], ['w a s d q e', 'fly'], ['+ −', 'zoom'], ['[ ]', 'focus nearer, farther'],
-  ['f', 'keep in focus what was clicked'], ['r', 'back to the start'], ['c', 'cameras'], ['i', 'figures'],
+const kKeys = [['← ↑ ↓ →', 'orbit'], ['w a s d q e', 'fly'], ['+ −', 'zoom'], ['[ ]', 'focus nearer, farther'],
+  ['f', 'keep the clicked point in focus'], ['r', 'back to the start'], ['c', 'cameras'], ['i', 'figures'],
   ['m', 'quality'], ['?', 'this page']];
 
 const gesture = ([shapes, name, does]) => make('li', {},
@@ -121,7 +119,7 @@ export const makeStage = () => make('div', { class: 'stage' },
   make('div', { class: 'guide', hidden: true, role: 'dialog', 'aria-label': 'How to fly' }, make('div', { part: 'help' }, ...makeHelp())),
   make('span', { id: 'description', hidden: true }, kDescription));
 
-// How the element looks, light and dark. Pages change it by the properties --lightfield-... and by parts.
+// The style sheet, light and dark. Pages customize it with the properties --lightfield-... and with parts.
 
 export const style = `
   :host { display: block; position: relative; width: 640px; height: 480px; max-width: 100%; box-sizing: border-box;

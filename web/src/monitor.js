@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How well each camera is predicted by the others, as a map of the array from in front; which ones stand out, and why;
-// and what the focus costs and brings.
+// The quality panel: a map of the prediction quality of each camera, suspect cameras with their faults, and the cost
+// and gain of the focal surface.
 
 import { dot } from './view.js';
 
-const kAskEvery = 1000;  // milliseconds
-const kMapSize = 150;    // pixels, the longer side
-const kUsual = 4;        // decibels below the median that say nothing: cameras at the border see less of the others
-const kFar = 8;          // decibels beyond that are as far behind as is shown
-const kFaults = { colour: 'other colours than its neighbours', direction: 'looks elsewhere than the rig says',
+const kPollInterval = 1000;  // milliseconds
+const kMapSize = 150;    // longer side, pixels
+// decibels below the median that are normal; border cameras overlap less with other cameras
+const kNormalDrop = 4;
+const kFar = 8;          // further decibels until the colour scale saturates
+const kFaults = { colour: 'colours differ from its neighbours', direction: 'direction differs from the rig',
   picture: 'out of focus, dirty or covered' };
 
-export class Monitor {
+export class MonitorPanel {
   constructor(viewer, box) {
     this.viewer = viewer;
     this.box = box;
@@ -24,7 +25,7 @@ export class Monitor {
     this.box.hidden = !this.box.hidden;
     clearInterval(this.timer);
     if (this.box.hidden) return false;
-    this.timer = setInterval(() => this.ask(), kAskEvery);
+    this.timer = setInterval(() => this.ask(), kPollInterval);
     await this.ask();
     return true;
   }
@@ -36,7 +37,7 @@ export class Monitor {
       this.report = await this.fetch('monitor.json');
       this.draw();
     } catch (error) {
-      this.words.textContent = `nothing is known of the cameras: ${error.message}`;
+      this.words.textContent = `can't load the camera report: ${error.message}`;
     }
   }
   async fetch(name) {
@@ -53,19 +54,19 @@ export class Monitor {
     const known = knownOf(cameras);
     const lines = cameras.length
       ? [`${known.length} of ${cameras.length} cameras predicted, ${known[0]?.toFixed(1)} to ` +
-        `${known.at(-1)?.toFixed(1)} dB; ${(this.report.bytes / this.report.turns / 1000).toFixed(1)} kB a turn`]
-      : ['no camera has had its turn yet'];
+        `${known.at(-1)?.toFixed(1)} dB; ${(this.report.bytes / this.report.turns / 1000).toFixed(1)} kB per check`]
+      : ['no camera has been checked yet'];
     for (const { name, psnr, gain, shift, fault } of cameras.filter(({ fault }) => fault))
       lines.push(`${name}: ${kFaults[fault] ?? fault} (${psnr?.toFixed(1)} dB, gain ${gain?.toFixed(2)}, ` +
         `off by ${shift?.toFixed(1)})`);
-    if (cameras.length && known.length && lines.length === 1) lines.push('All of them fit together: none stands out.');
+    if (cameras.length && known.length && lines.length === 1) lines.push('All cameras fit together: none stands out.');
     const focus = this.viewer.statistics.focus;
     if (focus) lines.push(...focusLines(focus));
     this.words.textContent = lines.join('\n');
   }
 
-  // A field for each camera: green where it is predicted about as well as most of them are, yellow where it falls far
-  // behind, red and framed where something is wrong with it, grey where nothing is known.
+  // Draws a tile for each camera: green near the median quality, yellow far below, red with a frame for a suspect
+  // camera, grey without data.
   drawMap(cameras) {
     const { right, down } = this.array;
     const points = this.array.cameras.map(({ position }) => [dot(position, right), dot(position, down)]);
@@ -84,7 +85,7 @@ export class Monitor {
     for (const [i, [x, y]] of points.entries()) {
       const { psnr, fault } = cameras[i] ?? { psnr: null };
       const place = [(x - low[0]) * scale + 1, (y - low[1]) * scale + 1, field - 2, field - 2];
-      const behind = Math.max(0, Math.min(1, (middle - kUsual - psnr) / kFar));
+      const behind = Math.max(0, Math.min(1, (middle - kNormalDrop - psnr) / kFar));
       context.fillStyle = fault ? 'hsl(0 75% 45%)' : psnr === null ? '#666' : `hsl(${130 - 75 * behind} 60% 40%)`;
       context.fillRect(...place);
       if (!fault) continue;
@@ -95,13 +96,12 @@ export class Monitor {
   }
 }
 
-// Decibels, the least first.
 const knownOf = cameras => cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null).sort((a, b) => a - b);
 
 function focusLines({ on, rounds, interval, trialBytes, residual, gained, flat }) {
   if (on === 'plane') return ['focus on the viewer’s plane'];
-  return [`focus on ${flat ? 'one plane, which is enough' : 'a surface'} (${on}): the cameras disagree by ` +
+  return [`focus on ${flat ? 'one plane, which is sufficient' : 'a surface'} (${on}): the cameras disagree by ` +
     `${residual.toFixed(1)} of 255, the latest round gained ${gained.toFixed(2)}`,
-    `trials with one request of ${interval}, ${rounds} so far, ` +
+    `depth search in one of ${interval} requests, ${rounds} rounds so far, ` +
     `${rounds ? (trialBytes / rounds / 1000).toFixed(1) : 0} kB each`];
 }

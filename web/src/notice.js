@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What stands in the way of a picture, in words a person understands, and what can be done about it: wait, try again, or
-// give the token. While there is no stream the last picture stays behind it, or the poster.
+// Messages that explain why there is no picture and offer an action: wait, try again, or enter the token. Without a
+// stream, the last picture or the poster stays visible behind the message.
 
-const kStopped = 750;     // milliseconds without a frame until that is told, and the server asked whether it lives
-const kGivenUp = 4000;    // without a word of the server, either, until another connection is tried
-const kLookEvery = 150;
-const kQuiet = 600;       // milliseconds of connecting that need no words
+const kFreezeTimeout = 750;     // milliseconds without a frame until a message is shown and the server is checked
+const kReconnectTimeout = 4000;    // milliseconds without any server message until a reconnect
+const kCheckInterval = 150;
+const kConnectingDelay = 600;       // milliseconds of connecting without a message
 
 const kWords = {
-  attribute: ({ message }) => `This page asks for what can't be: ${message}.`,
+  attribute: ({ message }) => `This page has an invalid attribute: ${message}.`,
   origin: () => 'This page may not show this light field (lf-serve --origin).',
-  host: () => 'The server does not go by this name (lf-serve --host).',
+  host: () => 'The server does not accept this host name (lf-serve --host).',
   path: () => 'There is no such path on this server.',
-  address: () => 'Too many views are open at this address. It goes on when one of them ends.',
+  address: () => 'Too many views are open at this address. This view starts when another view ends.',
   filming: ({ progress }) => `The scene is being filmed for the first time${
     progress >= 0 ? `: ${Math.floor(100 * progress)} %` : '.'}`,
   starting: () => 'The cameras are being opened.',
   full: ({ place, waiting }) => place > 0 ?
-    `There are too many viewers. You are number ${place} of ${Math.max(place, waiting || 0)} who wait, and come in by yourself.` :
-    'There are too many viewers. You come in as soon as somebody leaves.',
+    `There are too many viewers. You are number ${place} of ${Math.max(place, waiting || 0)} in the queue.` :
+    'There are too many viewers. You will be connected when a viewer leaves.',
 };
 
-// "Camera hosts 1 and 3 of 4 do not answer."
+// Returns "Camera hosts 1 and 3 of 4 do not answer."
 function silence({ count, silent } = {}) {
   if (!silent?.length) return '';
   const names = silent.map(node => node + 1), last = names.pop();
@@ -30,21 +30,20 @@ function silence({ count, silent } = {}) {
 
 const kNoCamera = 'No camera works. Trying again';
 
-// "2 of 64 cameras do not work."
+// Returns "2 of 64 cameras do not work."
 function losses({ count, working } = {}) {
   const lost = count - working;
   return lost > 0 ? `${lost} of ${count} cameras ${lost > 1 ? 'do' : 'does'} not work.` : '';
 }
 
-// What is wrong with the cameras: of the server, or of other hosts. The picture is without those that are silent; with
-// nothing left (`all`) it stays as it was.
+// Returns a text for failed cameras or silent hosts. `all`: no camera is left, and the picture is frozen.
 function trouble({ cameras, nodes }) {
   if (cameras?.count > 0 && cameras.working === 0) return { words: kNoCamera, all: true };
   const words = silence(nodes);
   return { words: words || losses(cameras), all: words && nodes.silent.length === nodes.count };
 }
 
-export class Notice {
+export class StatusMessage {
   constructor(viewer, root) {
     this.viewer = viewer;
     this.box = root.querySelector('.status');
@@ -53,8 +52,8 @@ export class Notice {
     this.progress = root.querySelector('progress');
     this.form = root.querySelector('form');
     this.field = this.form.querySelector('input');
-    this.part = root.querySelector('.trouble');  // says what a part of the picture is without, for as long as it is
-    this.trouble = '';  // what has been said of cameras that don't work, or hosts that are silent
+    this.part = root.querySelector('.trouble');
+    this.trouble = '';
     this.last = root.querySelector('canvas.last');
     this.poster = root.querySelector('.poster');
     this.again.addEventListener('click', () => this.viewer.stream.again());
@@ -65,11 +64,10 @@ export class Notice {
     });
   }
 
-  // While a connection is there or under way.
   watch() {
     clearInterval(this.timer);
     this.frame = this.heard = performance.now();
-    this.timer = setInterval(() => this.look(), kLookEvery);
+    this.timer = setInterval(() => this.look(), kCheckInterval);
   }
   rest() {
     this.dark = false;
@@ -78,15 +76,14 @@ export class Notice {
     clearTimeout(this.soon);
   }
 
-  // Words that are there stay until there is something new to say.
+  // An existing message stays until there is a new message.
   connecting() {
     this.viewer.stage.classList.add('waiting');
     this.watch();
-    if (this.box.hidden) this.soon = setTimeout(() => this.show('Connecting'), kQuiet);
+    if (this.box.hidden) this.soon = setTimeout(() => this.show('Connecting'), kConnectingDelay);
     clearInterval(this.countdown);
     this.again.textContent = 'Connecting';
   }
-  // A frame is there.
   shown() {
     this.frame = performance.now();
     clearTimeout(this.soon);
@@ -98,16 +95,14 @@ export class Notice {
   }
   hide() {
     this.rest();
-    // Who has typed a token flies on with the same keys.
+    // After token entry, the same keys control the view again.
     if (this.box.contains(this.viewer.root.activeElement)) this.viewer.video.focus({ preventScroll: true });
     this.box.hidden = true;
     this.viewer.stage.classList.remove('told');
     if (this.viewer.stream.connection) this.watch();
   }
 
-  // A message of the server is there.
   answered() { this.heard = performance.now(); }
-  // Statistics of the server are there.
   know(statistics) {
     const { words, all } = trouble(statistics);
     if (words !== this.trouble)
@@ -120,7 +115,7 @@ export class Notice {
     this.dark = all;
   }
 
-  // `error`: a Refusal. `seconds` until another try; Infinity: none.
+  // `error`: a Refusal. `seconds`: delay until the next try; Infinity: none.
   lost(error, seconds) {
     const needsToken = error.status === 401;
     this.keep();
@@ -143,16 +138,16 @@ export class Notice {
   words(error) {
     const { status, reason, message } = error;
     if (status === 401)
-      return this.viewer.token.value ? 'The token is wrong, or not valid any more.' : 'This light field needs a token.';
+      return this.viewer.token.value ? 'The token is wrong or has expired.' : 'This light field needs a token.';
     if (Object.hasOwn(kWords, reason ?? '')) return kWords[reason](error);
     if (status === 503) return kWords.full(error);
-    if (status === 429) return 'Too many connections came from here. It goes on in a moment.';
+    if (status === 429) return 'Too many connections from this address. Trying again in a moment.';
     if (status === undefined)
       return navigator.onLine ? 'The server can\'t be reached.' : 'This device has no network.';
     return `The server refuses: ${message}.`;
   }
 
-  // Words that change are said once: numbers that count are not read out again and again.
+  // Replaces the text only if it differs, because screen readers repeat every replaced text.
   show(words) {
     clearInterval(this.countdown);
     clearTimeout(this.soon);
@@ -162,7 +157,7 @@ export class Notice {
     this.viewer.stage.classList.add('told');
   }
 
-  // The picture as it is now, for as long as there is none.
+  // Keeps a copy of the current picture while there is no stream.
   keep() {
     const { video, mode, anaglyph } = this.viewer;
     if (!video.videoWidth || !video.srcObject || !this.last.hidden) return;
@@ -173,17 +168,17 @@ export class Notice {
     this.last.hidden = false;
   }
 
-  // Frames come all the time, also of a scene that does not move: where they stop the server or the way to it is gone.
+  // Frames arrive continuously, even if the scene does not move. If they stop, the server or the network has failed.
   look() {
     const { connection } = this.viewer.stream, now = performance.now(), still = now - this.frame;
     if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = this.heard = now);
-    if (still > kGivenUp && now - this.heard > kGivenUp) return connection.lose();
-    if (still < kStopped || !this.box.hidden) return;
+    if (still > kReconnectTimeout && now - this.heard > kReconnectTimeout) return connection.lose();
+    if (still < kFreezeTimeout || !this.box.hidden) return;
     this.show('The picture has stopped. Waiting for the server');
-    // No word of what it says: that it says something is enough.
-    // Pages of other sites may not load healthz (Cross-Origin-Resource-Policy), but the element's own files.
+    // This tests if the server answers. Cross-Origin-Resource-Policy blocks healthz for pages of other sites, but not
+    // the element's own files.
     const ask = (name, mode) => fetch(new URL(name, this.viewer.stream.endpoint), { mode, cache: 'no-store' });
     ask('healthz', 'no-cors').catch(() => ask('lightfield-viewer.js', 'cors'))
-      .catch(() => performance.now() - this.frame > kStopped && connection.lose());
+      .catch(() => performance.now() - this.frame > kFreezeTimeout && connection.lose());
   }
 }

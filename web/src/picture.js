@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where the picture is in the element, in CSS pixels from its left upper corner, and which pixel of the view is where.
+// Position of the picture in the element, in CSS pixels from the top left corner, and conversion to pixels of the view.
 
-const kSame = 1.02;  // ratio of shapes that are the same
+const kSame = 1.02;  // maximum ratio of equal aspect ratios
 
 export class Picture {
   constructor(viewer) { this.viewer = viewer; }
 
-  // It keeps its shape; where the element's is the same but for a rounding, nothing is left free beside it.
+  // Keeps the aspect ratio. If it equals the element's except for rounding, the picture fills the element.
   fit() { this.viewer.stage.classList.toggle('fills', this.fills); }
   get fills() { return Math.max(...this.scales) / Math.min(...this.scales) < kSame; }
   get scales() {
@@ -20,7 +20,6 @@ export class Picture {
     const width = shownWidth * scale, height = videoHeight * scale;
     return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
   }
-  // What each eye sees where: `offset` metres to the right of the view.
   get eyes() {
     const { box } = this;
     if (this.viewer.mode !== 'side') return [{ box, offset: 0 }];
@@ -29,7 +28,7 @@ export class Picture {
       offset: side * this.viewer.eyeDistance / 2 }));
   }
   get eyeWidth() { return this.viewer.video.videoWidth / (this.viewer.twoEyes ? 2 : 1); }
-  // The pixel of the view under a pointer, and back.
+  // Convert between the position of a pointer and the pixel of the view.
   pixelAt({ clientX, clientY }) {
     const frame = this.viewer.stage.getBoundingClientRect(), { box } = this;
     return { x: (clientX - frame.left - box.x) / box.scale, y: (clientY - frame.top - box.y) / box.scale };
@@ -39,7 +38,6 @@ export class Picture {
     return { x: box.x + x * box.scale, y: box.y + y * box.scale };
   }
 
-  // What is shown, as a file.
   toBlob(type, quality) {
     const { viewer } = this, { video } = viewer;
     if (!video.videoWidth) return Promise.reject(new DOMException('there is no picture yet', 'InvalidStateError'));
@@ -51,7 +49,7 @@ export class Picture {
   }
 }
 
-// Two eyes. The server sends both pictures, of one moment, side by side in one.
+// Stereo modes. The server sends both pictures side by side in one frame.
 
 export const kModes = {
   one: 'One eye',
@@ -60,8 +58,8 @@ export const kModes = {
   headset: 'Headset',
 };
 
-// The left eye's red with the right eye's green and blue. What is in focus is at the screen: there the eyes agree. What
-// one of them alone would see at the sides is cut away, and as much above and below, so that the picture keeps its shape.
+// Combines the left eye's red with the right eye's green and blue. Shifts the pictures so that the focused distance
+// appears at the screen. Crops the margins visible to one eye only, and the height in proportion.
 export class Anaglyph {
   constructor(canvas, video) {
     this.canvas = canvas;
@@ -69,17 +67,15 @@ export class Anaglyph {
     this.right = document.createElement('canvas');
   }
 
-  // How much larger than the eyes' pictures it is, for what is cut away.
   get zoom() { return this.rest ? this.video.videoWidth / 2 / this.rest.width : 1; }
 
-  // With every frame of a view, whose eyes are so many metres apart.
   draw(view, eyeDistance) {
     if (this.canvas.hidden || !view) return;
     const width = this.video.videoWidth / 2, height = this.video.videoHeight;
     const focal = height / 2 / Math.tan(view.fov * Math.PI / 360);
     this.shift = Math.min(Math.round(eyeDistance / 2 * focal / view['focus-distance']), width >> 2);
     const kept = width - 2 * this.shift;
-    this.rest = { width: kept, height: height * kept / width };  // pixels of each eye's picture
+    this.rest = { width: kept, height: height * kept / width };  // cropped size of each eye's picture, pixels
     const half = (canvas, side, colour) => {
       if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
       const context = canvas.getContext('2d');

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The viewer's stream: begun, lost and begun again, waiting in the queue, and let go while nobody sees it.
+// The viewer's stream: connects, reconnects, waits in the queue, and disconnects while invisible.
 
 import { Connection, Refusal, serversIn } from './connection.js';
 
-const kLongest = 10;  // seconds from one try to the next
-const kNear = '200px';  // of the screen's border
-const kLeave = 500;     // milliseconds out of sight until that is told; coming back is told at once
+const kMaxRetryDelay = 10;  // seconds
+const kVisibleMargin = '200px';  // maximum distance from the screen of a visible element
+const kHiddenDelay = 500;     // milliseconds out of sight until a disconnect; reappearing has no delay
 
 export class Stream {
   constructor(viewer) {
     this.viewer = viewer;
     this.connection = null;
-    this.wanted = false;  // by the page or the person who watches
-    this.seen = true;     // by somebody
+    this.wanted = false;
+    this.seen = true;
     this.online = () => this.timer && this.again();
   }
   watch() { addEventListener('online', this.online); }
   rest() { removeEventListener('online', this.online); }
 
-  // Where to: what `src` names, or the server of this file.
+  // URL of the server: `src`, or the server of this file.
   get endpoint() { return new URL(this.viewer.given('src') ?? new URL('../whep', import.meta.url), document.baseURI); }
   get isOpen() { return this.connection?.isOpen ?? false; }
 
@@ -35,7 +35,7 @@ export class Stream {
     this.disconnect('again');
     if (this.seen) this.connect();
   }
-  // A seat that nobody looks at is another's. The picture stays.
+  // Frees the seat while the element is invisible. The last picture stays.
   see(seen) {
     if (seen === this.seen) return;
     this.seen = seen;
@@ -61,12 +61,12 @@ export class Stream {
     try {
       const own = viewer.iceServers ?? serversIn(viewer.given('ice-servers'));
       const ticket = this.ticket && { ticket: this.ticket };
-      await connection.open(this.endpoint, viewer.token.value, { ...viewer.wish, ...ticket }, own.length ? own : this.iceServers ?? []);
+      await connection.open(this.endpoint, viewer.token.value, { ...viewer.viewParams, ...ticket }, own.length ? own : this.iceServers ?? []);
     } catch (error) {
       this.lost(connection, error instanceof Refusal ? error : this.unreachable(error));
     }
   }
-  // fetch() tells nothing about why.
+  // fetch() gives no reason for a failure.
   unreachable(error) {
     return new Refusal(error.message, error.name === 'TypeError' && /ice-servers|Invalid URL/.test(error.message) ?
       { retryAfter: Infinity, reason: 'attribute' } : {});
@@ -83,14 +83,14 @@ export class Stream {
     if (reason && connection.isOpen) this.viewer.tell('disconnected', { reason });
   }
 
-  // Tries again after a while that grows, unless it is no use. Who waits in the queue comes when it is told to.
+  // Tries again with increasing delay, unless the error is permanent. In the queue, the server determines the delay.
   lost(connection, error) {
     if (this.connection !== connection) return;
-    // The servers that the answer named are for where nothing else leads there.
+    // ICE servers from the answer are used only if a direct connection fails.
     const servers = !connection.isOpen && connection.iceServers?.length && !this.iceServers;
     if (servers) this.iceServers = connection.iceServers;
     this.ticket = error.ticket ?? (error.reason === 'full' ? null : this.ticket);
-    this.retry = error.status === 503 || servers ? 0 : Math.min((this.retry || 0.5) * 2, kLongest);
+    this.retry = error.status === 503 || servers ? 0 : Math.min((this.retry || 0.5) * 2, kMaxRetryDelay);
     const seconds = Math.max(this.retry, error.retryAfter);
     this.viewer.notice.lost(error, seconds);
     const was = connection.isOpen;
@@ -102,9 +102,7 @@ export class Stream {
   }
 }
 
-// Whether anybody can see the element: it is on the screen, or nearly, in a tab that is not hidden.
-export class Sight {
-  // `changed` is called with true or false.
+export class VisibilityWatcher {
   constructor(element, changed) {
     this.element = element;
     this.changed = changed;
@@ -112,14 +110,14 @@ export class Sight {
     this.look = () => {
       clearTimeout(this.timer);
       if (this.near && !document.hidden) this.changed(true);
-      else this.timer = setTimeout(() => this.changed(false), kLeave);
+      else this.timer = setTimeout(() => this.changed(false), kHiddenDelay);
     };
   }
   watch() {
     this.observer = new IntersectionObserver(entries => {
       this.near = entries.at(-1).isIntersecting;
       this.look();
-    }, { rootMargin: kNear });
+    }, { rootMargin: kVisibleMargin });
     this.observer.observe(this.element);
     document.addEventListener('visibilitychange', this.look);
   }

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The numbers of a view, as links and attributes carry them, the server tells them and scripts say them, and where a view
-// sees what.
+// Fields of a view as used in links, attributes, server messages and scripts, and the geometry of a view.
 
 export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
-const kInScripts = { 'focus-distance': 'focusDistance' };
+const kScriptNames = { 'focus-distance': 'focusDistance' };
 
-// "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}; what is no number of a view is left out.
+// Converts "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}. Ignores anything else.
 export function viewOf(text) {
   const view = {};
   for (const [, name, value] of (text ?? '').matchAll(/([a-z-]+)=([^\s&;,]+)/g))
@@ -13,27 +12,27 @@ export function viewOf(text) {
   return view;
 }
 
-// To the names that scripts use, and back. Throws TypeError for what is no number of a view.
+// Convert to and from the field names of scripts. Throws TypeError for an unknown name or an invalid number.
 export function toScript(view) {
-  return Object.fromEntries(kFields.filter(name => name in view).map(name => [kInScripts[name] ?? name, view[name]]));
+  return Object.fromEntries(kFields.filter(name => name in view).map(name => [kScriptNames[name] ?? name, view[name]]));
 }
 export function fromScript(view) {
   const fields = {};
   for (const [name, value] of Object.entries(view ?? {})) {
-    const field = kFields.find(known => name === known || name === kInScripts[known]);
-    if (!field || !Number.isFinite(value)) throw new TypeError(`${name}: ${value} is no number of a view`);
+    const field = kFields.find(known => name === known || name === kScriptNames[known]);
+    if (!field || !Number.isFinite(value)) throw new TypeError(`${name}: ${value} is not a valid field of a view`);
     fields[field] = value;
   }
   return fields;
 }
 
-// The number that an attribute holds; null where it holds none that is `least` or more.
+// Returns the number in an attribute; null if it is missing, invalid or less than `least`.
 export function numberIn(text, least = -Infinity) {
   const value = text?.trim() ? Number(text) : NaN;
   return Number.isFinite(value) && value >= least ? value : null;
 }
 
-// The view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).
+// Returns the view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).
 export function axesOf({ yaw, pitch, roll }) {
   const turn = degrees => [Math.cos(degrees * Math.PI / 180), Math.sin(degrees * Math.PI / 180)];
   const [[cy, sy], [cp, sp], [cr, sr]] = [turn(yaw), turn(pitch), turn(roll)];
@@ -46,7 +45,7 @@ export function axesOf({ yaw, pitch, roll }) {
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-// A point of the world in the view's own axes, its eye `eyeOffset` metres to the right of the view's.
+// Converts a world point to the view's axes, with the eye `eyeOffset` metres to the right of the view.
 export function inView(view, axes, point, eyeOffset = 0) {
   const relative = [point[0] - view.x, point[1] - view.y, point[2] - view.z];
   return [dot(axes.right, relative) - eyeOffset, dot(axes.down, relative), dot(axes.forward, relative)];
@@ -54,8 +53,8 @@ export function inView(view, axes, point, eyeOffset = 0) {
 
 const kShown = 2000;  // milliseconds
 
-// The view in the page's address, for elements with the attribute `share` alone: #x=0.05&yaw=3&focus-distance=2, with
-// eyes=, path= and token= where there are any.
+// The view in the page's address, for elements with the attribute `share`: #x=0.05&yaw=3&focus-distance=2, with
+// optional eyes=, path= and token=.
 export class Share {
   constructor(viewer, button) {
     this.viewer = viewer;
@@ -74,14 +73,13 @@ export class Share {
   }
   rest() { removeEventListener('hashchange', this.changed); }
 
-  // Another link in an open tab.
   take() {
     if (!this.on) return;
     this.viewer.settle();
     this.viewer.flight.setView(this.view).catch(() => {});
   }
 
-  // The page's address with the view. An element with `share` keeps the other words of the address, such as the token.
+  // The page's address with the view. An element with `share` keeps other parameters of the address, such as the token.
   get link() {
     const { viewer } = this, words = this.words;
     for (const [name, value] of Object.entries(viewer.flight.state ?? viewer.flight.set)) words.set(name, +value.toPrecision(7));
@@ -90,7 +88,7 @@ export class Share {
     return new URL(`#${words}`, location.href).href;
   }
 
-  // Copies the link, where the browser allows that, and returns it. The page's address changes only with `share`.
+  // Copies the link, if the browser allows that, and returns the link. Changes the page's address only with `share`.
   async share() {
     const { link, button, on } = this;
     if (on) history.replaceState(history.state, '', link);

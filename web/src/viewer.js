@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The inside of the element: what it is made of, and how these parts know of each other.
+// The implementation of the element, made of several parts.
 
-import { Bar } from './bar.js';
-import { Elastic, Vignette } from './border.js';
+import { ControlBar } from './bar.js';
+import { Overscroll, Vignette } from './border.js';
 import { Cameras } from './cameras.js';
 import { Token } from './connection.js';
 import { Controls } from './controls.js';
 import { Figures } from './figures.js';
-import { Flight } from './flight.js';
+import { ViewNavigation } from './flight.js';
 import { Headset, headsets } from './headset.js';
 import { makeStage, style } from './markup.js';
-import { Monitor } from './monitor.js';
-import { Notice } from './notice.js';
+import { MonitorPanel } from './monitor.js';
+import { StatusMessage } from './notice.js';
 import { Anaglyph, kModes, Picture } from './picture.js';
-import { Sight, Stream } from './stream.js';
+import { VisibilityWatcher, Stream } from './stream.js';
 import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
-const kOneEye = 1e-6;        // metres: the least distance to ask for; the server takes 0 for one eye
-const kLeastSide = 64;       // pixels of a picture's side: the server makes none smaller
-const kRest = 400;           // milliseconds without another size until the view takes it
-const kAlt = 'Live picture of the light field, flown by a virtual camera';
+const kOneEye = 1e-6;        // metres; minimum to request, because the server interprets 0 as one eye
+const kMinSide = 64;       // minimum side of a picture from the server, pixels
+const kRest = 400;           // milliseconds without resizing until the view is resized
+const kAlt = 'Live picture of the light field from a virtual camera';
 
-let sheet = null;  // of all elements; not a <style>, which strict pages forbid
+let styleSheet = null;  // shared by all elements; strict pages forbid <style>
 
 export class Viewer {
   constructor(host, root) {
     this.host = host;
     this.root = root;
     root.append(makeStage());
-    if (!sheet) (sheet = new CSSStyleSheet()).replaceSync(style);
-    root.adoptedStyleSheets = [sheet];
+    if (!styleSheet) (styleSheet = new CSSStyleSheet()).replaceSync(style);
+    root.adoptedStyleSheets = [styleSheet];
     const find = selector => root.querySelector(selector), click = (name, does) => find(name).addEventListener('click', does);
     this.stage = find('.stage');
     this.video = find('video');
@@ -41,24 +41,24 @@ export class Viewer {
     this.follower = find('.follow');
     this.choice = find('select');
     this.startButton = find('.start');
-    this.statistics = {};  // the latest
-    this.mode = 'one';     // of kModes
-    this.asked = null;     // what attributes and links say, as it was when the stream began
-    this.declared = null;  // the view that the property `view` was set to; null: the attribute counts
+    this.statistics = {};
+    this.mode = 'one';
+    this.asked = null;     // attributes and link parameters at the start of the stream
+    this.declared = null;  // view set by the property `view`; null: the attribute counts
     this.picture = new Picture(this);
     this.stream = new Stream(this);
-    this.flight = new Flight(this);
-    this.elastic = new Elastic(this, find('.picture'));
-    this.notice = new Notice(this, root);
-    this.bar = new Bar(this, root);
+    this.flight = new ViewNavigation(this);
+    this.elastic = new Overscroll(this, find('.picture'));
+    this.notice = new StatusMessage(this, root);
+    this.bar = new ControlBar(this, root);
     this.panel = new Figures(this, find('pre.figures'));
     this.cameras = new Cameras(this, find('canvas.cameras'), find('pre.makers'));
-    this.monitor = new Monitor(this, find('.monitor'));
+    this.monitor = new MonitorPanel(this, find('.monitor'));
     this.controls = new Controls(this);
     this.share = new Share(this, find('.share'));
     this.token = new Token(this);
     this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
-    this.sight = new Sight(host, seen => this.stream.see(seen || this.mode === 'headset'));
+    this.sight = new VisibilityWatcher(host, seen => this.stream.see(seen || this.mode === 'headset'));
     this.stream.seen = false;
     this.resizes = new ResizeObserver(() => this.resized());
     this.video.addEventListener('resize', () => this.picture.fit());
@@ -75,7 +75,7 @@ export class Viewer {
     this.frames();
   }
 
-  // On a page, and off it. Who is moved within it keeps the stream.
+  // Call when the element enters or leaves a page. Moving it within the page keeps the stream.
   attach() {
     this.render();
     this.bar.wake();
@@ -116,11 +116,10 @@ export class Viewer {
     this.render();
   }
 
-  // What attributes say that need no other stream.
   render() {
     const { host, video } = this, flies = this.controls.flies;
     video.ariaLabel = host.getAttribute('alt') ?? kAlt;
-    // Keys are the viewer's own, not a screen reader's.
+    // Makes screen readers pass the keys to the viewer.
     for (const [name, value] of [['tabindex', '0'], ['role', 'application'], ['aria-describedby', 'description']])
       flies ? video.setAttribute(name, value) : video.removeAttribute(name);
     for (const part of [this.bar.bar, this.root.querySelector('slot[name=controls]')]) part.hidden = !flies;
@@ -133,13 +132,13 @@ export class Viewer {
     this.root.querySelector('.full').hidden = !document.fullscreenEnabled && !video.webkitEnterFullscreen;
   }
 
-  // Attributes and links have changed: another stream where it takes one.
+  // Applies changed attributes and links; restarts the stream if necessary.
   settle() {
     const before = this.asked ?? {};
     const names = ['src', 'token', 'path', 'eye-distance', 'max-width', 'ice-servers', 'eyes'];
     this.asked = Object.fromEntries(names.map(name => [name, this.given(name)]));
     const changed = name => this.asked[name] !== before[name];
-    this.forgetFlight();
+    this.resetNavigation();
     this.flightOf = this.lightField;
     if (changed('eyes')) {
       const { eyes } = this.asked;
@@ -157,20 +156,19 @@ export class Viewer {
     if (names.some(changed)) this.stream.again();
   }
   // Called before settle(), so that a view set after `src` in the same script is for the new light field.
-  forgetFlight() {
+  resetNavigation() {
     if (this.flightOf === undefined || this.flightOf === this.lightField) return;
     this.flightOf = this.lightField;
     this.flight.forget();
   }
-  // Once for all attributes that are changed together.
-  settleSoon() {
+  scheduleSettle() {
     this.soon ??= Promise.resolve().then(() => {
       this.soon = null;
       if (this.host.isConnected) this.settle();
     });
   }
 
-  // The attribute, or with `share` the word of the page's address; null where both are missing or empty.
+  // Returns the attribute, or with `share` the parameter in the page's address; null if both are missing or empty.
   given(name) { return this.host.getAttribute(name) || this.share.words.get(name) || null; }
   get path() { return this.given('path'); }
   get lightField() { return JSON.stringify([this.given('src'), this.path]); }
@@ -179,24 +177,23 @@ export class Viewer {
     const focus = numberIn(this.host.getAttribute('focus'));
     return { ...this.declared ?? viewOf(this.host.getAttribute('view')), ...focus > 0 && { 'focus-distance': focus } };
   }
-  // Pixels to ask for: what the element has, in even numbers; of each eye.
+  // The size to request, in pixels of each eye: the element's size, rounded to even numbers.
   get size() {
     const { width, height } = this.host.getBoundingClientRect(), most = numberIn(this.given('max-width'), 1) ?? Infinity;
     const wide = (width || 640) / (this.mode === 'side' ? 2 : 1);
     const scale = Math.min(devicePixelRatio || 1, 2, most / wide);
     const side = length => 2 * Math.round(length * scale / 2);
-    return { width: Math.max(kLeastSide, Math.min(side(wide), 2 * Math.floor(most / 2))),
-      height: Math.max(kLeastSide, side(height || 480)) };
+    return { width: Math.max(kMinSide, Math.min(side(wide), 2 * Math.floor(most / 2))),
+      height: Math.max(kMinSide, side(height || 480)) };
   }
   get eyeDistance() { return numberIn(this.given('eye-distance'), 0) ?? kEyeDistance; }
-  // What the server is asked for.
-  get wish() {
+  get viewParams() {
     const path = this.path && { path: this.path };
     if (this.mode === 'one') return { ...this.size, ...path };
-    return { ...this.headset?.wish ?? { ...this.size, 'eye-distance': Math.max(this.eyeDistance, kOneEye) }, ...path };
+    return { ...this.headset?.viewParams ?? { ...this.size, 'eye-distance': Math.max(this.eyeDistance, kOneEye) }, ...path };
   }
 
-  // A stream keeps its size: one of another size is another stream. Waits until the window rests.
+  // Restarts the stream in the new size when resizing has stopped, because a stream has a fixed size.
   resized() {
     this.picture.fit();
     clearTimeout(this.resting);
@@ -209,7 +206,6 @@ export class Viewer {
     }, kRest);
   }
 
-  // One of kModes.
   async show(mode) {
     if (mode === this.mode) return;
     const before = this.mode, headset = this.headset;
@@ -235,13 +231,11 @@ export class Viewer {
     this.picture.fit();
   }
 
-  // A connection is open.
   opened() {
     this.twoEyes = this.mode !== 'one';
     this.flight.resume({ ...this.start, ...this.share.view });
   }
 
-  // A message of the server.
   take(message) {
     this.notice.answered();
     if (message.type === 'ControlResponseMessage' && message.error) this.flight.refused(message.id, message.error);
@@ -263,7 +257,6 @@ export class Viewer {
     if (view && applied) this.elastic.applied(applied.id, view);
     if (applied) this.panel.applied(applied);
   }
-  // What can be seen changes what is shown around the picture.
   know(statistics) {
     const { coverage, focus, monitored } = statistics;
     this.notice.know(statistics);
@@ -272,18 +265,17 @@ export class Viewer {
     this.vignette.know(coverage);
   }
 
-  // Every frame that is shown.
   frames() {
     this.video.requestVideoFrameCallback?.((now, frame) => {
       this.frames();
-      if (!this.stream.connection?.hasTrack) return;  // the last of the stream before
+      if (!this.stream.connection?.hasTrack) return;  // the last frame of the previous stream
       this.flight.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
       this.vignette.draw(now);
       this.anaglyph.draw(this.flight.seen, this.eyeDistance);
       this.cameras.draw(now, this.flight.seen);
-      // What is seen is known by then, too.
+      // The event also requires the displayed view.
       if (!this.loaded && (this.flight.seen || this.path !== null)) {
         this.loaded = true;
         this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
@@ -291,12 +283,11 @@ export class Viewer {
     });
   }
 
-  // The answer goes to the cameras' overlay.
-  askAbout({ x, y }) {
+  requestPixelInfo({ x, y }) {
     return this.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
-  // As a click there does. False if there is no connection, or a path is flown.
+  // Focuses like a click at this position. Returns false if there is no connection or a camera path plays.
   focusAt(clientX, clientY) {
     if (this.path !== null) return false;
     const { x, y } = this.picture.pixelAt({ clientX, clientY }), at = { x: x % this.picture.eyeWidth, y, button: 1 };
@@ -305,9 +296,8 @@ export class Viewer {
     return Boolean(send('MouseButtonPress') && send('MouseButtonRelease'));
   }
 
-  // To the page around.
   tell(name, detail) { this.host.dispatchEvent(new CustomEvent(name, { detail })); }
-  // To who can't see it.
+  // Announces a text to screen readers.
   say(text) { this.root.querySelector('.said').textContent = text; }
 
   async toggle(name, layer) {

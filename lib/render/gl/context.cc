@@ -14,7 +14,7 @@
 namespace lf::gl {
 namespace {
 
-// Whether a list of names with blanks in between has one.
+// True if a list of names, separated by spaces, contains `name`.
 bool has(const char* list, std::string_view name) {
   std::string_view rest = list ? list : "";
   while (!rest.empty()) {
@@ -34,10 +34,10 @@ struct Candidate {
   EGLenum platform;
   void* native;
   std::string name;
-  bool software;  // as far as EGL tells
+  bool software;  // according to EGL; may be wrong
 };
 
-// Devices first, those of software last among them.
+// Returns EGL's devices, hardware before software, then the display without a device.
 std::vector<Candidate> candidates() {
   std::vector<Candidate> hardware, software;
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
@@ -73,15 +73,15 @@ struct Context::Handles {
 
   ~Handles() {
     if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);
-    // Displays are the process's: others may have the same one, and terminating it would take theirs away.
+    // Displays belong to the process. eglTerminate() would also terminate other users of the same display.
   }
 
-  // Why not, or nothing if it is a context now.
+  // Creates the context. Returns the reason for a failure.
   std::optional<std::string> open(const Candidate& candidate) {
     const auto get_display = function<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
     display = get_display ? get_display(candidate.platform, candidate.native, nullptr) : EGL_NO_DISPLAY;
     if (display == EGL_NO_DISPLAY) return "no display";
-    if (!eglInitialize(display, nullptr, nullptr)) return "can't be initialized";
+    if (!eglInitialize(display, nullptr, nullptr)) return "cannot be initialized";
     const char* extensions = eglQueryString(display, EGL_EXTENSIONS);
     if (!has(extensions, "EGL_KHR_surfaceless_context")) return "needs a window";
     if (!eglBindAPI(EGL_OPENGL_ES_API)) return "no OpenGL ES";
@@ -96,24 +96,24 @@ struct Context::Handles {
   }
 };
 
-Context::Context(std::unique_ptr<Handles> handles, Foreign foreign)
-    : handles_(std::move(handles)), foreign_(std::move(foreign)) {}
+Context::Context(std::unique_ptr<Handles> handles, External foreign)
+    : handles_(std::move(handles)), external_(std::move(foreign)) {}
 
 Context::~Context() = default;
 
-// Finds out what the driver is. False if the context can't be used.
+// Queries the driver. Returns false if the context is unusable.
 bool Context::look() {
   return run([this] {
     const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
     device_ = renderer ? renderer : "unknown";
-    // One by one: OpenGL's core profile has no list.
+    // Desktop OpenGL's core profile has no combined extension string.
     GLint count = 0;
     glGetIntegerv(GL_NUM_EXTENSIONS, &count);
     for (GLint i = 0; i < count; i++)
       if (const GLubyte* name = glGetStringi(GL_EXTENSIONS, static_cast<GLuint>(i)))
         extensions_.append(reinterpret_cast<const char*>(name)).append(" ");
     software_ = software_ || is_software_name(device_);
-    glGetError();  // whatever was before, in somebody else's context, is none of ours
+    glGetError();  // clears earlier errors of an external context
   });
 }
 
@@ -135,7 +135,7 @@ std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
     std::unique_ptr<Context> context(new Context(std::move(handles), {}));
     context->software_ = candidate.software;
     if (!context->look()) {
-      reject(candidate.name, "its context can't be used without a window");
+      reject(candidate.name, "the context cannot be used without a window");
       continue;
     }
     if (!context->software_ || drivers == Drivers::kAny) return context;
@@ -145,11 +145,11 @@ std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
   return nullptr;
 }
 
-std::unique_ptr<Context> Context::create_in(Foreign foreign, Drivers drivers, std::string& why) {
+std::unique_ptr<Context> Context::create_in(External foreign, Drivers drivers, std::string& why) {
   std::unique_ptr<Context> context(new Context(nullptr, std::move(foreign)));
   const bool is_there = context->look();
   if (is_there && (!context->software_ || drivers == Drivers::kAny)) return context;
-  why = is_there ? context->device_ + ": computes on the CPU" : "the context is there no more";
+  why = is_there ? context->device_ + ": computes on the CPU" : "the context no longer exists";
   return nullptr;
 }
 
@@ -164,8 +164,8 @@ bool Context::run(const std::function<void()>& job) {
   const std::lock_guard lock(mutex_);
   if (lost_) return false;
   if (handles_) {
-    // Mesa's software driver (22.3) has crashed where two of its contexts compiled at once what they draw with. Each of
-    // them takes all processors in any case.
+    // Mesa's software driver (22.3) crashed when two contexts compiled shaders at once. Each context uses all
+    // processors anyway.
     static std::mutex software;
     std::unique_lock alone(software, std::defer_lock);
     if (software_) alone.lock();
@@ -181,7 +181,7 @@ bool Context::run(const std::function<void()>& job) {
     return true;
   }
   std::exception_ptr thrown;
-  lost_ = !foreign_.call([&] {
+  lost_ = !external_.call([&] {
     try {
       job();
     } catch (...) {

@@ -10,59 +10,57 @@
 
 namespace lf::gl {
 
-// A number for contexts that share their textures with each other; 0: none.
+// Identifies a group of contexts that share textures; 0: none.
 using ShareGroup = uint64_t;
 
-// An OpenGL ES 3.1 context that sums are rendered with on a graphics card: without a window, on a display of its own,
-// or in somebody else's.
+// An OpenGL ES 3.1 context for rendering: either without a window on its own display, or an external context.
 //
-// Displays of its own are looked for among the devices that EGL lists (EGL_EXT_platform_device), then without one
-// (EGL_MESA_platform_surfaceless); never on GBM, where NVIDIA's library is known to crash without a render node. A
-// driver that is unfit is passed over.
+// Looks for a display among EGL's devices (EGL_EXT_platform_device), then without a device
+// (EGL_MESA_platform_surfaceless). GBM is never used, because NVIDIA's library crashes on GBM without a render node.
+// Unsuitable drivers are skipped.
 class Context {
  public:
-  enum class Drivers { kHardware, kAny };  // kAny: those that compute on the CPU, too, if there is no other
+  enum class Drivers { kHardware, kAny };  // kAny: also accept drivers that compute on the CPU, if there is no other
 
-  // Null with the reason in `why`, one clause for each display that was tried, if there is none. Takes tens to hundreds
-  // of milliseconds. Any thread.
+  // Returns null if no display is suitable, with one clause for each display that was tried in `why`. Takes tens to
+  // hundreds of milliseconds. Thread-safe.
   static std::unique_ptr<Context> create(Drivers drivers, std::string& why);
-  // Somebody else's context, of OpenGL ES 3.1 or an OpenGL that has that, which nobody else makes current.
-  struct Foreign {
-    // Calls a job where the context is current, and returns after it. False, without calling it, if the context is
-    // there no more.
+  // An external context of OpenGL ES 3.1, or of an OpenGL version that includes ES 3.1. Only `call` may make the
+  // context current.
+  struct External {
+    // Runs a job with the context current, and returns when the job is done. Returns false, without running the job, if
+    // the context no longer exists.
     std::function<bool(const std::function<void()>& job)> call;
-    ShareGroup group = 0;  // that it belongs to
+    ShareGroup group = 0;
   };
-  // That one; null with the reason in `why` if it is unfit.
-  static std::unique_ptr<Context> create_in(Foreign foreign, Drivers drivers, std::string& why);
+  // Uses an external context. Returns null, with the reason in `why`, if the context is unsuitable.
+  static std::unique_ptr<Context> create_in(External foreign, Drivers drivers, std::string& why);
   ~Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
-  // What the driver says that it runs on: "llvmpipe (LLVM 15.0.6, 256 bits)".
+  // Name of the device according to its driver: "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& device() const { return device_; }
-  // Whether the driver computes on the CPU.
   bool is_software() const { return software_; }
 
-  // Whether the driver has an extension of OpenGL ES.
   bool has_extension(std::string_view name) const;
 
-  // 0: the context is on a display of its own.
-  ShareGroup group() const { return foreign_.group; }
+  // 0: the context has its own display.
+  ShareGroup group() const { return external_.group; }
 
-  // Calls the job where the context is current, one at a time; what it throws comes from here. False if the context is
-  // lost: nothing can be drawn with it ever again. Any thread.
+  // Runs a job with the context current. Jobs are serialized; exceptions propagate. Returns false if the context is
+  // lost: it cannot be used any more. Thread-safe.
   bool run(const std::function<void()>& job);
-  // Makes the context as if its driver had lost it, from now on. Any thread.
+  // Simulates the loss of the context by its driver. Thread-safe.
   void lose();
 
  private:
   struct Handles;
-  Context(std::unique_ptr<Handles> handles, Foreign foreign);
+  Context(std::unique_ptr<Handles> handles, External foreign);
   bool look();
 
-  std::unique_ptr<Handles> handles_;  // null: foreign_ is used
-  Foreign foreign_;
+  std::unique_ptr<Handles> handles_;  // null: external_ is used
+  External external_;
   std::mutex mutex_;  // held while the context is current
   bool lost_ = false;
   std::string device_, extensions_;

@@ -7,44 +7,44 @@
 #include <set>
 #include <tuple>
 
-#include "image/correction.h"
 #include "image/image.h"
+#include "image/image_filters.h"
 #include "render/gl/objects.h"
 
 namespace lf::gl {
 
-CardPieces::~CardPieces() {
+TextureStager::~TextureStager() {
   if (nearest_) glDeleteSamplers(1, &nearest_);
 }
 
-bool CardPieces::begin(size_t bytes, Programs& programs, std::string& why) {
-  if (bytes / sizeof(uint32_t) > Computed::most_words()) {
-    why = "the images are too large for its shaders";
+bool TextureStager::begin(size_t bytes, Programs& programs, std::string& why) {
+  if (bytes / sizeof(uint32_t) > ComputeBuffer::most_words()) {
+    why = "the images are too large for a shader storage buffer";
     return false;
   }
   program_ = programs.use({.output = SumProgram::Output::kImage}, why);
   if (!program_) return false;
   if (!nearest_) {
-    // Whoever made a texture may have left it to be read through mipmaps that it does not have.
+    // The creator of a texture may have set a mipmap filter without providing mipmaps.
     glGenSamplers(1, &nearest_);
     glSamplerParameteri(nearest_, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glSamplerParameteri(nearest_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   }
   bytes_.reserve(bytes);
-  glBindSampler(kCardImage, nearest_);
+  glBindSampler(kGpuImage, nearest_);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, bytes_.name());
-  glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // the texture before has been made of them
+  glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // wait for the previous upload from this buffer
   return true;
 }
 
-void CardPieces::copy(const ImageView& image, const Plane& plane) {
+void TextureStager::copy(const ImageView& image, const Plane& plane) {
   const Rect& part = plane.part;
   if (part.empty()) return;
-  const CardPixels& from = image.on_card;
-  const CardImage::Texture texture = from.image->plane(plane.index);
+  const GpuPixels& from = image.on_gpu;
+  const GpuImage::Texture texture = from.image->plane(plane.index);
   const bool rgb = image.family == PixelFamily::kRgb;
   const int columns = rgb ? part.width() : (part.width() + kWord - 1) / kWord, rows = part.height();
-  glActiveTexture(GL_TEXTURE0 + kCardImage);
+  glActiveTexture(GL_TEXTURE0 + kGpuImage);
   glBindTexture(GL_TEXTURE_2D, texture.name);
   glUniform2i(program_->origin, part.x0, part.y0);
   glUniform2i(program_->size, plane.width, plane.height);
@@ -56,11 +56,11 @@ void CardPieces::copy(const ImageView& image, const Plane& plane) {
   glDispatchCompute(groups(columns), groups(rows), 1);
 }
 
-void CardPieces::end() {
+void TextureStager::end() {
   glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);
-  glActiveTexture(GL_TEXTURE0 + kCardImage);
+  glActiveTexture(GL_TEXTURE0 + kGpuImage);
   glBindTexture(GL_TEXTURE_2D, 0);
-  glBindSampler(kCardImage, 0);
+  glBindSampler(kGpuImage, 0);
 }
 
 namespace {
@@ -71,37 +71,36 @@ int up_to(int multiple, int size) { return (size + multiple - 1) / multiple * mu
 
 }  // namespace
 
-// What the views look at: pixels of the same memory, or of the same textures with the same made of them, are the same
-// image.
-void ImageAtlas::find_pieces(std::span<const DrawnView> views, const NeededPixels& needed) {
+// Finds the regions that the views need. Images are the same if they share memory, or textures and GpuPixels.
+void ImageAtlas::find_pieces(std::span<const GlesView> views, const NeededPixels& needed) {
   const PixelFamily family = views.front().task->family;
   pieces_.clear();
   uses_.clear();
   bytes_ = 1;
   has_chroma_ = needed.colours && family == PixelFamily::kI420;
-  has_sent_ = has_card_ = false;
-  std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t, CardPixels>, size_t> known;
+  has_uploads_ = has_gpu_ = false;
+  std::map<std::tuple<const uint8_t*, const uint8_t*, ptrdiff_t, GpuPixels>, size_t> known;
   for (size_t v = 0; v < views.size(); v++)
     for (const Source& source : views[v].sources) {
       const int32_t slot = views[v].task->slot_of_camera[source.camera];
       if (slot < 0 || source.image.family == PixelFamily::kNone) continue;
       const ImageView& image = source.image;
       const auto [at, is_new] =
-          known.try_emplace({image.plane[0], image.plane[1], image.stride[0], image.on_card}, pieces_.size());
+          known.try_emplace({image.plane[0], image.plane[1], image.stride[0], image.on_gpu}, pieces_.size());
       if (is_new) pieces_.push_back({&image, {}, {}});
-      (image.on_card.image ? has_card_ : has_sent_) = true;
+      (image.on_gpu.image ? has_gpu_ : has_uploads_) = true;
       Piece& piece = pieces_[at->second];
       piece.part = unite(piece.part, needed.part(views[v], source));
       uses_.push_back({v, static_cast<size_t>(slot), at->second});
-      // CardPieces makes words.
-      if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.on_card.image ? 4 : image.layout.pixel_stride);
+      // TextureStager writes whole words.
+      if (family == PixelFamily::kRgb) bytes_ = std::max(bytes_, image.on_gpu.image ? 4 : image.layout.pixel_stride);
     }
 }
 
-// On shelves, the highest first. Returns how high they are.
+// Places the regions on shelves, the highest first. Returns the total height.
 int ImageAtlas::place_pieces() {
-  // Chroma, of half the width, begins at words, too, where CardPieces makes it.
-  const int columns = has_card_ ? 2 * CardPieces::kWord : 2;
+  // TextureStager also writes chroma, of half the width, in whole words.
+  const int columns = has_gpu_ ? 2 * TextureStager::kWord : 2;
   double area = 0;
   int widest = columns;
   std::vector<Piece*> highest_first;
@@ -127,16 +126,15 @@ int ImageAtlas::place_pieces() {
   return y + shelf;
 }
 
-bool ImageAtlas::lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size) {
+bool ImageAtlas::lay_out(std::span<const GlesView> views, const NeededPixels& needed, int max_size) {
   find_pieces(views, needed);
   height_ = std::max(place_pieces(), 2);
   offsets_.resize(views.size());
   for (size_t v = 0; v < views.size(); v++) offsets_[v].assign(views[v].task->slots.size(), {});
   for (const auto& [view, slot, piece] : uses_) offsets_[view][slot] = pieces_[piece].at;
-  return std::max(width_, all_rows()) <= max_size && size() <= kMostBytes;
+  return std::max(width_, all_rows()) <= max_size && size() <= kMaxBytes;
 }
 
-// To where it is in the texture's memory.
 void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   const auto& [image, part, at] = piece;
   const auto bytes = static_cast<size_t>(bytes_), row = static_cast<size_t>(width_) * bytes;
@@ -150,7 +148,7 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
       std::copy_n(from + ptrdiff_t{part.x0} * bytes_, count, out);
       continue;
     }
-    uint8_t* pixel = out;  // of fewer bytes than others
+    uint8_t* pixel = out;  // the image has fewer bytes per pixel than the texture
     for (int x = part.x0; x < part.x1; x++, pixel += bytes)
       for (const int c : offsets) pixel[c] = from[x * layout.pixel_stride + c];
   }
@@ -165,10 +163,11 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   }
 }
 
-// What is on the card, in the same place of the buffer of `pieces`.
-void ImageAtlas::copy_there(const Piece& piece, CardPieces& pieces) const {
+// Copies a region that is on the GPU to its position in the buffer of `pieces`.
+void ImageAtlas::copy_on_gpu(const Piece& piece, TextureStager& pieces) const {
   const auto& [image, part, at] = piece;
-  const int samples = bytes_ == 1 ? CardPieces::kWord : 1, row = width_ / samples;  // of a word; words
+  // samples per word; words per row
+  const int samples = bytes_ == 1 ? TextureStager::kWord : 1, row = width_ / samples;
   const auto word_at = [&](int x, int y) { return static_cast<size_t>(y) * row + static_cast<size_t>(x / samples); };
   pieces.copy(*image, {0, image->width, image->height, part, word_at(at.x + part.x0, at.y + part.y0), row});
   if (!has_chroma_) return;
@@ -181,31 +180,35 @@ void ImageAtlas::copy_there(const Piece& piece, CardPieces& pieces) const {
 }
 
 void ImageAtlas::fill(const ParallelFor& parallel) {
-  if (!has_sent_) return;
+  if (!has_uploads_) return;
   parallel(pieces_.size(), [&](size_t i) {
-    if (!pieces_[i].image->on_card.image) copy(pieces_[i], texture_.room());
+    if (!pieces_[i].image->on_gpu.image) copy(pieces_[i], texture_.room());
   });
 }
 
-bool ImageAtlas::send(CardPieces& pieces, Programs& programs, std::string& why) {
-  const GLenum internal_format = bytes_ == 1 ? GL_R8 : bytes_ == 3 ? GL_RGB8 : GL_RGBA8,
-               format = bytes_ == 1 ? GL_RED : bytes_ == 3 ? GL_RGB : GL_RGBA;
+bool ImageAtlas::send(TextureStager& pieces, Programs& programs, std::string& why) {
+  const GLenum internal_format = bytes_ == 1   ? GL_R8
+                                 : bytes_ == 3 ? GL_RGB8
+                                               : GL_RGBA8,
+               format = bytes_ == 1   ? GL_RED
+                        : bytes_ == 3 ? GL_RGB
+                                      : GL_RGBA;
   const auto send_from = [&](GLuint buffer) {
     texture_.send(kImages, internal_format, format, width_, all_rows(), false, buffer);
   };
-  if (!has_card_) {
+  if (!has_gpu_) {
     send_from(0);
     return true;
   }
-  std::set<const CardImage*> waited_for;
+  std::set<const GpuImage*> waited_for;
   for (const Piece& piece : pieces_) {
-    const CardImage* const image = piece.image->on_card.image;
+    const GpuImage* const image = piece.image->on_gpu.image;
     if (image && waited_for.insert(image).second) image->wait();
   }
   if (!pieces.begin(size(), programs, why)) return false;
-  if (has_sent_) texture_.copy_to(pieces.name(), size());
+  if (has_uploads_) texture_.copy_to(pieces.name(), size());
   for (const Piece& piece : pieces_)
-    if (piece.image->on_card.image) copy_there(piece, pieces);
+    if (piece.image->on_gpu.image) copy_on_gpu(piece, pieces);
   pieces.end();
   send_from(pieces.name());
   return true;

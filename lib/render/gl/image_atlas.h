@@ -19,30 +19,30 @@
 
 namespace lf::gl {
 
-// Copies parts of images that are on the card into the bytes that a pass's texture is made from: divided and sharpened
-// as their CardPixels say, to the bit as the CPU does it. A compute shader does, as some cards have fragment shaders on
-// a few of their processors only, and Mesa's llvmpipe may crash where one context draws triangles while another writes
-// a texture. All calls while the context is current.
-class CardPieces {
+// Copies regions of images that are on the GPU into the buffer that a pass's texture is uploaded from. Divides and
+// sharpens them as their GpuPixels request, bit-identical to the CPU. The copy is a compute shader: some GPUs run
+// fragment shaders on few of their processors, and Mesa's llvmpipe may crash if one context draws triangles while
+// another writes a texture. The context must be current for all calls.
+class TextureStager {
  public:
-  // Samples that a compute shader writes at once: pieces of planes of one byte a pixel begin at whole words.
+  // Number of samples that an invocation writes at once. Regions of planes with one byte per pixel begin at whole
+  // words.
   static constexpr int kWord = 4;
 
-  CardPieces() = default;
-  ~CardPieces();
-  CardPieces(const CardPieces&) = delete;
-  CardPieces& operator=(const CardPieces&) = delete;
+  TextureStager() = default;
+  ~TextureStager();
+  TextureStager(const TextureStager&) = delete;
+  TextureStager& operator=(const TextureStager&) = delete;
 
-  // What follows goes to so many bytes; until end(). False with the reason in `why` if that can't be done.
+  // Starts filling a buffer of `bytes` bytes, until end(). Returns false, with the reason in `why`, on failure.
   bool begin(size_t bytes, Programs& programs, std::string& why);
-  // The buffer of them.
   GLuint name() const { return bytes_.name(); }
-  // `part`, whose pixels may be followed by up to a word of others, of a plane of an image of width x height pixels.
+  // Region `part` of a plane of width x height pixels. Up to one word of further pixels may be written after each row.
   struct Plane {
     int index, width, height;
     Rect part;
-    size_t first;  // the word where the part's first pixel goes
-    int row;       // words from there to the row below
+    size_t first;  // index of the word for the first pixel of `part`
+    int row;       // words from row to row
   };
   void copy(const ImageView& image, const Plane& plane);
   void end();
@@ -53,83 +53,81 @@ class CardPieces {
   const Program* program_ = nullptr;
 };
 
-// One of the views that are drawn in a pass.
-struct DrawnView {
+struct GlesView {
   const simd::SumTask* task = nullptr;
-  std::span<const Source> sources;  // what the task was made of
-  Rect rect;                        // what is drawn of the view
+  std::span<const Source> sources;  // images that the task was made from
+  Rect rect;                        // region of the view to render
 };
 
-// What is needed of cameras' images: which part of one, and whether its colours.
+// Selects the region of each camera image that is needed, and whether chroma is.
 struct NeededPixels {
-  std::function<Rect(const DrawnView&, const Source&)> part;
+  std::function<Rect(const GlesView&, const Source&)> part;
   bool colours = true;
 };
 
-// What the views of a pass need of cameras' images, side by side in one texture, which is a few times as large as a
-// view, however many and however large the images are, where the mesh blends; else as many times as cameras see it. It
-// is sent in one piece: cards are slow with many small ones. An image that several views look at is there once, with
-// all that they need of it. What is needed of images that are on the card, in textures that the context shares, is
+// A texture with the regions of camera images that the views of a pass need. Where the mesh blends, the texture is a
+// few times as large as a view, regardless of the number and size of the images. Otherwise the size grows with the
+// number of cameras per pixel. The texture is uploaded at once, because GPUs are slow with many small uploads. An image
+// that several views need occurs once, with the union of their regions. Regions of images that are on the GPU are
 // copied there.
 //
-// Calls need no context but where they say so: what takes long, filling it, is done while the card draws something
-// else.
+// Calls need no context unless stated otherwise: the slow part, fill(), runs while the GPU renders another pass.
 //
-// Samples are bytes. In kI420 luma's pieces are above; below are Cb's and, to their right, Cr's, in the same order at
-// half the size, if colours are needed.
+// Samples are bytes. In kI420 the luma regions are at the top. Below are the Cb regions and, to their right, the Cr
+// regions, in the same arrangement at half the size, if colours are needed.
 class ImageAtlas {
  public:
-  static constexpr size_t kMostBytes = 512'000'000;
+  static constexpr size_t kMaxBytes = 512'000'000;
 
-  // Gives each of the views' sources that has an image and a slot in its task a place, in a texture of at most
-  // `max_size` pixels a side and kMostBytes; false if they don't fit. All images are of one family, and stay where they
-  // are until they are uploaded.
-  bool lay_out(std::span<const DrawnView> views, const NeededPixels& needed, int max_size);
+  // Places the images of sources with a slot in their view's task. The texture has at most `max_size` pixels per side
+  // and kMaxBytes bytes. Returns false if the images do not fit. All images are of one family, and must stay valid
+  // until they are uploaded.
+  bool lay_out(std::span<const GlesView> views, const NeededPixels& needed, int max_size);
 
-  // Where pixel (0, 0) of an image would be; even.
+  // Position of pixel (0, 0) of an image in the atlas; even, may be negative.
   struct Offset {
     int x = 0, y = 0;
   };
-  // Of the images of a view's slots.
+  // By slot of the view.
   std::span<const Offset> offsets(size_t view) const { return offsets_[view]; }
-  // kI420: where Cb (1) and Cr (2) of what is at (0, 0) are.
+  // kI420: offset of Cb (1) and Cr (2) for an image at (0, 0).
   Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
-  // Whether there is memory for what was laid out, and makes room for it, while the context is current.
-  bool has_room() const { return texture_.has_room(sent_size()); }
-  void reserve() { texture_.reserve(sent_size()); }
-  // Copies what was laid out to where the card can reach it, after what was drawn from it before has been read.
+  // has_room() returns true if reserve() is not needed. reserve() needs the current context.
+  bool has_room() const { return texture_.has_room(upload_size()); }
+  void reserve() { texture_.reserve(upload_size()); }
+  // Copies the regions to upload memory. The results of the previous pass must have been read.
   void fill(const ParallelFor& parallel);
-  // Sends it, has `pieces` copy what is on the card, and binds it. While the context is current. False with the reason
-  // in `why` if that can't be done.
-  bool send(CardPieces& pieces, Programs& programs, std::string& why);
+  // Uploads the texture, copies the regions of images that are on the GPU with `pieces`, and binds the texture. The
+  // context must be current. Returns false, with the reason in `why`, on failure.
+  bool send(TextureStager& pieces, Programs& programs, std::string& why);
 
  private:
   struct Piece {
     const ImageView* image;
-    Rect part;  // of it
+    Rect part;
     Offset at;
   };
   struct Use {
     size_t view, slot, piece;
   };
-  void find_pieces(std::span<const DrawnView> views, const NeededPixels& needed);
+  void find_pieces(std::span<const GlesView> views, const NeededPixels& needed);
   int place_pieces();
   void copy(const Piece& piece, uint8_t* to) const;
-  void copy_there(const Piece& piece, CardPieces& pieces) const;
+  void copy_on_gpu(const Piece& piece, TextureStager& pieces) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
   size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
-  // A view that no camera shows anything of is sent a texture of nothing.
-  size_t sent_size() const { return has_sent_ || !has_card_ ? size() : 0; }
+  // Without any image an empty texture is uploaded.
+  size_t upload_size() const { return has_uploads_ || !has_gpu_ ? size() : 0; }
 
   std::vector<Piece> pieces_;
   std::vector<Use> uses_;
   std::vector<std::vector<Offset>> offsets_;  // by view and slot
-  int width_ = 0, height_ = 0;                // of what is RGB or luma
-  int bytes_ = 1;                             // a pixel
+  int width_ = 0, height_ = 0;                // RGB or luma, pixels
+  int bytes_ = 1;                             // per pixel
   bool has_chroma_ = false;
-  bool has_sent_ = false, has_card_ = false;  // images that come from here, and that are on the card
-  SentTexture texture_;
+  bool has_uploads_ = false, has_gpu_ = false;  // some images are in CPU memory; some are on the GPU
+  UploadTexture texture_;
 };
 
 }  // namespace lf::gl

@@ -13,7 +13,7 @@ namespace {
 
 constexpr size_t kWord = sizeof(uint32_t);
 
-// Null if the driver has none, of OpenGL ES or of OpenGL.
+// Returns the function of OpenGL ES or OpenGL, or null if the driver has neither.
 PFNGLBUFFERSTORAGEEXTPROC buffer_storage() {
   GLint count = 0;
   glGetIntegerv(GL_NUM_EXTENSIONS, &count);
@@ -43,13 +43,13 @@ GLuint compile(const std::string& text, std::string& why) {
   return 0;
 }
 
-// 0 with the reason in `why` if that can't be done.
+// Returns 0, with the reason in `why`, on failure.
 GLuint link(const SumProgram& what, std::string& why) {
   const GLuint shader = compile(compute_shader(what), why);
   if (!shader) return 0;
   const GLuint name = glCreateProgram();
   glAttachShader(name, shader);
-  glDeleteShader(shader);  // with the program
+  glDeleteShader(shader);  // deleted when the program is
   glLinkProgram(name);
   GLint linked = 0;
   glGetProgramiv(name, GL_LINK_STATUS, &linked);
@@ -67,21 +67,23 @@ void Buffer::reserve(size_t bytes) {
   if (bytes <= bytes_) return;
   if (name_) glDeleteBuffers(1, &name_);
   glGenBuffers(1, &name_);
-  // A binding that nothing else depends on.
+  // This binding point is not used elsewhere.
   glBindBuffer(GL_COPY_WRITE_BUFFER, name_);
   bytes_ = bytes + bytes / 8;
   memory_ = nullptr;
   const auto size = static_cast<GLsizeiptr>(bytes_);
-  const auto storage = use_ == Use::kSent || use_ == Use::kRead ? buffer_storage() : nullptr;
+  const auto storage = use_ == Use::kUpload || use_ == Use::kRead ? buffer_storage() : nullptr;
   if (storage) {
-    const GLbitfield access = (use_ == Use::kSent ? 0 : GL_MAP_READ_BIT) | GL_MAP_WRITE_BIT |
+    const GLbitfield access = (use_ == Use::kUpload ? 0 : GL_MAP_READ_BIT) | GL_MAP_WRITE_BIT |
                               GL_MAP_PERSISTENT_BIT_EXT | GL_MAP_COHERENT_BIT_EXT;
     storage(GL_COPY_WRITE_BUFFER, size, nullptr, access | (use_ == Use::kRead ? GL_CLIENT_STORAGE_BIT_EXT : 0));
     memory_ = static_cast<uint8_t*>(glMapBufferRange(GL_COPY_WRITE_BUFFER, 0, size, access));
     return;
   }
   glBufferData(GL_COPY_WRITE_BUFFER, size, nullptr,
-               use_ == Use::kComputed ? GL_DYNAMIC_COPY : use_ == Use::kRead ? GL_STREAM_READ : GL_STREAM_DRAW);
+               use_ == Use::kComputed ? GL_DYNAMIC_COPY
+               : use_ == Use::kRead   ? GL_STREAM_READ
+                                      : GL_STREAM_DRAW);
 }
 
 void Buffer::put(size_t first, const void* from, size_t bytes) {
@@ -89,22 +91,21 @@ void Buffer::put(size_t first, const void* from, size_t bytes) {
   glBufferSubData(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(first), static_cast<GLsizeiptr>(bytes), from);
 }
 
-void SentTexture::reserve(size_t bytes) {
+void UploadTexture::reserve(size_t bytes) {
   buffer_.reserve(bytes);
   if (!buffer_.memory()) memory_.resize(buffer_.bytes());
 }
 
-void SentTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact,
-                       GLuint from) {
+void UploadTexture::send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact,
+                         GLuint from) {
   texture_.bind(unit, internal_format, width, height, exact);
   if (!from && buffer_.memory()) from = buffer_.name();
   if (from) glBindBuffer(GL_PIXEL_UNPACK_BUFFER, from);
-  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_UNSIGNED_BYTE,
-                  from ? nullptr : memory_.data());
+  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_UNSIGNED_BYTE, from ? nullptr : memory_.data());
   glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
 }
 
-void SentTexture::copy_to(GLuint buffer, size_t bytes) {
+void UploadTexture::copy_to(GLuint buffer, size_t bytes) {
   const auto size = static_cast<GLsizeiptr>(bytes);
   glBindBuffer(GL_COPY_WRITE_BUFFER, buffer);
   if (!buffer_.memory()) {
@@ -126,28 +127,27 @@ const Program* Programs::use(const SumProgram& what, std::string& why) {
   const auto at = [&](const char* uniform) { return glGetUniformLocation(name, uniform); };
   for (const auto& [sampler, unit] :
        {std::pair("levels", kLevels), std::pair("rays", kRays), std::pair("centre_rays", kCentreRays),
-        std::pair("images", kImages), std::pair("card_image", kCardImage)})
+        std::pair("images", kImages), std::pair("gpu_image", kGpuImage)})
     glUniform1i(at(sampler), unit);
-  return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("chroma_places"),
-                              at("parts"), at("lost_rows"), at("planes"), at("byte_levels"), at("background"),
-                              at("channels")});
+  return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("chroma_places"), at("parts"),
+                              at("missing_rows"), at("planes"), at("byte_levels"), at("background"), at("channels")});
 }
 
-bool wait_for_card() {
+bool wait_for_gpu() {
   const GLsync done = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-  constexpr GLuint64 kLongest = 10'000'000'000;  // ns; a card that takes longer is lost
+  constexpr GLuint64 kLongest = 10'000'000'000;  // nanoseconds; a slower GPU counts as lost
   const GLenum state = glClientWaitSync(done, GL_SYNC_FLUSH_COMMANDS_BIT, kLongest);
   glDeleteSync(done);
   return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
 }
 
-size_t Computed::most_words() {
+size_t ComputeBuffer::most_words() {
   GLint64 most = 0;  // bytes
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
   return static_cast<size_t>(most) / kWord;
 }
 
-bool Computed::reserve(size_t words, std::string& why) {
+bool ComputeBuffer::reserve(size_t words, std::string& why) {
   if (words > most_words()) {
     why = "the view is too large";
     return false;
@@ -157,7 +157,7 @@ bool Computed::reserve(size_t words, std::string& why) {
   return true;
 }
 
-std::shared_ptr<Computed::Fetched> Computed::begin_to_fetch() {
+std::shared_ptr<ComputeBuffer::Fetched> ComputeBuffer::start_readback() {
   Fetched* free = nullptr;
   for (const auto& fetched : fetched_)
     if (!free && fetched->is_free_.exchange(false)) free = fetched.get();
@@ -170,13 +170,13 @@ std::shared_ptr<Computed::Fetched> Computed::begin_to_fetch() {
   return {free, [](Fetched* fetched) { fetched->is_free_ = true; }};
 }
 
-bool Computed::fetch(Fetched& to, std::span<const Words> which) {
+bool ComputeBuffer::fetch(Fetched& to, std::span<const Words> which) {
   glBindBuffer(GL_COPY_READ_BUFFER, result_.name());
   glBindBuffer(GL_COPY_WRITE_BUFFER, to.buffer_.name());
   const auto at = [](size_t word) { return static_cast<GLintptr>(kWord * word); };
   for (const auto& [first, end] : which)
     glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, at(first), at(first), at(end - first));
-  if (to.buffer_.memory()) return wait_for_card();
+  if (to.buffer_.memory()) return wait_for_gpu();
   for (const auto& [first, end] : which) {
     const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at(first), at(end - first), GL_MAP_READ_BIT);
     if (!mapped) return false;

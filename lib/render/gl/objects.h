@@ -15,10 +15,10 @@
 #include "base/memory.h"
 #include "render/gl/sum_shader.h"
 
-// What a context holds for SumDrawer. All calls while that context is current.
+// OpenGL objects of GlesRenderer. The context must be current for all calls.
 namespace lf::gl {
 
-// A texture that keeps its memory as long as it is large enough.
+// A texture that is reallocated only to grow.
 class Texture {
  public:
   Texture() = default;
@@ -27,7 +27,7 @@ class Texture {
   ~Texture() {
     if (name_) glDeleteTextures(1, &name_);
   }
-  // Binds it, with room for as much. Exactly as much where `exact`.
+  // Binds the texture with at least the given size; exactly that size if `exact`.
   void bind(int unit, GLenum format, int width, int height, bool exact = false) {
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
     const bool fits = exact ? width == width_ && height == height_ : width <= width_ && height <= height_;
@@ -55,26 +55,26 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// A buffer that keeps its memory as long as it is large enough. Where the driver can (EXT_ or ARB_buffer_storage) a
-// buffer of kSent or kRead lies in this process's memory, too, as long as it is there.
+// A buffer that is reallocated only to grow. kUpload and kRead buffers are persistently mapped if the driver has EXT_
+// or ARB_buffer_storage.
 class Buffer {
  public:
-  // What it is for: numbers that are replaced now and then, bytes that textures are made from, what the card computes,
-  // and what of it is read.
-  enum class Use { kNumbers, kSent, kComputed, kRead };
+  // kTables: small tables that are replaced now and then. kUpload: source of texture uploads. kComputed: written by the
+  // GPU. kRead: read back from the GPU.
+  enum class Use { kTables, kUpload, kComputed, kRead };
   explicit Buffer(Use use) : use_(use) {}
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
   ~Buffer() {
     if (name_) glDeleteBuffers(1, &name_);
   }
-  // Room for as much; what was in it is lost if there was less.
+  // Makes room. The contents are lost if the buffer grows.
   void reserve(size_t bytes);
-  // kNumbers: replaces bytes of it, from byte `first` on.
+  // kTables: replaces `bytes` bytes from byte `first` on.
   void put(size_t first, const void* from, size_t bytes);
   GLuint name() const { return name_; }
   size_t bytes() const { return bytes_; }
-  // Null: reach it by OpenGL's functions.
+  // Null: not mapped, use OpenGL calls.
   uint8_t* memory() const { return memory_; }
 
  private:
@@ -84,38 +84,34 @@ class Buffer {
   uint8_t* memory_ = nullptr;
 };
 
-// A texture whose pixels this process makes anew for each sum: all of them are sent at once, from memory that the
-// driver need not copy where it has such. What was drawn from it before has been read by then.
-class SentTexture {
+// A texture with all pixels replaced for each pass, in one upload. The upload memory is a mapped buffer if the driver
+// supports mapped buffers. The previous result must have been read before new pixels are written.
+class UploadTexture {
  public:
-  // Room for so many bytes.
   void reserve(size_t bytes);
-  // Without any context: whether there is as much room, and where it begins, to be filled before send().
+  // True if room() has at least this many bytes. has_room() and room() need no context. Fill room() before send().
   bool has_room(size_t bytes) const { return buffer_.bytes() >= bytes; }
   uint8_t* room() { return buffer_.memory() ? buffer_.memory() : memory_.data(); }
-  // Sends what is in the room now, rows of bytes in that format without gaps, and binds the texture, which may be
-  // larger but where `exact`. `from`: a buffer that has them, in place of the room.
+  // Uploads the contents of room(), packed rows of bytes, and binds the texture, which may be larger unless `exact`.
+  // `from`: a buffer to upload instead of room().
   void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact, GLuint from = 0);
-  // Copies so many bytes of the room to a buffer.
   void copy_to(GLuint buffer, size_t bytes);
 
  private:
   Texture texture_;
-  Buffer buffer_{Buffer::Use::kSent};
-  std::vector<uint8_t> memory_;  // in its place, where the driver has none that is in both
+  Buffer buffer_{Buffer::Use::kUpload};
+  std::vector<uint8_t> memory_;  // upload memory if the driver has no mapped buffers
 };
 
-// Textures' units.
-enum Unit { kLevels, kRays, kCentreRays, kImages, kTargets, kCardImage };
+enum Unit { kLevels, kRays, kCentreRays, kImages, kTargets, kGpuImage };
 
-// What the card takes for what it is given between begin() and end(), if its driver tells
-// (GL_EXT_disjoint_timer_query).
-class Stopwatch {
+// Measures the GPU time between begin() and end() if the driver supports GL_EXT_disjoint_timer_query.
+class GpuTimer {
  public:
-  explicit Stopwatch(bool works) : works_(works) { glGenQueries(1, &name_); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-  ~Stopwatch() { glDeleteQueries(1, &name_); }
+  explicit GpuTimer(bool works) : works_(works) { glGenQueries(1, &name_); }
+  GpuTimer(const GpuTimer&) = delete;
+  GpuTimer& operator=(const GpuTimer&) = delete;
+  ~GpuTimer() { glDeleteQueries(1, &name_); }
   void reset() { used_ = false; }
   // Call once after each reset().
   void begin() {
@@ -125,7 +121,7 @@ class Stopwatch {
   void end() {
     if (works_) glEndQuery(kTimeElapsed);
   }
-  // Waits for it. 0: the driver does not tell.
+  // Waits for the result. 0: not measured.
   uint64_t nanoseconds() const {
     GLuint ns = 0;
     if (used_) glGetQueryObjectuiv(name_, GL_QUERY_RESULT, &ns);
@@ -139,14 +135,12 @@ class Stopwatch {
   bool used_ = false;
 };
 
-// Where a program's numbers are.
 struct Program {
   GLuint name = 0;
-  GLint origin = -1, size = -1, extent = -1, chroma_places = -1, parts = -1, lost_rows = -1;
+  GLint origin = -1, size = -1, extent = -1, chroma_places = -1, parts = -1, missing_rows = -1;
   GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 
-// All programs that have been asked for.
 class Programs {
  public:
   Programs() = default;
@@ -155,51 +149,51 @@ class Programs {
   ~Programs() {
     for (const auto& [what, program] : programs_) glDeleteProgram(program.name);
   }
-  // In use from now on; compiled the first time, which takes tens of milliseconds. Null with what the driver says in
-  // `why`.
+  // Activates a program. Its first use compiles it, which takes tens of milliseconds. Returns null, with the driver's
+  // log in `why`, on failure.
   const Program* use(const SumProgram& what, std::string& why);
 
  private:
   std::map<SumProgram, Program> programs_;
 };
 
-// Waits for all that the card was given. False if it does not answer. While the context is current.
-bool wait_for_card();
+// Waits for all GPU commands issued so far. Returns false if the GPU does not answer. The context must be current.
+bool wait_for_gpu();
 
-// What a compute shader has computed, in 32-bit words, and the way back of it. All calls while the context is current.
-class Computed {
+// A buffer of 32-bit words that compute shaders write, and its readback. The context must be current for all calls.
+class ComputeBuffer {
  public:
-  // What was fetched, which nobody else has.
+  // A readback buffer, exclusively owned.
   class Fetched {
    public:
-    // As many words as were reserved; those that were not fetched mean nothing.
+    // Returns all reserved words. Words that were not fetched are undefined.
     uint32_t* words() { return reinterpret_cast<uint32_t*>(buffer_.memory() ? buffer_.memory() : memory_.data()); }
 
    private:
-    friend Computed;
+    friend ComputeBuffer;
     Buffer buffer_{Buffer::Use::kRead};
-    UninitializedVector<uint8_t> memory_;  // in its place, where the driver has none that is in both
+    UninitializedVector<uint8_t> memory_;  // used if the driver has no mapped buffers
     std::atomic<bool> is_free_ = true;
   };
 
-  // As many as shaders can write.
+  // Maximum size of a buffer that shaders can write.
   static size_t most_words();
-  // Room for so many words; what was in it is lost if there was less. False with the reason in `why` if shaders can't
-  // write as many.
+  // Makes room; the contents are lost if the buffer grows. Returns false, with the reason in `why`, if shaders cannot
+  // write so many words.
   bool reserve(size_t words, std::string& why);
   GLuint name() const { return result_.name(); }
-  // What may be fetched into from now on, as large as what was reserved last. This outlives it.
-  std::shared_ptr<Fetched> begin_to_fetch();
+  // Returns a free readback buffer of the size that was reserved last. This object must outlive the buffer.
+  std::shared_ptr<Fetched> start_readback();
   struct Words {
     size_t first = 0, end = 0;
   };
-  // All these words, to the same place there. False if the card does not answer.
+  // Copies the words to the same offsets in `to`, and waits. Returns false if the GPU does not answer.
   bool fetch(Fetched& to, std::span<const Words> which);
 
  private:
   size_t words_ = 0;
   Buffer result_{Buffer::Use::kComputed};
-  std::vector<std::unique_ptr<Fetched>> fetched_;  // that somebody has or had
+  std::vector<std::unique_ptr<Fetched>> fetched_;  // in use, or free for reuse
 };
 
 }  // namespace lf::gl

@@ -11,8 +11,8 @@
 namespace lf::gl {
 namespace {
 
-// How far apart a focal map's nodes are, pixels; the inverse distance of level 0 and of a level more; the eye's
-// distance from where distances are counted. Without a map none of it means anything.
+// Scale of a focal map: distance between nodes in pixels; inverse distance at level 0 and increment per level; distance
+// of the eye from the origin of distances. Meaningless without a map.
 struct MapScale {
   float step = 0, farthest = 0, of_level = 0, eye_distance = 0;
 };
@@ -24,10 +24,9 @@ MapScale scale_of(const ViewPlan& plan) {
           static_cast<float>(plan.eye_distance())};
 }
 
-// What pixels of a rectangle are counted from: its middle.
+// Returns the middle of a rectangle. Pixels are counted from there.
 Vec2 anchor_of(const Rect& rect) { return Vec2((rect.x0 + rect.x1) / 2, (rect.y0 + rect.y1) / 2); }
 
-// Texels, one after the other.
 class Tables {
  public:
   explicit Tables(std::vector<float>& values) : values_(values) { values_.clear(); }
@@ -40,7 +39,7 @@ class Tables {
   std::vector<float>& values_;
 };
 
-// From lines of sight that are looked up: a common factor brings the largest number to 1.
+// Terms for lines of sight from a texture. A common factor scales the largest element to 1.
 simd::ProjectionTerms terms_of_rays(const CameraProjection& projection, double near) {
   simd::ProjectionTerms terms{.near = near};
   const Mat3& per = projection.per_inverse();
@@ -60,7 +59,8 @@ simd::ProjectionTerms terms_of_rays(const CameraProjection& projection, double n
   return terms;
 }
 
-// Linear in the pixel, and small near where they are 0; or in the ray, where that is looked up.
+// Edge functions are linear in the pixel, and small where they are near 0; with lines of sight from a texture they are
+// linear in the ray.
 void add_edges(Tables& tables, const simd::SumTask& task, const FacePlan& face, uint8_t ours) {
   const Rays& rays = task.plan->rays();
   Vec3 edge[3] = {face.edge[0], face.edge[1], face.edge[2]};
@@ -100,7 +100,7 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   tables.add(terms.per_down, 0);
 }
 
-// Of somebody else's camera, or none: what is computed of it is finite, and counts for nothing.
+// Placeholder for a missing or remote camera: all values computed from it are finite and have weight 0.
 void add_no_corner(Tables& tables, bool has_map) {
   for (int i = 0; i < corner_texels(has_map); i++) {
     const bool one = i == kCornerImage;
@@ -108,13 +108,13 @@ void add_no_corner(Tables& tables, bool has_map) {
   }
 }
 
-// What a row of the tables counts from.
+// Origin of a row of the tables.
 struct RowAnchor {
   Vec2 at;
-  double near;  // inverse distance there
+  double near;  // at that pixel
 };
 
-// Adds kFaceAnchor of the row for what lies in this rectangle.
+// Adds the row's kFaceAnchor for the pixels in `rect`.
 RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect) {
   const FocalMap* map = plan.view().focus.map.get();
   const bool separable = plan.rays().separable();
@@ -127,7 +127,6 @@ RowAnchor add_anchor(Tables& tables, const ViewPlan& plan, const Rect& rect) {
   return {at, near};
 }
 
-// A row for each slot of a view that is not blended by its mesh.
 void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageAtlas::Offset> places) {
   const bool has_map = task.plan->view().focus.map != nullptr;
   for (size_t i = 0; i < task.slots.size(); i++) {
@@ -138,8 +137,8 @@ void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageA
   }
 }
 
-// As sum_shader.h lays them out: table_rows() of face_texels(). `places`: of the images of the task's slots. `values`:
-// four of each texel. `boxes`: of each slot, see kCornerPerFrom.
+// Makes table_rows() rows of face_texels(), see sum_shader.h, with four values per texel. `places`: offsets of the
+// slots' images in the atlas. `boxes`: for each slot, see kCornerPerFrom.
 void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes) {
   Tables tables(values);
@@ -161,13 +160,13 @@ void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> 
   }
 }
 
-// The task's runs in `rect`, as kRuns of sum_shader-inl.h has them.
+// Makes the task's runs in `rect`, in the format of kRuns in sum_shader-inl.h.
 void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values) {
   values.assign(static_cast<size_t>(rect.height()) + 1, 0);
   const size_t rows = values.size();
   for (int y = rect.y0; y < rect.y1; y++) {
-    for (const OwnerRun& run : task.runs->row(y, rect.x0, rect.x1)) {
-      // What is none of ours costs nothing.
+    for (const FaceRun& run : task.runs->row(y, rect.x0, rect.x1)) {
+      // Skips faces without local cameras.
       if (!task.plan->blend() && !task.face_corners[static_cast<size_t>(run.face)]) continue;
       const int x0 = std::max(run.x0, rect.x0) - rect.x0, x1 = std::min(run.x1, rect.x1) - rect.x0;
       values.push_back(static_cast<uint32_t>(x0) | static_cast<uint32_t>(x1) << 16);
@@ -177,21 +176,20 @@ void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t
   }
 }
 
-// The cells with pixels in a rectangle.
 Rect cells_of(const Rect& rect) {
   if (rect.empty()) return {};
-  constexpr int kStep = BlendGrid::kStep;
+  constexpr int kStep = WeightGrid::kStep;
   return {rect.x0 / kStep, rect.y0 / kStep, (rect.x1 - 1) / kStep + 1, (rect.y1 - 1) / kStep + 1};
 }
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
-// Of a view that is not blended by its mesh: of each of the BlendGrid's cells that has pixels in `rect`, row by row,
-// the first of its cameras, and the end of the last one's; then kCellWords of each camera. Else nothing.
+// Makes the cells of a view that is blended by a WeightGrid; otherwise nothing. For each cell with pixels in `rect`,
+// row by row: the index of its first camera, then the end of the last cell. Then kCellWords for each camera.
 void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& parallel,
                 std::vector<uint32_t>& values) {
   values.clear();
-  const BlendGrid* const grid = task.plan->blend();
+  const WeightGrid* const grid = task.plan->blend();
   if (!grid || rect.empty()) return;
   const Rect cells = cells_of(rect);
   struct Row {
@@ -200,7 +198,7 @@ void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& 
   std::vector<Row> rows(static_cast<size_t>(cells.height()));
   parallel(rows.size(), [&](size_t j) {
     const int y = cells.y0 + static_cast<int>(j);
-    std::vector<size_t> slots;  // that this row has to do with
+    std::vector<size_t> slots;  // slots that overlap this row
     for (size_t slot = 0; slot < task.slots.size(); slot++) {
       const Rect of_slot = cells_of(task.slots[slot].rect);
       if (y >= of_slot.y0 && y < of_slot.y1) slots.push_back(slot);
@@ -208,7 +206,7 @@ void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& 
     for (int x = cells.x0; x < cells.x1; x++) {
       for (const size_t slot : slots) {
         const Rect of_slot = cells_of(task.slots[slot].rect);
-        BlendGrid::Cell cell;
+        WeightGrid::Cell cell;
         if (x < of_slot.x0 || x >= of_slot.x1 || !grid->find(task.slots[slot].camera, x, y, cell)) continue;
         rows[j].cameras.push_back(static_cast<uint32_t>(slot));
         for (int p = 0; p < 4; p++)
@@ -225,7 +223,7 @@ void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& 
   for (const Row& row : rows) values.insert(values.end(), row.cameras.begin(), row.cameras.end());
 }
 
-const FocalMap* map_of(const DrawnView& view) { return view.task->plan->view().focus.map.get(); }
+const FocalMap* map_of(const GlesView& view) { return view.task->plan->view().focus.map.get(); }
 
 }  // namespace
 
@@ -250,8 +248,8 @@ size_t most_of_cells(const simd::SumTask& task, const Rect& rect) {
   return numbers;
 }
 
-void PassNumbers::make(std::span<const DrawnView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
-                       std::span<const int> boxes) {
+void PassTables::make(std::span<const GlesView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
+                      std::span<const int> boxes) {
   views_.resize(views.size());
   parallel(views.size(), [&](size_t i) {
     make_runs(*views[i].task, views[i].rect, views_[i].runs);
@@ -288,11 +286,11 @@ void PassNumbers::make(std::span<const DrawnView> views, const ImageAtlas& atlas
   }
 }
 
-void PassNumbers::set_result(size_t view, const std::array<uint32_t, 6>& words) {
+void PassTables::set_result(size_t view, const std::array<uint32_t, 6>& words) {
   std::ranges::copy(words, &heads_[kViewWords * view + kViewResult]);
 }
 
-void PassNumbers::send(Buffers& to) const {
+void PassTables::send(Buffers& to) const {
   size_t runs = heads_.size(), tables = 0;
   for (const View& view : views_) {
     runs += view.runs.size() + view.cells.size();
@@ -330,10 +328,10 @@ void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool cen
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RG, GL_FLOAT, ray_memory_.data());
 }
 
-// Of several maps one below the other.
-void ViewTextures::upload_levels(std::span<const DrawnView> views) {
+// Stacks the maps of all views vertically.
+void ViewTextures::upload_levels(std::span<const GlesView> views) {
   int columns = 0, rows = 0;
-  for (const DrawnView& view : views)
+  for (const GlesView& view : views)
     if (const FocalMap* map = map_of(view)) {
       columns = std::max(columns, map->columns);
       rows += map->rows;
@@ -341,15 +339,15 @@ void ViewTextures::upload_levels(std::span<const DrawnView> views) {
   if (rows == 0) return;
   levels_.reserve(static_cast<size_t>(columns) * rows);
   uint8_t* to = levels_.room();
-  for (const DrawnView& view : views)
+  for (const GlesView& view : views)
     if (const FocalMap* map = map_of(view))
       for (int y = 0; y < map->rows; y++, to += columns)
         std::copy_n(&map->levels[static_cast<size_t>(y) * map->columns], map->columns, to);
   levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, columns, rows, true);
 }
 
-bool ViewTextures::upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why) {
-  const DrawnView& first = views.front();
+bool ViewTextures::upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs, std::string& why) {
+  const GlesView& first = views.front();
   if (const Rays& rays = first.task->plan->rays(); !rays.separable()) {
     upload_rays(rays, first.rect, false);
     if (first.task->family == PixelFamily::kI420) upload_rays(rays, first.rect, true);

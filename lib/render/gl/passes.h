@@ -19,30 +19,29 @@
 
 namespace lf::gl {
 
-// What a program for all of a task's faces has to have; its output is to be set.
+// Returns the program that renders the task's faces. The caller sets its output.
 SumProgram program_of(const simd::SumTask& task);
-// How many rows of face_texels() it draws a task by: one for each face of the plan, or of a view that is not blended by
-// its mesh for each slot.
+// Number of rows of face_texels() in the tables of the task: one per face of the plan, or one per slot if the view is
+// blended by a WeightGrid.
 size_t table_rows(const simd::SumTask& task);
-// How many numbers at the most it draws the cells of a BlendGrid in `rect` by.
+// Upper bound of the number of words for the WeightGrid cells in `rect`.
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
-// The numbers that compute shaders draw the views of a pass by: owners of pixels, or weights of cells, and of
-// each face what sum_shader.h lays out.
-class PassNumbers {
+// Input tables of the compute shaders for the views of a pass: the faces of pixels or the weights of cells, and the
+// face tables that sum_shader.h defines.
+class PassTables {
  public:
-  // Makes those of views whose images have their places in `atlas`, without any context. `boxes`: of each slot of the
-  // only view, see kCornerPerFrom.
-  void make(std::span<const DrawnView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
+  // Makes the tables of views; `atlas` has laid out their images. Needs no context. `boxes`: for each slot of the only
+  // view, see kCornerPerFrom.
+  void make(std::span<const GlesView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
             std::span<const int> boxes = {});
-  // Where the sum of a view is: what kViewResult has.
+  // Sets the words of kViewResult: the location of the view's sum.
   void set_result(size_t view, const std::array<uint32_t, 6>& words);
 
-  // The buffers that a context keeps for them.
   struct Buffers {
-    Buffer runs{Buffer::Use::kNumbers}, tables{Buffer::Use::kNumbers};
+    Buffer runs{Buffer::Use::kTables}, tables{Buffer::Use::kTables};
   };
-  // Sends all of them, and binds the buffers. While the context is current.
+  // Uploads the tables and binds the buffers. The context must be current.
   void send(Buffers& to) const;
 
  private:
@@ -50,20 +49,20 @@ class PassNumbers {
     std::vector<uint32_t> runs, cells;
     std::vector<float> tables;
   };
-  std::vector<uint32_t> heads_;  // kViewWords of each view
+  std::vector<uint32_t> heads_;  // kViewWords for each view
   std::vector<View> views_;
 };
 
-// What a pass needs before it has the context.
+// Data of a pass that is prepared without the context.
 struct Pass {
   ImageAtlas atlas;
-  PassNumbers numbers;
+  PassTables numbers;
 };
 
-// The memory of as many passes as are being made at once.
+// Pool of passes, so that their memory is reused.
 class Passes {
  public:
-  // One that nobody else has, for as long as this lives. Without a context.
+  // Exclusive use of one pass during the lease's lifetime. Needs no context.
   class Lease {
    public:
     explicit Lease(Passes& from) : from_(from), pass_(from.take()) {}
@@ -94,24 +93,24 @@ class Passes {
   std::vector<std::unique_ptr<Pass>> free_;
 };
 
-// The textures of a pass: levels of focal maps, lines of sight of distorted views, and the cameras' images. All calls
-// while the context is current.
+// The textures of a pass: levels of focal maps, lines of sight of distorted views, and camera images. The context must
+// be current for all calls.
 class ViewTextures {
  public:
-  // Sends and binds what the views of a pass need: one view, or several whose lines of sight are not looked up.
-  // `atlas` is filled with their images, and stays until what is drawn has been read. False with the reason in `why` if
-  // images that are on the card can't be had there.
-  bool upload(std::span<const DrawnView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
-  // Sets the uniforms with the places of the images, for the program in use.
+  // Uploads and binds the textures for the views of a pass: one view, or several without a texture of lines of sight.
+  // `atlas` is filled, and must live until the result has been read. Returns false, with the reason in `why`, if images
+  // on the GPU are unavailable.
+  bool upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
+  // Sets the uniforms of the chroma offsets in the atlas, for the program in use.
   void describe_images(const Program& program) const;
 
  private:
-  void upload_levels(std::span<const DrawnView> views);
+  void upload_levels(std::span<const GlesView> views);
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
   const ImageAtlas* atlas_ = nullptr;
-  CardPieces pieces_;
-  SentTexture levels_;
+  TextureStager pieces_;
+  UploadTexture levels_;
   Texture rays_, centre_rays_;
   std::vector<float> ray_memory_;
 };

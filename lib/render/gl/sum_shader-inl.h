@@ -3,10 +3,10 @@
 
 #include <string_view>
 
-// The parts of the compute shaders that draw sums and moments, see compute_shader().
+// Sources of the compute shaders for sums and photo-consistency sums, combined by compute_shader().
 namespace lf::gl {
 
-// The rule of docs/design.md, if careful with bounds of what float adds to it.
+// The rendering rule of docs/architecture.md. CAREFUL also bounds the errors of float.
 inline constexpr std::string_view kRule = R"(
 precision highp float;
 precision highp int;
@@ -190,7 +190,7 @@ vec2 chroma_at(int k, vec2 position) {
 uint bits(float value) { return uint(int(floor(value + 0.5))) & 0xffffu; }
 )";
 
-// What follows the rule in compute shaders: which view is drawn, and whose a pixel is.
+// Follows the rule: selects the view, and finds the face of a pixel.
 inline constexpr std::string_view kRuns = R"(
 layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
@@ -240,19 +240,18 @@ vec2 from_anchor(ivec2 at) {
 }
 )";
 
-// What follows the rule and kRuns in the compute shader of BlockSums: an invocation computes two by two pixels and
-// their chroma, and writes what they come to.
+// Follows the rule and kRuns in the shader of BlockSums. An invocation computes and writes 2x2 pixels and their chroma.
 inline constexpr std::string_view kBlocks = R"(
-// Of each view, as of_result has it: a word for each row of blocks, the draw's number if that has lost weight or doubts,
-// else anything; another one for each, the draw's number if it has doubts; pixels, chroma and lost weight as in
-// DrawnSum, two samples in 32 bits; the draw's number.
+// Of each view, as of_result has it: a word for each row of blocks, the draw's number if that has missing weight or doubts,
+// else anything; another one for each, the draw's number if it has doubts; pixels, chroma and missing weight as in
+// ReadbackBuffer, two samples in 32 bits; the draw's number.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 
-// `first`: the block's first pixel. In levels / 128, but for the lost weight, or DOUBT.
-void write_block(ivec2 first, vec3 sums[4], uint lost_of[4], vec2 chroma, bool chroma_doubt) {
+// `first`: the block's first pixel. In levels / 128, but for the missing weight, or DOUBT.
+void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, bool chroma_doubt) {
   ivec2 block = first / 2;
   uint row_words = uint(size.x + 1) / 2u;
-  uint any_lost = 0u;
+  uint any_missing = 0u;
   bool any_doubt = false;
   for (int j = 0; j < 2; j++) {
     int y = first.y + j, left = 2 * j;
@@ -268,24 +267,24 @@ void write_block(ivec2 first, vec3 sums[4], uint lost_of[4], vec2 chroma, bool c
 #else
     result[of_result[2] + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
 #endif
-    result[of_result[4] + word] = lost_of[left] | lost_of[left + 1] << 16;
-    any_lost |= lost_of[left] | lost_of[left + 1];
-    any_doubt = any_doubt || lost_of[left] == uint(DOUBT) || lost_of[left + 1] == uint(DOUBT);
+    result[of_result[4] + word] = missing_of[left] | missing_of[left + 1] << 16;
+    any_missing |= missing_of[left] | missing_of[left + 1];
+    any_doubt = any_doubt || missing_of[left] == uint(DOUBT) || missing_of[left + 1] == uint(DOUBT);
   }
 #ifndef RGB
   uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
   result[of_result[3] + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
   any_doubt = any_doubt || chroma_doubt;
 #endif
-  if (any_lost != 0u || any_doubt) result[of_result[0] + uint(block.y)] = of_result[5];
+  if (any_missing != 0u || any_doubt) result[of_result[0] + uint(block.y)] = of_result[5];
   if (any_doubt) result[of_result[1] + uint(block.y)] = of_result[5];
 }
 )";
 
-// The view is blended by its mesh: each pixel by the cameras of the face that owns it.
+// The view is blended by the mesh: each pixel from the cameras of its face.
 inline constexpr std::string_view kBlockOfFaces = R"(
-// Of a pixel: what its face's cameras weigh in it that see it. Its sum, and lost weight or DOUBT.
-vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
+// Of a pixel: what its face's cameras weigh in it that see it. Its sum, and missing weight or DOUBT.
+vec3 weights_of(ivec2 at, out vec3 sum, out uint missing_bits) {
   vec2 d = from_anchor(at);
   doubt = false;
   vec3 w = weights_at(d);
@@ -300,7 +299,7 @@ vec3 weights_of(ivec2 at, out vec3 sum, out uint lost_bits) {
     if (w[k] > 0.0) sum += w[k] * colour_at(k, position);
   }
   sum *= 255.0 * 128.0;
-  lost_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
+  missing_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
   return w;
 }
 
@@ -310,12 +309,12 @@ void main() {
   if (any(greaterThanEqual(first, size))) return;
   int owner[4];
   vec3 sums[4];
-  uint lost_of[4];
+  uint missing_of[4];
   for (int n = 0; n < 4; n++) {
     ivec2 at = first + ivec2(n & 1, n >> 1);
     owner[n] = all(lessThan(at, size)) ? face_at(at) : -1;
     sums[n] = vec3(0.0);
-    lost_of[n] = 0u;
+    missing_of[n] = 0u;
   }
   vec2 chroma = vec2(0.0);
   bool chroma_doubt = false;
@@ -331,7 +330,7 @@ void main() {
     vec3 weights = vec3(0.0);
     for (int m = n; m < 4; m++)
       if (owner[m] == face_row) {
-        weights += weights_of(first + ivec2(m & 1, m >> 1), sums[m], lost_of[m]);
+        weights += weights_of(first + ivec2(m & 1, m >> 1), sums[m], missing_of[m]);
 #ifndef RGB
         chroma_doubt = chroma_doubt || doubt;
 #endif
@@ -354,13 +353,13 @@ void main() {
     }
 #endif
   }
-  write_block(first, sums, lost_of, chroma, chroma_doubt);
+  write_block(first, sums, missing_of, chroma, chroma_doubt);
 }
 )";
 
-// The view is blended by a BlendGrid: a pixel that is in focus by all cameras of its cell.
+// The view is blended by a WeightGrid: a pixel in focus from all cameras of its cell.
 inline constexpr std::string_view kBlockOfCells = R"(
-// Of the camera whose words begin there, in a pixel of the cell: BlendGrid::Cell::weight().
+// Of the camera whose words begin there, in a pixel of the cell: WeightGrid::Cell::weight().
 int weight_in(uint camera, ivec2 at) {
   int level[2], size = 1 << CELL_BITS;
   for (int i = 0; i < 2; i++) {
@@ -378,13 +377,13 @@ void main() {
   if (any(greaterThanEqual(first, size))) return;
   ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
   float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
-  bool in_focus[4], is_open[4];
+  bool in_focus[4], is_undecided[4];
   vec3 sums[4];
   int lost[4];
   for (int n = 0; n < 4; n++) {
     ivec2 at = first + ivec2(n & 1, n >> 1);
     in_focus[n] = all(lessThan(at, size)) && face_at(at) >= 0;
-    is_open[n] = false;
+    is_undecided[n] = false;
     sums[n] = vec3(0.0);
     lost[n] = 0;
   }
@@ -403,7 +402,7 @@ void main() {
       if (weight == 0) continue;
       vec2 position = vec2(0.0);
       int sight = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
-      if (sight == kUnknown) is_open[n] = chroma_doubt = true;
+      if (sight == kUnknown) is_undecided[n] = chroma_doubt = true;
       if (sight == kLost) lost[n] += weight;
       if (sight != kSeen) continue;
       sums[n] += float(weight) * colour_at(0, position);
@@ -423,18 +422,18 @@ void main() {
       chroma_doubt = true;
 #endif
   }
-  uint lost_of[4];
+  uint missing_of[4];
   for (int n = 0; n < 4; n++) {
     sums[n] *= 255.0 * 128.0 / float(WEIGHT_ONE);
-    lost_of[n] = is_open[n] ? uint(DOUBT) : uint(lost[n]);
+    missing_of[n] = is_undecided[n] ? uint(DOUBT) : uint(lost[n]);
   }
-  write_block(first, sums, lost_of, chroma, chroma_doubt);
+  write_block(first, sums, missing_of, chroma, chroma_doubt);
 }
 )";
 
-// What follows the rule and kRuns in the compute shader of MomentSums: an invocation computes two nodes, side by
-// side, through one surface.
-inline constexpr std::string_view kMoments = R"(
+// Follows the rule and kRuns in the shader of ConsistencySums. An invocation computes two adjacent nodes through one
+// surface.
+inline constexpr std::string_view kConsistency = R"(
 // Levels of the sum's nodes through each surface, four in 32 bits, whole words in each row.
 layout(std430, binding = SURFACES) readonly buffer Surfaces { uint surfaces[]; };
 // Of each surface planes of weight, luma and square, two nodes in 32 bits.
@@ -514,7 +513,7 @@ uint sampled_luma(int k, vec2 position) {
 }
 
 // What a node's cameras add, of these weights.
-uvec3 moments_of(vec3 weights, vec2 d, float level) {
+uvec3 consistency_of(vec3 weights, vec2 d, float level) {
   uvec3 sum = uvec3(0u);
   for (int k = 0; k < 3; k++) {
     vec2 position;
@@ -537,7 +536,7 @@ void main() {
     face_row = at.x < size.x ? face_at(at) : -1;
     if (face_row < 0) continue;
     vec2 d = from_anchor(at);
-    pair |= moments_of(weights_at(d), d, float(level_of(surface, at))) << (16 * n);
+    pair |= consistency_of(weights_at(d), d, float(level_of(surface, at))) << (16 * n);
   }
   uint row_words = uint(size.x + 1) / 2u, plane = row_words * uint(size.y);
   uint word = uint(first.y) * row_words + uint(first.x) / 2u;

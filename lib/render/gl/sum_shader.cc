@@ -5,15 +5,15 @@
 #include <string_view>
 
 #include "base/text.h"
-#include "image/correction.h"
+#include "image/image_filters.h"
 #include "render/camera_weights.h"
 #include "render/gl/sum_shader-inl.h"
 
 namespace lf::gl {
 namespace {
 
-// The compute shader of CardSum::draw(): what resolve() of composite/ does, row by row, an invocation does for four
-// pixels in a row (RGB), or for eight by two and their chroma.
+// The compute shader of GpuSum::draw(), equivalent to resolve() in composite/. An invocation converts four pixels of a
+// row (RGB), or 8 x 2 pixels and their chroma.
 constexpr std::string_view kPicture = R"(
 precision highp float;
 precision highp int;
@@ -21,8 +21,8 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
 layout(std430, binding = RESULT) readonly buffer Sum { uint sum[]; }; // as BlockSum has it
 layout(std430, binding = PICTURE) writeonly buffer Picture { uint picture[]; };
-uniform uvec4 parts; // of the sum: pixels, chroma and lost weight; its draw
-uniform uint lost_rows; // of the sum
+uniform uvec4 parts; // of the sum: pixels, chroma and missing weight; its draw
+uniform uint missing_rows; // of the sum
 uniform ivec2 origin, size, extent; // where the sum is in the view, and its size; the view's
 uniform uvec4 planes; // words of a row of the first plane, and of the others; where these begin
 uniform vec3 byte_levels; // gain, offset, chroma's gain
@@ -36,8 +36,8 @@ uint word_of(ivec2 at) { return uint(at.y) * (uint(size.x + 1) / 2u) + uint(at.x
 float value(uint word, int n) { return float(bitfieldExtract(int(sum[word]), 16 * n, 16)); }
 
 // Of a pixel of the sum; 32768 is all of it.
-float lost_at(ivec2 at) {
-  if (sum[lost_rows + uint(at.y / 2)] != parts.w) return 0.0;
+float missing_at(ivec2 at) {
+  if (sum[missing_rows + uint(at.y / 2)] != parts.w) return 0.0;
   return float(bitfieldExtract(sum[parts.z + word_of(at)], 16 * (at.x & 1), 16));
 }
 
@@ -53,7 +53,7 @@ uint byte_of(float level) { return uint(clamp(level + 0.5, 0.0, 255.0)); }
 uint pixel_at(ivec2 at) {
   vec3 colour = vec3(0.0);
   if (is_in_sum(at)) {
-    float scale = scale_of(lost_at(at));
+    float scale = scale_of(missing_at(at));
     uint word = parts.x + 4u * word_of(at) + 2u * uint(at.x & 1);
     colour = scale > 0.0 ? scale * vec3(value(word, 0), value(word, 1), value(word + 1u, 0)) : background.rgb;
   }
@@ -88,7 +88,7 @@ float luma_at(ivec2 at, inout Block block) {
   block.pixels += 1.0;
   float shown = 0.0;
   if (is_in_sum(at)) {
-    float lost = lost_at(at), scale = scale_of(lost);
+    float lost = missing_at(at), scale = scale_of(lost);
     block.lost += min(lost, 32768.0);
     if (scale == 0.0) block.hidden += 1.0;
     shown = scale > 0.0 ? scale * value(parts.x + word_of(at), at.x & 1) : background.x;
@@ -147,8 +147,8 @@ void main() {
 #endif
 )";
 
-// The compute shader of BlockSums::add(): an invocation adds a word of one part of a sum, two samples, to where it
-// belongs in a larger sum, or clears one.
+// The compute shader of BlockSums::add(). An invocation adds one word (two samples) to its position in a larger sum, or
+// clears one word.
 constexpr std::string_view kAdding = R"(
 precision highp float;
 precision highp int;
@@ -158,15 +158,15 @@ layout(std430, binding = RESULT) buffer Result { uint result[]; };
 layout(std430, binding = PICTURE) readonly buffer Part { uint part[]; };
 uniform ivec2 size;   // of the part, words
 uniform uvec4 parts;  // the first word of the part, and words of its rows; where the first one goes, and words there
-uniform uvec4 planes; // kAdd, kAddLost or else to clear; of lost weight the word of the first row with loss; the draw
+uniform uvec4 planes; // kAdd, kAddMissing or else to clear; of missing weight the word of the first row with loss; the draw
 
-const uint kAdd = 0u, kAddLost = 1u;
+const uint kAdd = 0u, kAddMissing = 1u;
 
 void main() {
   ivec2 at = ivec2(gl_GlobalInvocationID.xy);
   if (any(greaterThanEqual(at, size))) return;
   uint to = parts.z + uint(at.y) * parts.w + uint(at.x);
-  if (planes.x > kAddLost) {
+  if (planes.x > kAddMissing) {
     result[to] = 0u;
     return;
   }
@@ -184,22 +184,22 @@ void main() {
 }
 )";
 
-// The compute shader of CardPieces: divide_by_gain() and sharpen() of image/, in the same integers. An invocation makes
-// a word, a pixel of RGB or four samples of a plane.
+// The compute shader of TextureStager: divide_by_gain() and sharpen() of image/ in the same integer arithmetic. An
+// invocation writes one word: a pixel of RGB, or four samples of a plane.
 constexpr std::string_view kImage = R"(
 precision highp float;
 precision highp int;
 layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
-uniform highp sampler2D card_image;
+uniform highp sampler2D gpu_image;
 uniform ivec2 origin, size, extent; // the first pixel that is wanted; the plane's size; words that are wanted
 uniform uvec4 parts;    // the first word, and words of a row
 uniform ivec4 channels; // the one that has the plane, -1: all; gain_factor(), 0: not divided; the value of no colour;
                         // 1: sharpened
 
 ivec4 divided(ivec2 at) {
-  vec4 texel = texelFetch(card_image, clamp(at, ivec2(0), size - 1), 0);
+  vec4 texel = texelFetch(gpu_image, clamp(at, ivec2(0), size - 1), 0);
   ivec4 value = ivec4(floor(255.0 * (channels.x < 0 ? texel : vec4(texel[max(channels.x, 0)])) + 0.5));
   if (channels.y == 0) return value;
   ivec4 product = (128 * (value - channels.z) * channels.y) >> 16;
@@ -240,15 +240,15 @@ void declare(std::string& text, std::string_view name, double value, std::string
 std::string head(const SumProgram& program) {
   std::string text = "#version 310 es\n";
   using Output = SumProgram::Output;
-  if (program.output == Output::kBlocksRgb || program.output == Output::kMomentsRgb ||
+  if (program.output == Output::kBlocksRgb || program.output == Output::kConsistencyRgb ||
       program.output == Output::kPictureRgb)
     text += "#define RGB\n";
-  if (!is_of_moments(program)) text += "#define CAREFUL\n";
+  if (!is_of_consistency(program)) text += "#define CAREFUL\n";
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
   if (program.is_distorted) text += "#define DISTORTED\n";
-  define(text, "CELL_BITS", BlendGrid::kStepBits);
-  define(text, "WEIGHT_ONE", BlendGrid::kOne);
+  define(text, "CELL_BITS", WeightGrid::kStepBits);
+  define(text, "WEIGHT_ONE", WeightGrid::kOne);
   define(text, "CELL_WORDS", kCellWords);
   define(text, "RUNS", int{kRunsBinding});
   define(text, "TABLES", int{kTablesBinding});
@@ -284,12 +284,12 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "SHARPENING", kSharpeningFactor);
-  define(text, "DOUBT", kDoubt);
-  define(text, "CHROMA_DOUBT", kChromaDoubt);
+  define(text, "DOUBT", kUndecided);
+  define(text, "CHROMA_DOUBT", kChromaUndecided);
   declare(text, "MAX_POSITION_ERROR", kMaxPositionError);
   declare(text, "FLOAT_ROUNDING", kFloatRounding * 1e6, " * 1e-6");
   declare(text, "MAX_WEIGHT_ERROR", kMaxWeightError);
-  declare(text, "EYE_DOUBT", kEyeDoubt);
+  declare(text, "EYE_DOUBT", kEyeMargin);
   return text;
 }
 
@@ -300,7 +300,7 @@ std::string compute_shader(const SumProgram& program) {
   if (program.output == SumProgram::Output::kAdded) return head(program).append(kAdding);
   if (program.output == SumProgram::Output::kImage) return head(program).append(kImage);
   const std::string text = head(program).append(kRule).append(kRuns);
-  if (is_of_moments(program)) return text + std::string(kMoments);
+  if (is_of_consistency(program)) return text + std::string(kConsistency);
   return text + std::string(kBlocks) + std::string(program.has_cells ? kBlockOfCells : kBlockOfFaces);
 }
 

@@ -4,25 +4,24 @@
 #include <compare>
 #include <string>
 
-// The programs that draw sums, in the shading language of OpenGL ES 3.1. What they are given is laid out here, for both
-// sides.
+// The compute shaders, in OpenGL ES 3.1's shading language, and the layout of their inputs for both sides.
 //
-// Properties of the view and of the cameras' kind are compiled in, because drivers that compute on the CPU execute both
-// sides of every branch.
+// Properties of the view and of the cameras are compiled in, because drivers that compute on the CPU execute both sides
+// of every branch.
 namespace lf::gl {
 
 struct SumProgram {
   // The result.
-  //   kBlocksRgb, kBlocksI420: a whole sum. If float can't decide whether a sample is lost, or can't determine its
-  //     position to kMaxPositionError, the lost weight is kDoubt and Cb is kChromaDoubt.
-  //   kMomentsRgb, kMomentsI420: moments of luma (focus/moments.h) from RGB images and from luma.
-  //   kPictureRgb, kPictureI420: a picture made of a sum. kAdded: two sums added up. kImage: part of a camera's image,
-  //     ready for sampling (see CardPieces). These ignore the members below.
+  //   kBlocksRgb, kBlocksI420: a whole sum. If float cannot decide whether a sample is missing, or cannot determine its
+  //     position to kMaxPositionError, the missing weight is kUndecided and Cb is kChromaUndecided.
+  //   kConsistencyRgb, kConsistencyI420: photo-consistency sums (focus/photo_consistency.h) from RGB or luma.
+  //   kPictureRgb, kPictureI420: a picture made from a sum. kAdded: two sums added up. kImage: part of a camera's
+  //     image, ready for sampling (see TextureStager). These ignore the members below.
   enum class Output {
     kBlocksRgb,
     kBlocksI420,
-    kMomentsRgb,
-    kMomentsI420,
+    kConsistencyRgb,
+    kConsistencyI420,
     kPictureRgb,
     kPictureI420,
     kAdded,
@@ -30,31 +29,31 @@ struct SumProgram {
   } output = Output::kBlocksRgb;
   bool has_map = false;
   bool has_rays = false;      // the lines of sight come from a texture
-  bool is_distorted = false;  // a camera's lens is
-  bool has_cells = false;     // kBlocks alone: weights are those of a BlendGrid, and not of the mesh
+  bool is_distorted = false;  // at least one camera has lens distortion
+  bool has_cells = false;     // kBlocks only: weights come from a WeightGrid instead of the mesh
 
   auto operator<=>(const SumProgram&) const = default;
 };
-inline constexpr int kDoubt = 0xffff, kChromaDoubt = 0x8000;
+inline constexpr int kUndecided = 0xffff, kChromaUndecided = 0x8000;
 
-// Numbers in `tables`: texels of four, a row of them for each face; with a BlendGrid for each slot, whose camera is in
-// the first corner.
+// Layout of `tables`: a row of four-component texels for each face. Views with a WeightGrid have a row for each slot,
+// with the camera in the first corner.
 enum FaceTexel {
-  kFaceAnchor,  // x, y: what its pixels (or lines of sight, where these are looked up) are counted from; w: the level
-                // that inverse distances are counted from
-  kFaceEdge,    // three: edge function k is x i + y j + z; w: 1 if the camera in that corner is ours
+  // x, y: origin of the row's pixels (or lines of sight, if has_rays); w: origin of inverse distances, as a level
+  kFaceAnchor,
+  kFaceEdge,  // three: edge function k is x i + y j + z; w: 1 if the camera in that corner is local
   kFaceCorners = kFaceEdge + 3
 };
 enum CornerTexel {
-  kCornerFrom,        // ProjectionTerms::from; w: x of its image's place in the atlas
-  kCornerAlong,       // and along; w: CornerFlags
-  kCornerDown,        // and down; w: RGB: which byte of a pixel is red, + 4 of green, + 16 of blue
+  kCornerFrom,        // ProjectionTerms::from; w: x of the image's offset in the atlas
+  kCornerAlong,       // ProjectionTerms::along; w: CornerFlags
+  kCornerDown,        // ProjectionTerms::down; w: RGB: byte index of red, + 4 * green, + 16 * blue
   kCornerLens,        // fx, fy, cx, cy
   kCornerDistortion,  // k1, k2, p1, p2
-  kCornerImage,       // width, height of the image in pixels; the largest squared radius; y of its place
+  kCornerImage,       // width, height of the image in pixels; largest squared radius; y of the offset in the atlas
   kCornerTexels,
-  kCornerPerFrom = kCornerTexels,  // with a focal map: ProjectionTerms::per_from; w: of moments: pixels a side of what
-                                   // luma is the mean of, even
+  // with a focal map: ProjectionTerms::per_from; w: side of the box for mean luma, pixels, even
+  kCornerPerFrom = kCornerTexels,
   kCornerPerAlong,
   kCornerPerDown,
   kMapCornerTexels
@@ -63,45 +62,46 @@ constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : 
 constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
 enum CornerFlags { kHasImage = 1 };
 
-// The data of each view of a pass: 32-bit words, in front of all views' runs.
+// Layout of the data of each view of a pass: 32-bit words, before the runs of all views.
 enum ViewWord {
-  kViewOrigin,       // x, y of what is drawn in the view
-  kViewSize = 2,     // of that, pixels
-  kViewRuns = 4,     // where its runs begin
-  kViewFaces,        // the row of the tables that its first face has
-  kViewLevels,       // the row of the texture of levels that its map begins with
+  kViewOrigin,       // x, y of the rendered region in the view
+  kViewSize = 2,     // its size, pixels
+  kViewRuns = 4,     // index of its first run
+  kViewFaces,        // table row of its first face
+  kViewLevels,       // first row of its map in the texture of levels
   kViewNodes,        // columns, rows of the map
-  kViewScale = 9,    // MapScale, in float
-  kViewResult = 13,  // six words about where its sum is, see BlockSum
-  kViewCells = 19,   // where its cells begin, see make_cells()
+  kViewScale = 9,    // MapScale, float
+  kViewResult = 13,  // six words with the location of its sum, see BlockSum
+  kViewCells = 19,   // index of its first cell, see make_cells()
   kViewWords
 };
 
-// Pixels of a camera's image.
+// Pixels of the camera image.
 inline constexpr double kMaxPositionError = 1.0 / 128;
-// Of float: each product and sum is good to 2^-24 of what goes into it, and five of them in a row to this.
+// Relative error of float after five operations: each product and sum is good to 2^-24.
 inline constexpr double kFloatRounding = 3e-7;
-// How much of a weight float may be off by.
+// Largest error of a weight in float.
 inline constexpr double kMaxWeightError = 2e-5;
-// How near to the eye a focal surface may be for float not to tell on which side of it.
-inline constexpr double kEyeDoubt = 1e-5;
+// Relative distance of a focal surface from the eye below which float cannot distinguish both sides.
+inline constexpr double kEyeMargin = 1e-5;
 
-// Words of a camera in a cell: the row of the tables, and its running sums at each of the four points, without the
-// camera in the low 16 bits and with it in the high ones.
+// Words of a camera in a cell: the table row, then the running sums of weights at the cell's four corners: before the
+// camera in the low 16 bits, including the camera in the high 16 bits.
 inline constexpr int kCellWords = 5;
 
-// Buffers of a program, and invocations a side of a group of it. OpenGL ES 3.1 promises four bindings.
+// Bindings of a program's buffers. OpenGL ES 3.1 guarantees four bindings.
 enum BufferBinding {
   kRunsBinding,
   kTablesBinding,
   kResultBinding,
   kSurfacesBinding,
-  kPictureBinding = kSurfacesBinding  // no program has both
+  kPictureBinding = kSurfacesBinding  // unused together
 };
 inline constexpr int kGroup = 8;
 
-inline bool is_of_moments(const SumProgram& program) {
-  return program.output == SumProgram::Output::kMomentsRgb || program.output == SumProgram::Output::kMomentsI420;
+inline bool is_of_consistency(const SumProgram& program) {
+  return program.output == SumProgram::Output::kConsistencyRgb ||
+         program.output == SumProgram::Output::kConsistencyI420;
 }
 inline bool is_of_picture(const SumProgram& program) {
   return program.output == SumProgram::Output::kPictureRgb || program.output == SumProgram::Output::kPictureI420;

@@ -10,20 +10,19 @@
 namespace lf::gl {
 namespace {
 
-// Of a sum that begins with that word.
 BlockSum::Parts lay_out(PixelFamily family, const Rect& rect, uint32_t first) {
-  // Whole words in each row.
+  // Rows are padded to whole words.
   const auto columns = static_cast<uint32_t>(chroma_size(rect.width())), rows = static_cast<uint32_t>(rect.height()),
              blocks = static_cast<uint32_t>(chroma_size(rect.height()));
   const bool rgb = family == PixelFamily::kRgb;
-  BlockSum::Parts parts{.lost_rows = first, .open_rows = first + blocks, .pixels = first + 2 * blocks};
+  BlockSum::Parts parts{.missing_rows = first, .undecided_rows = first + blocks, .pixels = first + 2 * blocks};
   parts.chroma = parts.pixels + columns * rows * (rgb ? 4 : 1);
   parts.lost = parts.chroma + (rgb ? 0 : columns * blocks);
   parts.end = parts.lost + columns * rows;
   return parts;
 }
 
-// Words [first, end) of each part of a sum, of rows [y0, y1) of the view, y0 even; none of a part without any.
+// Visits the word ranges [first, end) of rows [y0, y1) of the view in each part that the sum has. y0 is even.
 template <class Visit>
 void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
   const bool rgb = sum.family == PixelFamily::kRgb;
@@ -37,7 +36,8 @@ void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
   visit_part(sum.parts.lost, columns, first, end);
 }
 
-// The rows of a sum that are between the first and the last row of blocks whose word, from `first` on, is its draw's.
+// Returns the rows between the first and the last row of blocks that the sum's draw has marked in the words from
+// `first`.
 Rect find_rows(const BlockSum& sum, const uint32_t* words, uint32_t first) {
   const Rect& rect = sum.rect;
   const std::span draws(words + first, static_cast<size_t>(chroma_size(rect.height())));
@@ -48,30 +48,30 @@ Rect find_rows(const BlockSum& sum, const uint32_t* words, uint32_t first) {
           std::min(rect.y0 + 2 * static_cast<int>(end - draws.begin()), rect.y1)};
 }
 
-// Has what was drawn refer to what lies in memory as on the card.
-void point_to(const BlockSum& sum, uint32_t* memory, DrawnSum& out) {
+// Points `out` at memory with the layout of the GPU's buffer.
+void point_to(const BlockSum& sum, uint32_t* memory, ReadbackBuffer& out) {
   const auto samples = [&](uint32_t first) { return reinterpret_cast<uint16_t*>(memory + first); };
   const uint32_t columns = static_cast<uint32_t>(chroma_size(sum.rect.width()));
-  out.pitch = out.lost_pitch = static_cast<int>(2 * columns);
+  out.pitch = out.missing_pitch = static_cast<int>(2 * columns);
   out.pixels = samples(sum.parts.pixels);
   out.chroma = samples(sum.parts.chroma);
-  if (!out.lost_rect.empty())
-    out.lost = samples(sum.parts.lost + columns * static_cast<uint32_t>(out.lost_rect.y0 - sum.rect.y0));
+  if (!out.missing_rect.empty())
+    out.lost = samples(sum.parts.lost + columns * static_cast<uint32_t>(out.missing_rect.y0 - sum.rect.y0));
 }
 
 }  // namespace
 
-// Words that nobody holds.
-std::shared_ptr<Computed> BlockSums::next() {
+// Returns a buffer that is not in use.
+std::shared_ptr<ComputeBuffer> BlockSums::next() {
   latest_.clear();
   for (const auto& words : words_)
     if (words.use_count() == 1) return words;
-  return words_.emplace_back(std::make_shared<Computed>());
+  return words_.emplace_back(std::make_shared<ComputeBuffer>());
 }
 
-bool BlockSums::fits(std::span<const DrawnView> views) const {
+bool BlockSums::fits(std::span<const GlesView> views) const {
   size_t words = 0, of_tables = 0, of_cells = 0;
-  for (const DrawnView& view : views) {
+  for (const GlesView& view : views) {
     const ViewPlan& plan = *view.task->plan;
     words += lay_out(view.task->family, view.rect, 0).end;
     of_tables +=
@@ -81,21 +81,21 @@ bool BlockSums::fits(std::span<const DrawnView> views) const {
   return std::max({words, of_tables, 2 * of_cells}) <= most_words_;  // runs are in the same buffer
 }
 
-bool BlockSums::begin(std::span<const DrawnView> views, PassNumbers& numbers, const ViewTextures& textures,
-                      Programs& programs, Stopwatch& stopwatch, std::string& why) {
+bool BlockSums::begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures,
+                      Programs& programs, GpuTimer& stopwatch, std::string& why) {
   const PixelFamily family = views.front().task->family;
   SumProgram what = program_of(*views.front().task);
   what.output = family == PixelFamily::kRgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
   const Program* program = programs.use(what, why);
   if (!program) return false;
-  const std::shared_ptr<Computed> words = next();
+  const std::shared_ptr<ComputeBuffer> words = next();
   draw_++;
   uint32_t end = 0, columns = 0, rows = 0;  // groups
   for (size_t i = 0; i < views.size(); i++) {
     const Rect& rect = views[i].rect;
     const BlockSum::Parts parts = lay_out(family, rect, end);
     end = parts.end;
-    numbers.set_result(i, {parts.lost_rows, parts.open_rows, parts.pixels, parts.chroma, parts.lost, draw_});
+    numbers.set_result(i, {parts.missing_rows, parts.undecided_rows, parts.pixels, parts.chroma, parts.lost, draw_});
     latest_.push_back(std::make_shared<BlockSum>(BlockSum{family, rect, parts, draw_, words}));
     const auto groups = [](int pixels) { return static_cast<uint32_t>((pixels + 2 * kGroup - 1) / (2 * kGroup)); };
     columns = std::max(columns, groups(rect.width()));
@@ -121,14 +121,14 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
   const BlockSum::Parts to = lay_out(family, view, 0);
   const auto all = std::make_shared<BlockSum>(BlockSum{family, view, to, ++draw_, next()});
   if (!all->words->reserve(to.end, why)) return nullptr;
-  enum Mode : GLuint { kAdd, kAddLost, kClear };
+  enum Mode : GLuint { kAdd, kAddMissing, kClear };
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, all->words->name());
-  // `columns` by `rows` words; `lost_row`: the word of the first row with loss.
+  // `columns` x `rows` words. `missing_row`: index of the missing_rows word for the first row.
   const auto dispatch = [&](Mode mode, uint32_t columns, uint32_t rows, uint32_t from, uint32_t to_first,
-                            uint32_t to_row, uint32_t lost_row = 0) {
+                            uint32_t to_row, uint32_t missing_row = 0) {
     glUniform2i(program->size, static_cast<GLint>(columns), static_cast<GLint>(rows));
     glUniform4ui(program->parts, from, columns, to_first, to_row);
-    glUniform4ui(program->planes, mode, lost_row, 0, all->draw);
+    glUniform4ui(program->planes, mode, missing_row, 0, all->draw);
     glDispatchCompute((columns + kGroup - 1) / kGroup, (rows + kGroup - 1) / kGroup, 1);
   };
   constexpr uint32_t kClearRow = 4096;  // words
@@ -143,52 +143,52 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
     const uint32_t columns = words_of(rect), row = words_of(view), rows = static_cast<uint32_t>(rect.height()),
                    blocks = static_cast<uint32_t>(chroma_size(rect.height())),
                    x = static_cast<uint32_t>(rect.x0 - view.x0) / 2, y = static_cast<uint32_t>(rect.y0 - view.y0);
-    const uint32_t words = rgb ? 4 : 1;  // of two pixels
+    const uint32_t words = rgb ? 4 : 1;  // per two pixels
     dispatch(kAdd, words * columns, rows, sum->parts.pixels, to.pixels + words * (y * row + x), words * row);
     if (!rgb) dispatch(kAdd, columns, blocks, sum->parts.chroma, to.chroma + y / 2 * row + x, row);
-    dispatch(kAddLost, columns, rows, sum->parts.lost, to.lost + y * row + x, row, to.lost_rows + y / 2);
+    dispatch(kAddMissing, columns, rows, sum->parts.lost, to.lost + y * row + x, row, to.missing_rows + y / 2);
   }
   glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
   return all;
 }
 
-bool read_sums(std::span<SumReading> sums) {
-  Computed& words = *sums.front().sum->words;
-  const std::shared_ptr<Computed::Fetched> fetched = words.begin_to_fetch();
-  std::vector<Computed::Words> which;
-  for (const SumReading& reading : sums) {
+bool read_sums(std::span<SumReadback> sums) {
+  ComputeBuffer& words = *sums.front().sum->words;
+  const std::shared_ptr<ComputeBuffer::Fetched> fetched = words.start_readback();
+  std::vector<ComputeBuffer::Words> which;
+  for (const SumReadback& reading : sums) {
     const BlockSum::Parts& parts = reading.sum->parts;
-    which.push_back({parts.lost_rows, reading.only_open ? parts.pixels : parts.lost});
+    which.push_back({parts.missing_rows, reading.only_undecided ? parts.pixels : parts.lost});
   }
   if (!words.fetch(*fetched, which)) return false;
   which.clear();
-  for (SumReading& reading : sums) {
+  for (SumReadback& reading : sums) {
     const BlockSum& sum = *reading.sum;
-    DrawnSum& out = *reading.out;
+    ReadbackBuffer& out = *reading.out;
     out.memory = fetched;
-    const Rect lost = find_rows(sum, fetched->words(), sum.parts.lost_rows);
-    reading.any_lost = !lost.empty();
-    out.lost_rect = reading.only_open ? find_rows(sum, fetched->words(), sum.parts.open_rows) : lost;
+    const Rect lost = find_rows(sum, fetched->words(), sum.parts.missing_rows);
+    reading.any_missing = !lost.empty();
+    out.missing_rect = reading.only_undecided ? find_rows(sum, fetched->words(), sum.parts.undecided_rows) : lost;
     point_to(sum, fetched->words(), out);
-    if (out.lost_rect.empty()) continue;
-    visit_rows(sum, out.lost_rect.y0, out.lost_rect.y1, [&](uint32_t first, uint32_t end) {
-      if (reading.only_open || first >= sum.parts.lost) which.push_back({first, end});
+    if (out.missing_rect.empty()) continue;
+    visit_rows(sum, out.missing_rect.y0, out.missing_rect.y1, [&](uint32_t first, uint32_t end) {
+      if (reading.only_undecided || first >= sum.parts.lost) which.push_back({first, end});
     });
   }
   return which.empty() || words.fetch(*fetched, which);
 }
 
-void BlockSum::write_back(const DrawnSum& from) {
+void BlockSum::write_back(const ReadbackBuffer& from) {
   const auto* const memory = reinterpret_cast<const uint32_t*>(from.pixels) - parts.pixels;
   glBindBuffer(GL_COPY_WRITE_BUFFER, words->name());
-  visit_rows(*this, from.lost_rect.y0, from.lost_rect.y1, [&](uint32_t first, uint32_t end) {
+  visit_rows(*this, from.missing_rect.y0, from.missing_rect.y1, [&](uint32_t first, uint32_t end) {
     glBufferSubData(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(first * sizeof *memory),
                     static_cast<GLsizeiptr>((end - first) * sizeof *memory), memory + first);
   });
 }
 
-// As kMoments of sum_shader-inl.h has them.
-void MomentSums::upload_surfaces(const MomentTask& task, const Rect& rect) {
+// Layout as in kConsistency of sum_shader-inl.h.
+void ConsistencySums::upload_surfaces(const ConsistencyTask& task, const Rect& rect) {
   const auto width = static_cast<size_t>(rect.width()), pitch = (width + 3) / 4 * 4;
   const auto columns = static_cast<size_t>(task.sums.plan->view().width);
   surface_memory_.assign(pitch * rect.height() * task.surfaces.size(), 0);
@@ -199,11 +199,11 @@ void MomentSums::upload_surfaces(const MomentTask& task, const Rect& rect) {
   surfaces_.put(0, surface_memory_.data(), surface_memory_.size());
 }
 
-bool MomentSums::begin(const MomentTask& task, const Rect& rect, const PassNumbers& numbers,
-                       const ViewTextures& textures, Programs& programs, Stopwatch& stopwatch, std::string& why) {
+bool ConsistencySums::begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers,
+                            const ViewTextures& textures, Programs& programs, GpuTimer& stopwatch, std::string& why) {
   SumProgram what = program_of(task.sums);
-  what.output =
-      task.sums.family == PixelFamily::kRgb ? SumProgram::Output::kMomentsRgb : SumProgram::Output::kMomentsI420;
+  what.output = task.sums.family == PixelFamily::kRgb ? SumProgram::Output::kConsistencyRgb
+                                                      : SumProgram::Output::kConsistencyI420;
   const Program* program = programs.use(what, why);
   if (!program) return false;
   upload_surfaces(task, rect);
@@ -222,12 +222,12 @@ bool MomentSums::begin(const MomentTask& task, const Rect& rect, const PassNumbe
   return true;
 }
 
-bool MomentSums::read(DrawnMoments& out) {
-  const std::shared_ptr<Computed::Fetched> fetched = result_.begin_to_fetch();
+bool ConsistencySums::read(ConsistencyReadback& out) {
+  const std::shared_ptr<ComputeBuffer::Fetched> fetched = result_.start_readback();
   out.memory = fetched;
   out.pitch = (out.rect.width() + 1) / 2 * 2;
   out.values = reinterpret_cast<const uint16_t*>(fetched->words());
-  const Computed::Words all{0, words_};
+  const ComputeBuffer::Words all{0, words_};
   return result_.fetch(*fetched, {&all, 1});
 }
 

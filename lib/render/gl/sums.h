@@ -8,90 +8,90 @@
 #include <vector>
 
 #include "base/maths.h"
+#include "render/gl/gles_renderer.h"
 #include "render/gl/image_atlas.h"
 #include "render/gl/objects.h"
 #include "render/gl/passes.h"
-#include "render/gl/sum_drawer.h"
 
 namespace lf::gl {
 
-// A sum as kBlocks of sum_shader-inl.h leaves it on the card. All calls while the context is current.
+// A sum on the GPU, as written by kBlocks of sum_shader-inl.h. The context must be current for all calls.
 struct BlockSum {
-  // Where the parts of it are, 32-bit words: a word for each row of blocks of two by two pixels, the number of the draw
-  // if that has lost weight there; another one, the same if it has left something open; the samples.
+  // Offsets of the parts, in 32-bit words. missing_rows and undecided_rows have one word per row of 2x2 blocks: the
+  // number of the draw if the row has missing weight, or undecided samples, respectively. All further parts are
+  // samples.
   struct Parts {
-    uint32_t lost_rows = 0, open_rows = 0, pixels = 0, chroma = 0, lost = 0, end = 0;
+    uint32_t missing_rows = 0, undecided_rows = 0, pixels = 0, chroma = 0, lost = 0, end = 0;
   };
 
   PixelFamily family = PixelFamily::kNone;
-  Rect rect;  // of the view
+  Rect rect;  // in the view
   Parts parts;
-  uint32_t draw = 0;                // number of the draw that it is of: rows with another have lost nothing
-  std::shared_ptr<Computed> words;  // those of all sums of its pass
+  uint32_t draw = 0;                     // number of the draw; rows marked with another number have no missing weight
+  std::shared_ptr<ComputeBuffer> words;  // shared by all sums of the pass
 
-  // Replaces the rows of lost_rect by what they are now.
-  void write_back(const DrawnSum& from);
+  // Writes the rows of missing_rect back to the GPU.
+  void write_back(const ReadbackBuffer& from);
 };
 
-// How a sum is to be read.
-struct SumReading {
+struct SumReadback {
   BlockSum* sum = nullptr;
-  // What it comes to; family and rectangle are the sum's.
-  DrawnSum* out = nullptr;
-  // Only those rows of it are to come, as lost_rect says, in which something is open that the CPU has to mend.
-  bool only_open = false;
-  bool any_lost = false;  // result: whether weight is lost anywhere
+  // Result. The caller sets its family and rect to the sum's.
+  ReadbackBuffer* out = nullptr;
+  // Reads only the rows with undecided samples, and sets missing_rect accordingly.
+  bool only_undecided = false;
+  bool any_missing = false;  // result: true if any weight is missing
 };
-// Waits for sums of one pass, and reads them. False if the card does not answer. While the context is current.
-bool read_sums(std::span<SumReading> sums);
+// Waits for the sums of one pass and copies them to memory. Returns false if the GPU does not answer. The context must
+// be current.
+bool read_sums(std::span<SumReadback> sums);
 
-// Computes sums, two by two pixels an invocation. (Not by fragment shaders: only 4 of the 132 multiprocessors of an
-// H100 or H200 take them.) All calls while the context is current, but for fits().
+// Computes sums with one invocation per 2x2 pixels. Fragment shaders would run on only 4 of the 132 multiprocessors of
+// an H100 or H200. The context must be current for all calls except fits().
 class BlockSums {
  public:
-  BlockSums() : most_words_(Computed::most_words()) {}
-  // Whether the sums of views are few enough for one pass.
-  bool fits(std::span<const DrawnView> views) const;
-  // Has the card begin with the sums of views, which one program draws, whose numbers those are and whose textures are
-  // there. False with the reason in `why`.
-  bool begin(std::span<const DrawnView> views, PassNumbers& numbers, const ViewTextures& textures, Programs& programs,
-             Stopwatch& stopwatch, std::string& why);
-  // Has the card add sums, of one family and of the same view, up in the sum of all of that, saturating: what is where
-  // none of them is is nothing. They may be of another drawer whose context shares with this one, once they have been
-  // waited for, and have to be held until what they come to has been. Null with the reason in `why`.
+  BlockSums() : most_words_(ComputeBuffer::most_words()) {}
+  bool fits(std::span<const GlesView> views) const;
+  // Starts the sums of views that share one program. `numbers` and `textures` hold their input. Returns false, with the
+  // reason in `why`, on failure.
+  bool begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures, Programs& programs,
+             GpuTimer& stopwatch, std::string& why);
+  // Starts adding sums of the same family and view into a sum of the whole view, with saturation. Pixels outside all
+  // sums become 0. The sums may come from another renderer in the same share group, once complete. The caller
+  // must hold the sums until the GPU has finished the addition. Returns null, with the reason in `why`, on failure.
   std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, Programs& programs,
                                 std::string& why);
-  // What was begun last; as long as somebody holds one of them nothing else is drawn there.
+  // Sums that were started last. A sum's memory is not reused while a caller holds the sum.
   std::span<const std::shared_ptr<BlockSum>> latest() const { return latest_; }
 
  private:
-  std::shared_ptr<Computed> next();
+  std::shared_ptr<ComputeBuffer> next();
 
   const size_t most_words_;
-  PassNumbers::Buffers numbers_;
-  std::vector<std::shared_ptr<Computed>> words_;  // that somebody holds or held
+  PassTables::Buffers numbers_;
+  std::vector<std::shared_ptr<ComputeBuffer>> words_;  // buffers in use, or free for reuse
   std::vector<std::shared_ptr<BlockSum>> latest_;
-  uint32_t draw_ = 0;  // number of the latest
+  uint32_t draw_ = 0;  // number of the latest draw
 };
 
-// Computes moments by a compute shader. All calls while the context is current.
-class MomentSums {
+// Computes photo-consistency sums with a compute shader. The context must be current for all calls.
+class ConsistencySums {
  public:
-  // Has the card begin with the moments in `rect`, which bounds the slots, of a view whose numbers those are and whose
-  // textures are there. False with the reason in `why`.
-  bool begin(const MomentTask& task, const Rect& rect, const PassNumbers& numbers, const ViewTextures& textures,
-             Programs& programs, Stopwatch& stopwatch, std::string& why);
-  // Waits for it. False if the card does not answer.
-  bool read(DrawnMoments& out);
+  // Starts the sums in `rect`, which bounds the slots. `numbers` and `textures` hold the view's input. Returns false,
+  // with the reason in `why`, on failure.
+  bool begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers, const ViewTextures& textures,
+             Programs& programs, GpuTimer& stopwatch, std::string& why);
+  // Waits for the result and copies the sums. Returns false if the GPU does not answer.
+  bool read(ConsistencyReadback& out);
 
  private:
-  void upload_surfaces(const MomentTask& task, const Rect& rect);
+  void upload_surfaces(const ConsistencyTask& task, const Rect& rect);
 
-  PassNumbers::Buffers numbers_;
-  Buffer surfaces_{Buffer::Use::kNumbers};
-  Computed result_;
+  PassTables::Buffers numbers_;
+  Buffer surfaces_{Buffer::Use::kTables};
+  ComputeBuffer result_;
   std::vector<uint8_t> surface_memory_;
-  size_t words_ = 0;  // of the result
+  size_t words_ = 0;
 };
 
 }  // namespace lf::gl

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: where the nodes of a focal map lie in one camera's image, what may be interpolated
-// between them, in fixed point, and the positions of samples there.
+// Included once per instruction set, see render_band.cc: projects the nodes of a focal map into one camera's image,
+// decides where positions may be interpolated in fixed point between nodes, and interpolates these positions.
 #if defined(LF_RENDER_SIMD_CELLS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_CELLS_INL_H_
 #undef LF_RENDER_SIMD_CELLS_INL_H_
@@ -18,27 +18,28 @@
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"
 
-
-// Inverse distance is bilinear between four nodes of the map, a cell. Positions along one side of it, t = 0..1 from p0
-// to p1, are p0 + t (p1 - p0) + t (1 - t) bend, where `bend` is what makes it exact in the middle. What is left:
-//  - division: the exact one is p0 + t z1 / z(t) (p1 - p0), so t (1 - t) (1/2 - t) k^2 (p1 - p0) for k = |z1 - z0| / z;
-//  - homogeneous camera coordinates have the product of the pixel's step a and the inverse distance's b as a quadratic
-//    term, which division bends likewise: t (1 - t) (1/2 - t) k a b / z focal lengths;
+// Inverse distance is bilinear in a cell, between four nodes of the map. Positions along a side of a cell, t = 0..1
+// from p0 to p1, are p0 + t (p1 - p0) + t (1 - t) bend, with `bend` chosen to be exact in the middle. Remaining errors:
+//  - division: the exact position is p0 + t z1 / z(t) (p1 - p0), which adds t (1 - t) (1/2 - t) k^2 (p1 - p0) for
+//    k = |z1 - z0| / z;
+//  - homogeneous camera coordinates have a quadratic term, the product of the pixel step a and the inverse-distance
+//    step b, which the division also bends: t (1 - t) (1/2 - t) k a b / z focal lengths;
 //  - lens: t (t - 1/2) (t - 1) / 6 of its third derivative times |p1 - p0|^3.
-// Sides down are bent for each node, and those along the rows between take their bend from the sides above and below:
-// it is a product of two things that vary linearly, or nearly so.
+// Vertical sides have a bend for each node. Rows between nodes interpolate their bend from the sides above and below,
+// because the bend is a product of two nearly linear quantities.
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-inline constexpr float kBeforeCell = -2.5f;   // the first node's place, pixels from the band's or the block's first
-inline constexpr float kMostThird = 0.0482f;  // the largest value of t (1 - t) (1/2 - t)
-// The largest value of t (1 - t) at pixels, which are at odd eighths of a cell.
+// position of the first node, pixels from the first pixel of the band or block
+inline constexpr float kBeforeCell = -2.5f;
+inline constexpr float kMostThird = 0.0482f;  // maximum of t (1 - t) (1/2 - t)
+// Maximum of t (1 - t) at pixels, which are at odd eighths of a cell.
 inline constexpr float kMostBend = 15.f / 64;
-// Largest relative change of depth along a side for which the above is good.
+// The error bounds hold up to this relative change of depth along a side.
 inline constexpr float kMostChange = 0.25f;
 
-// Inverse distances at the map's nodes around a band's rows, over the whole view.
+// Computes inverse distances at the map's nodes around a band's rows, over the whole view.
 inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   const int halves = (width + kBlock - 1) / kBlock * 2 + 1;
   out.resize(static_cast<size_t>(halves) + 2 * kBlock);
@@ -50,7 +51,7 @@ inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
     const auto at = [&](int i) { return far_end + scale * static_cast<float>(row[std::clamp(i, 0, map.columns - 1)]); };
     float* __restrict const even = out.even[k].data();
     float* __restrict const odd = out.odd[k].data();
-    const int inside = map.columns / 2;  // halves whose nodes are all there, after the first
+    const int inside = map.columns / 2;  // number of halves with all nodes inside the map, after the first
     even[0] = at(-1);
     odd[0] = at(0);
     for (int h = 1; h < inside; h++) {
@@ -64,8 +65,8 @@ inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   }
 }
 
-// Positions at the nodes around the band's rows from y on, NaN where nothing is seen, and how the sides of cells bend.
-// The first `ready` rows of nodes and those below them are there already.
+// Projects the nodes around the band's rows from y on (NaN: not visible), and computes the bends of cell sides. The
+// first `ready` rows of nodes, and the sides below them, are already there.
 inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int y, int ready,
                           SurfaceBand& out, CellWork& work) {
   const hn::CappedTag<float, kBlock> d;
@@ -81,7 +82,7 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
     x = hn::IfThenElse(seen, x, hn::NaN(d));
     y = hn::IfThenElse(seen, y, hn::NaN(d));
   };
-  // The bend that makes the position in the middle between two others exact.
+  // Returns the bend that makes the midpoint exact.
   const auto bend = [&](V middle, V from, V to)
                         HWY_ATTR { return hn::Mul(hn::Set(d, 4.f), hn::NegMulAdd(hn::Add(from, to), half, middle)); };
   constexpr float kEven = kBeforeCell, kOdd = kBeforeCell + kCell, kMiddle = kCell / 2.f;
@@ -131,11 +132,11 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
   }
 }
 
-// Bounds what positions may be off by in a cell.
+// Bounds of the position error in a cell.
 struct CellDoubt {
   explicit CellDoubt(const Slot& slot) {
     const float focal = std::max(slot.fx, slot.fy), least_focal = std::min(slot.fx, slot.fy);
-    // |u| and |v| inside the image, with room for what a lens bends.
+    // u| and |v| inside the image, with a margin for lens distortion.
     const float reach = 1.5f / least_focal *
                         std::max(std::max(slot.cx, static_cast<float>(slot.image.width) - slot.cx),
                                  std::max(slot.cy, static_cast<float>(slot.image.height) - slot.cy));
@@ -153,7 +154,7 @@ struct CellDoubt {
   struct Side {
     V dx, dy, distance, change, doubt;
   };
-  // The sides from the nodes at `i` of `from` to those at `j` of `to`, each with x, y, z, 1 / z and inverse distance.
+  // Sides from the nodes at `i` of `from` to the nodes at `j` of `to`, each with x, y, z, 1 / z and inverse distance.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE Side<V> side(D d, const float* const from[5], size_t i, const float* const to[5], size_t j,
                           float product) const {
@@ -174,7 +175,7 @@ struct CellDoubt {
   float along, down, second, third;
 };
 
-// Bounds what positions may be off by in each cell of the rows of cells from `ready` on.
+// Computes bounds of the position error in each cell of the rows of cells from `ready` on.
 inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
                         const SurfaceBand& band, CellNodes& out) {
   const hn::CappedTag<float, kBlock> d;
@@ -189,7 +190,7 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
                {band.x.odd[at].data(), band.y.odd[at].data(), band.z.odd[at].data(), band.per_z.odd[at].data(),
                 inverse.odd[k].data() + first}};
   }
-  // Two sides along rows, and how far their bends may be from linear between them.
+  // Bound for two horizontal sides, including the nonlinearity of the bends between both sides.
   const auto between = [&](const auto& upper, const auto& lower) HWY_ATTR {
     const auto other = hn::Max(hn::Abs(hn::Sub(upper.dx, lower.dx)), hn::Abs(hn::Sub(upper.dy, lower.dy)));
     const auto change = hn::Max(upper.change, lower.change);
@@ -218,7 +219,7 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
 
 #if HWY_TARGET != HWY_SCALAR
 
-// A row of the view between two rows of nodes.
+// Position of a row of the view between two rows of nodes.
 struct CellRow {
   explicit CellRow(float y)
       : k(static_cast<int>((y - kBeforeCell) / kCell)), t((y - kBeforeCell) / kCell - static_cast<float>(k)) {}
@@ -226,24 +227,24 @@ struct CellRow {
   float t;
 };
 
-// A pair of rows lies between the same two rows of nodes: the upper one at first_t(), the lower a quarter of a cell
-// below, and chroma in the middle of them.
+// A pair of rows lies between the same two rows of nodes: the upper row at first_t(), the lower row a quarter of a cell
+// below, and chroma halfway between both rows.
 static_assert(kCell == 4 && kBandRows == 8);
 inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
 inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 
-// Pixels that fixed point may be off by: nodes, steps and bends are rounded, both down and along.
+// Pixels; error of fixed point: nodes, steps and bends are rounded, vertically and horizontally.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
-inline constexpr float kMostStep = kWindow - 1;  // pixels from node to node, and of bends: 16 is where 16 bits end
+inline constexpr float kMostStep = kWindow - 1;  // pixels, limit of node steps and bends; 16 bits overflow at 16
 
-// One coordinate of a half at a row of nodes: the nodes around it, and how positions bend between them.
+// One coordinate of a half at a row of nodes: its nodes and the bends between them.
 template <class D, class V = hn::Vec<D>>
 struct CellPiece {
   CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
       : node{hn::LoadU(d, even), hn::LoadU(d, odd), hn::LoadU(d, even + 1), hn::LoadU(d, odd + 1)},
         bend{hn::LoadU(d, even_bend), hn::LoadU(d, odd_bend), hn::LoadU(d, even_bend + 1)} {}
-  // Bounds of the samples, the first of which is at 5/8 of the first cell and the last at 3/8 of the last one. They are
-  // NaN where any node is, which Min and Max may lose, or where steps are too large.
+  // Bounds of the samples. The first sample is at 5/8 of the first cell, the last at 3/8 of the last cell. The bounds
+  // are NaN if any node is NaN, which Min and Max may lose, or if steps are too large.
   HWY_INLINE void bounds(D d, V& low, V& high) const {
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
     const V step0 = hn::Sub(node[1], node[0]), step1 = hn::Sub(node[2], node[1]), step2 = hn::Sub(node[3], node[2]);
@@ -260,7 +261,7 @@ struct CellPiece {
   V node[4], bend[3];
 };
 
-// Two values in fixed point, modulo 2^16, which `magic` brings to their place: see to_low_bits().
+// Packs two fixed-point values modulo 2^16. `magic` aligns the bits, see to_low_bits().
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE auto fixed_pair(D d, V low, V high, V magic) {
   const hn::RebindToUnsigned<D> du;
@@ -276,11 +277,11 @@ HWY_INLINE void store_fixed(D d, const V x[4], V magic_x, const V y[4], V magic_
                         hn::RebindToUnsigned<D>(), reinterpret_cast<uint32_t*>(to));
 }
 
-// Makes the fixed-point nodes, and the bounds of samples, at row k of nodes.
+// Computes the fixed-point nodes and the bounds of samples at row k of nodes.
 inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const int row = out.row(k);
-  constexpr float kTurn = 1 << (16 - kPositionBits);  // pixels after which fixed point begins anew
+  constexpr float kTurn = 1 << (16 - kPositionBits);  // fixed point wraps around after this, pixels
   for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
     const auto piece = [&](const CellNodes& nodes, const CellNodes& along) HWY_ATTR {
       return CellPiece<decltype(d)>(d, nodes.even[row].data() + i, nodes.odd[row].data() + i, along.even[k].data() + i,
@@ -297,7 +298,7 @@ inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& o
     bounds(x, out.low_x, out.high_x);
     bounds(y, out.low_y, out.high_y);
     const auto zero = hn::Zero(d), magic = hn::Set(d, kMagic);
-    // Positions count from near the first node: there are not bits enough for all of an image.
+    // Positions are relative to a point near the first node: 16 bits do not cover an image.
     const auto near = [&](const auto& of) HWY_ATTR {
       const auto turns = hn::Floor(hn::Mul(of.node[0], hn::Set(d, 1 / kTurn)));
       return hn::NegMulAdd(turns, hn::Set(d, kTurn * (1 << kPositionBits)), magic);
@@ -309,7 +310,7 @@ inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
-// Makes the bends down, and the slack, of the cells below row k of nodes.
+// Computes the vertical bends and the slack of the cells below row k of nodes.
 inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   using V = hn::Vec<decltype(d)>;
@@ -340,7 +341,7 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
     const auto most_x = most(x), most_y = most(y);
     const auto largest = hn::Max(hn::Max(most_x, most_y), hn::Max(step(out.x), step(out.y)));
     const float *const even = work.doubt.even[k].data() + i, *const odd = work.doubt.odd[k].data() + i;
-    // NaN fails every comparison, but is lost in Max.
+    // NaN fails every comparison, but Max may lose a NaN.
     const auto doubt = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
                                hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
     const auto good = hn::And(hn::Lt(doubt, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
@@ -355,11 +356,11 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
-// Tells where the samples of a half are among the cells of a focal map: behind which node, and how far. A half has
-// eight samples of luma between four nodes, whose x and y take a lookup each, and four of chroma, whose x and y take
-// one together.
+// Positions of a half's samples among the cells of a focal map: index of the previous node, and distance from this
+// node. A half has eight luma samples between four nodes, with one lookup each for x and y, and four chroma samples,
+// with a common lookup.
 struct CellTable {
-  // Bytes in the four nodes of x and four of y, in 16 bits: of the node before each sample and of the one after it.
+  // Byte indices into four nodes of x and four of y, in 16 bits: the nodes before and after each sample.
   alignas(16) uint8_t before[kBlock], after[kBlock];
   alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t), 32768 = 1
 };
@@ -385,7 +386,7 @@ inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
                            kLumaYCells = make_cell_table(CellSamples::kLumaY),
                            kChromaCells = make_cell_table(CellSamples::kChroma);
 
-// Tables to interpolate inverse distances in 32 bits, four samples at a time, between a half's four nodes.
+// Tables for interpolating inverse distances between a half's four nodes, in 32 bits, four samples at a time.
 struct InverseTable {
   alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
   alignas(32) float t[kHalf];
@@ -406,7 +407,7 @@ constexpr InverseTable make_inverse_table(bool chroma) {
 }
 inline constexpr InverseTable kLumaInverse = make_inverse_table(false), kChromaInverse = make_inverse_table(true);
 
-// The bytes of windows' origins, four of the first half's and four of the second's, that a half's nodes count from.
+// Byte indices of window origins: four of the first half and four of the second half.
 struct OriginTable {
   alignas(32) uint8_t at[2 * kBlock];
 };
@@ -417,8 +418,8 @@ constexpr OriginTable make_origin_table() {
 }
 inline constexpr OriginTable kOrigins = make_origin_table();
 
-// The nodes of a block's halves above and below a pair of rows, and how the sides between them bend; vectors of eight
-// values have those of one half.
+// Nodes of a block's halves above and below a pair of rows, and the bends of their sides. Vectors of eight values hold
+// one half.
 struct CellsOfPair {
   HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
     const D16 d;
@@ -434,10 +435,10 @@ struct CellsOfPair {
   V16 node, step, bend, bend_step, down;
 };
 
-// Interpolates the positions of the samples of one row of a pair; chroma's row is in the middle of the pair.
+// Interpolates the sample positions of one row of a pair. The chroma row is halfway between both rows.
 struct CellsOfRow {
-  // `eighths`: how far the row is below the upper nodes, in eighths of a cell. `origin`: the windows' origins, for each
-  // node.
+  // `eighths`: distance of the row below the upper nodes, in eighths of a cell. `origin`: origins of the windows, for
+  // each node.
   HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {
     const D16 d;
     const auto t = hn::Set(d, static_cast<int16_t>(eighths << 12));
@@ -461,7 +462,7 @@ struct CellsOfRow {
 };
 HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
 
-// Positions of the luma samples of a row of a pair, in their windows.
+// Positions of the luma samples of a row of a pair, relative to their windows.
 HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
                                        size_t lane) {
   const D16 d;
@@ -480,7 +481,7 @@ HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPa
   const CellsOfRow cell(of, first_eighths(pair) + 2 * row, origin);
   return {cell.at(kLumaXCells), cell.at(kLumaYCells)};
 }
-// Positions of the chroma samples of a pair, in their windows. `of`: the nodes at `lane`.
+// Positions of the chroma samples of a pair, relative to their windows. `of`: the nodes at `lane`.
 HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int block,
                                          size_t lane) {
   const D16 d;
@@ -504,7 +505,7 @@ HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOf
   }
 }
 
-// Positions of the samples of a block's pair of rows where no window holds them: two rows and, in I420, their chroma.
+// Positions of the samples of a block's pair of rows if no window covers them: two rows and, in I420, their chroma.
 inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, bool i420, Positions out[3]) {
   const D16 d;
   const hn::CappedTag<int32_t, kBlock> d32;
@@ -534,8 +535,8 @@ inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, boo
   }
 }
 
-// Inverse distances of a block's samples in a row, those of chroma twice over. `half`: the block's first one in the
-// view.
+// Interpolates the inverse distances of a block's samples in a row; for chroma twice kHalf values. `half`: index of the
+// block's first half in the view.
 inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t half, bool chroma, float* out) {
   const hn::CappedTag<float, kHalf> d;
   const hn::Repartition<uint8_t, decltype(d)> d8;
@@ -552,7 +553,7 @@ inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t h
   }
   for (size_t lane = 0; lane < (chroma ? kHalf : kBlock); lane += hn::Lanes(d)) {
     const size_t in_half = lane % kHalf;
-    // Four samples of chroma to a half, eight of luma.
+    // four chroma samples per half, or eight luma samples
     auto four = hn::LoadDup128(d, nodes[chroma ? lane / 4 : lane / kHalf]);
     if (chroma && hn::Lanes(d) > 4) four = hn::ConcatUpperLower(d, hn::LoadDup128(d, nodes[1]), four);
     const auto look_up = [&](const uint8_t* at) HWY_ATTR {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: where a band of a view lies in one camera's image, and the windows that its samples
-// are fetched from: of a view in focus on a plane, and between the nodes of a focal map.
+// Included once per instruction set, see render_band.cc: positions of a band of a view in one camera's image, and the
+// windows that its samples are read from, for a focal plane and between the nodes of a focal map.
 #if defined(LF_RENDER_SIMD_PLACEMENT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_PLACEMENT_INL_H_
 #undef LF_RENDER_SIMD_PLACEMENT_INL_H_
@@ -23,7 +23,6 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Columns and rows of a band's nodes.
 inline void lay_nodes(int pitch, SlotBand& band) {
   if (band.pitch == pitch) return;
   band.pitch = pitch;
@@ -43,7 +42,7 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     }
 }
 
-// Projects the band's nodes; NaN where nothing is seen: behind the camera, beyond the fold of its lens.
+// Projects the band's nodes. NaN: behind the camera or beyond the fold of its lens.
 inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);
@@ -59,7 +58,7 @@ inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   }
 }
 
-// Chroma positions of the same nodes for the middle between two rows: chroma sample k sits at luma 2 k + 0.5.
+// Computes chroma positions of the same nodes, halfway between two rows: chroma sample k is at luma 2 k + 0.5.
 inline void place_chroma_nodes(SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   for (int pair = 0; pair < kBandPairs; pair++) {
@@ -75,8 +74,8 @@ inline void place_chroma_nodes(SlotBand& band) {
   }
 }
 
-// Decides how and from where one plane's samples of `n` blocks are fetched, by its nodes. `node_z`: null for chroma,
-// which follows luma in what is lost.
+// Decides from the nodes how and where the samples of `n` blocks of one plane are read. `node_z`: null for chroma,
+// which is missing where luma is.
 inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -105,7 +104,7 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     const auto low_x = hn::Sub(hn::Min(x0, last_x), bulge_x), high_x = hn::Add(hn::Max(x0, last_x), bulge_x);
     const auto low_y = hn::Sub(hn::Min(y0, last_y), bulge_y), high_y = hn::Add(hn::Max(y0, last_y), bulge_y);
 
-    // NaN fails every comparison and stays kMixed.
+    // NaN fails every comparison and remains kMixed.
     const auto smooth = hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third));
     const auto inside =
         hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
@@ -114,7 +113,7 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     if (node_z) {
       const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
                                   hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
-      // Samples that are behind the camera at both ends of a block are behind it all along: depth is linear.
+      // Depth is linear: samples are behind the camera if both ends of the block are.
       const auto behind =
           hn::And(hn::Le(hn::LoadU(d, node_z + i + 1), hn::Zero(d)), hn::Le(hn::LoadU(d, node_z + i + 2), hn::Zero(d)));
       fetch = hn::IfThenElse(hn::Or(behind, hn::And(outside, smooth)), code(Fetch::kLost), fetch);
@@ -128,8 +127,8 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
       const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
       const auto narrow =
           hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
-      // What WindowPositions has of a whole block is within 16 bits, too: two pixels of the image for one of the view
-      // are not, though the samples of either half fit into its window.
+      // The fixed-point values for a whole block must also fit in 16 bits. They do not at two image pixels per view
+      // pixel, although the samples of each half fit in its window.
       constexpr float kWithin16Bits = (1 << (16 - kPositionBits)) - 1;
       const auto fixed_fit = hn::And(hn::And(hn::Lt(dx, set(kWithin16Bits)), hn::Lt(hn::Abs(dy), set(8))),
                                      hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
@@ -154,8 +153,8 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
   }
 }
 
-// place_blocks() for a calm slot, of which all is known to be seen and interpolated.
-inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
+// place_blocks() for an interior slot: all samples are visible and accurately interpolated.
+inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -186,7 +185,7 @@ inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions&
   }
 }
 
-// Decides what is done with each pair of rows of each block, all its planes considered.
+// Decides how each pair of rows of each block is processed, from all its planes.
 inline void decide(bool i420, SlotBand& band) {
   constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
   for (int pair = 0; pair < kBandPairs; pair++) {
@@ -199,13 +198,13 @@ inline void decide(bool i420, SlotBand& band) {
       const bool lost = least_luma == kLost && std::max(upper[i], lower[i]) == kLost;
       int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
       v = least < kGather ? SlotBand::kProject : v;
-      verdict[i] = lost ? SlotBand::kAllLost : v;
+      verdict[i] = lost ? SlotBand::kAllMissing : v;
     }
   }
 }
 
-// Sets calm_y0 and calm_y1, see find_calm_rows() in sum_task.h.
-inline void set_calm_rows(PixelFamily family, Slot& slot) {
+// Sets interior_y0 and interior_y1, see find_interior_rows() in sum_task.h.
+inline void set_interior_rows(PixelFamily family, Slot& slot) {
   const ImageView& image = slot.image;
   if (family != PixelFamily::kI420 || image.family != family) return;
   if (!luma_geometry(slot, true).shuffles || !chroma_geometry(slot).shuffles) return;
@@ -232,13 +231,13 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
     }
     seen[j] = hn::AllTrue(d, all);
   }
-  // Room for what happens between the rows that were looked at. Windows may run over into the next image row, but not
-  // beyond the last one.
+  // Margin for positions between the tested rows. Windows may extend into the next image row, but not beyond the last
+  // row.
   constexpr float kLargestSecond = 0.75f;
   constexpr float kRoom = 3;
   const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
   constexpr float kLargestStep = 1.7f;
-  const auto calm = [&](int j, int i) {
+  const auto interior = [&](int j, int i) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
     const auto bends = [&](const std::vector<float>& v, size_t step) {
       return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
@@ -251,21 +250,20 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
   };
-  int begin = 1;  // first of the calm rows of nodes up to j
+  int begin = 1;  // first row of nodes of the current interior range
   for (int j = 1; j + 1 < rows; j++) {
     bool good = seen[j - 1] && seen[j] && seen[j + 1];
-    for (int i = 1; i + 1 < columns && good; i++) good = calm(j, i);
+    for (int i = 1; i + 1 < columns && good; i++) good = interior(j, i);
     if (!good) {
       begin = j + 1;
-    } else if ((j - begin) * kBlock >= slot.calm_y1 - slot.calm_y0) {
-      slot.calm_y0 = top + begin * kBlock;
-      slot.calm_y1 = top + j * kBlock + 1;
+    } else if ((j - begin) * kBlock >= slot.interior_y1 - slot.interior_y0) {
+      slot.interior_y0 = top + begin * kBlock;
+      slot.interior_y1 = top + j * kBlock + 1;
     }
   }
 }
 
-// Places a slot in a band, without a focal map: all that is known before any pixel is read. `band` has its blocks
-// already.
+// Places a slot in a band for a focal plane, before any pixel is read. The blocks of `band` must be set.
 inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
   band.verdict_pitch = band.pitch;
@@ -273,11 +271,11 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
   const PlaneGeometry luma = luma_geometry(slot, i420);
-  band.calm = slot.is_calm(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
-  if (band.calm) {
-    place_calm_blocks(luma, luma_entries, band.luma);
+  band.interior = slot.is_interior(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
+  if (band.interior) {
+    place_interior_blocks(luma, luma_entries, band.luma);
     place_chroma_nodes(band);
-    place_calm_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
+    place_interior_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
     return;
   }
   place_blocks(luma, luma_entries, band.node_z.data(), band.luma);
@@ -290,7 +288,7 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
 
 #if HWY_TARGET != HWY_SCALAR
 
-// The larger or smaller of the halves of each block, for both of them.
+// The smaller (larger) value of the two halves of each block, in both lanes.
 template <class V>
 HWY_INLINE V least_of_block(V v) {
   return hn::Min(v, hn::Shuffle2301(v));
@@ -300,22 +298,23 @@ HWY_INLINE V most_of_block(V v) {
   return hn::Max(v, hn::Shuffle2301(v));
 }
 
-// Ways in which samples may be fetched; what all planes and halves of a block have in common decides. Flat windows may
-// be too near the image's end for tall ones.
+// How samples may be read. A block uses what is possible for all its planes and halves. Flat windows may be too near
+// the end of the image to be tall.
 enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4 };
 
-// Bounds the samples of a pair of rows in an image, or of its one row in a plane of chroma. NaN fails every comparison.
+// Bounds of the samples of a pair of rows in luma or RGB, or of its one row in a chroma plane. NaN fails every
+// comparison.
 template <class D, class V = hn::Vec<D>>
 struct CellPlace {
   V low_x, high_x, low_y, high_y;
-  V column, width;     // columns of windows, and how far their samples reach
-  V last_row, height;  // first row of the lower row's windows; rows that samples reach over, the larger number of both
+  V column, width;     // left column of the windows; width that their samples span
+  V last_row, height;  // larger first row of the two rows' windows; rows that samples span, the maximum
   HWY_INLINE auto is_outside(D d, const PlaneGeometry& plane) const {
     return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
                   hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
   }
-  // The FetchBits that are good here. `widest`: where fixed point ends across; `tall`: the most rows that samples may
-  // begin on in tall windows.
+  // Returns the possible FetchBits. `widest`: horizontal limit of fixed point; `tall`: largest number of starting
+  // rows of samples in tall windows.
   HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest, float tall) const {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
@@ -329,7 +328,7 @@ struct CellPlace {
     const auto out = code(good, kSampleBit, hn::Zero(di));
     if (!plane.shuffles) return out;
     const auto narrow = hn::And(good, hn::Lt(width, set(kWindow - 1)));
-    // Windows run over into the next image row: it has to be there.
+    // Windows extend into the next image row, which must exist.
     const auto rows = [&](float n) HWY_ATTR {
       return hn::And(hn::Lt(height, set(n)), hn::Lt(last_row, set(plane.height - 1 - n)));
     };
@@ -338,7 +337,7 @@ struct CellPlace {
   }
 };
 
-// Where the samples of a pair of rows lie between the nodes of a focal map: bounds of each half of a block.
+// Bounds of the samples of a pair of rows between the nodes of a focal map, for each half of a block.
 template <class D>
 struct PairBounds {
   using V = hn::Vec<D>;
@@ -346,7 +345,7 @@ struct PairBounds {
     V upper, lower;
   };
   Rows top, bottom;
-  V upper_row, lower_row;  // first rows of the windows of either
+  V upper_row, lower_row;  // first row of the windows of each row
   CellPlace<D> of_both;
 
   HWY_INLINE PairBounds(D d, const SurfaceBand& band, int pair, size_t i) {
@@ -373,15 +372,12 @@ struct PairBounds {
     of_both.height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
   }
 
-  // The one row of chroma samples: sample k is at luma 2 k + 0.5, within the bounds of both rows across, and in the
-  // middle of them down.
+  // Bounds of the row of chroma samples. Sample k is at luma 2 k + 0.5: horizontally within the bounds of both rows,
+  // and vertically between the rows.
   HWY_INLINE CellPlace<D> in_chroma(D d) const {
-    const auto to_chroma = [&](V v, float slack) HWY_ATTR {
-      return hn::MulAdd(v, hn::Set(d, 0.5f), hn::Set(d, slack - 0.25f));
-    };
-    const auto middle = [&](const Rows& of) HWY_ATTR {
-      return hn::Mul(hn::Set(d, 0.5f), hn::Add(of.upper, of.lower));
-    };
+    const auto to_chroma = [&](V v, float slack)
+                               HWY_ATTR { return hn::MulAdd(v, hn::Set(d, 0.5f), hn::Set(d, slack - 0.25f)); };
+    const auto middle = [&](const Rows& of) HWY_ATTR { return hn::Mul(hn::Set(d, 0.5f), hn::Add(of.upper, of.lower)); };
     CellPlace<D> place;
     place.low_x = to_chroma(least_of_block(of_both.low_x), -kSlack);
     place.high_x = to_chroma(most_of_block(of_both.high_x), kSlack);
@@ -395,7 +391,7 @@ struct PairBounds {
   }
 };
 
-// Decides how the pairs of rows of each block are fetched, and from where: sets band.verdict, as decide() does.
+// Decides how and where the pairs of rows of each block are read. Sets band.verdict like decide().
 inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -412,7 +408,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const auto corner = [&](const PlaneGeometry& plane, VI column, VI row) HWY_ATTR {
     return hn::Add(hn::Mul(row, hn::Set(di, plane.stride)), hn::Mul(column, hn::Set(di, plane.pixel_bytes)));
   };
-  // Where a window begins, in fixed point: whole pixels and parts of 2^-kBits.
+  // Origin of a window in fixed point: integer pixels and fractions of 2^-kBits.
   const auto origin = [&](auto bits, VI column, VI row, uint32_t more) HWY_ATTR {
     constexpr int kBits = decltype(bits)::value;
     const auto x = hn::And(hn::ShiftLeft<kBits>(hn::BitCast(du, column)), hn::Set(du, 0xffff));
@@ -420,12 +416,12 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   };
   const auto code = [&](int v) HWY_ATTR { return hn::Set(di, v); };
   for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
-    auto calm = hn::Zero(di);
+    auto interior = hn::Zero(di);
     for (int pair = 0; pair < kBandPairs; pair++) {
       const PairBounds<decltype(d)> place(d, out, pair, i);
       const auto& at = place.of_both;
-      const auto lost = hn::IfThenElseZero(hn::RebindMask(di, at.is_outside(d, luma)), code(SlotBand::kAllLost));
-      const auto lost_block = hn::And(lost, hn::Shuffle2301(lost));
+      const auto lost = hn::IfThenElseZero(hn::RebindMask(di, at.is_outside(d, luma)), code(SlotBand::kAllMissing));
+      const auto missing_block = hn::And(lost, hn::Shuffle2301(lost));
       auto fetch = at.fetch(d, luma, 2 * kWindow - 1, kTallSteps);
       const size_t row = static_cast<size_t>(2 * pair) * pitch + i;
       const auto in_column = hn::ConvertTo(di, at.column), in_upper = hn::ConvertTo(di, place.upper_row),
@@ -442,7 +438,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
                    in_chroma_row = hn::ConvertTo(di, in_chroma.last_row);
         const size_t block = (static_cast<size_t>(pair) * pitch + i) / 2;
         store_blocks(corner(chroma, in_chroma_column, in_chroma_row), out.chroma_corner.data() + block);
-        // The position of chroma sample k in luma's pixels, 2 k + 0.5.
+        // Chroma sample k in luma pixels: 2 k + 0.5.
         constexpr std::integral_constant<int, kPositionBits + 1> kChroma;
         constexpr uint32_t kHalfPixel = 1 << (kPositionBits - 1);
         store_blocks(hn::BitCast(di, origin(kChroma, in_chroma_column, in_chroma_row, kHalfPixel << 16 | kHalfPixel)),
@@ -452,16 +448,16 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
       const auto when = [&](int least, int v, auto otherwise)
                             HWY_ATTR { return hn::IfThenElse(hn::Gt(common, code(least - 1)), code(v), otherwise); };
       const auto verdict = when(kFlatBit, SlotBand::kShuffle,
-                                when(kTallBit, SlotBand::kTall, when(kSampleBit, SlotBand::kSample, lost_block)));
+                                when(kTallBit, SlotBand::kTall, when(kSampleBit, SlotBand::kSample, missing_block)));
       store_blocks(verdict, band.verdict.data() + pair * band.verdict_pitch + i / 2);
       const auto shuffled = hn::Eq(verdict, code(SlotBand::kShuffle));
-      calm = hn::Or(calm, hn::IfThenElseZero(shuffled, code(1 << pair)));
+      interior = hn::Or(interior, hn::IfThenElseZero(shuffled, code(1 << pair)));
     }
-    store_blocks(calm, out.calm_pairs.data() + i / 2);
+    store_blocks(interior, out.interior_pairs.data() + i / 2);
   }
 }
 
-// Places a slot in a band through a focal map whose nodes are kCell apart.
+// Places a slot in a band for a focal map with nodes kCell apart.
 inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const CellNodes& inverse, CellWork& work,
                         SlotBand& band) {
   SurfaceBand& out = band.surface;
@@ -479,28 +475,28 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
 
 #else
 
-// A machine without vectors goes the slow way everywhere.
+// Without vectors everything takes the slow path.
 inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork&, SlotBand& band) {
   std::ranges::fill(band.verdict, SlotBand::kProject);
-  std::ranges::fill(band.surface.calm_pairs, 0);
+  std::ranges::fill(band.surface.interior_pairs, 0);
 }
 
 #endif
 
-// Places a slot in a band with a focal map: all that is known before any pixel is read. `band` has its blocks already.
-// `follows`: the band follows the one that `band` has been. `inverse` null: the map has other nodes, and all is to be
-// projected.
+// Places a slot in a band for a focal map, before any pixel is read. The blocks of `band` must be set. `follows`: the
+// band directly follows the previous contents of `band`. `inverse`: null if the map's nodes are not kCell apart; every
+// sample is then projected.
 inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, CellWork& work,
                           SlotBand& band) {
   SurfaceBand& out = band.surface;
-  band.calm = false;
+  band.interior = false;
   band.mapped = true;
   out.resize(band.blocks);
   band.verdict_pitch = out.pitch / 2;
   band.verdict.resize(std::max(band.verdict.size(), static_cast<size_t>(band.verdict_pitch) * kBandPairs));
   if (inverse) return place_cells(slot, i420, y, follows, *inverse, work, band);
   std::ranges::fill(band.verdict, SlotBand::kProject);
-  std::ranges::fill(out.calm_pairs, 0);
+  std::ranges::fill(out.interior_pairs, 0);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

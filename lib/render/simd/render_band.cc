@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Compiled once for each instruction set; the best one that the machine has runs.
+// Compiled once per instruction set. The best available set is used at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/simd/render_band.cc"
 #include <hwy/foreach_target.h>
-// After foreach_target.h:
+// must follow foreach_target.h
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
@@ -24,15 +24,15 @@ namespace hn = hwy::HWY_NAMESPACE;
 struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
-  int32_t block;    // among the band's
+  int32_t block;    // index in the band
   int32_t verdict;  // SlotBand::Verdict of the pair of rows
 };
 
 // A pair of rows of a block.
 struct PairPlace {
-  int pair;  // number of the pair in the band
-  int x, y;  // the block's and the band's first pixel
-  int out;   // the block's number in scratch
+  int pair;  // index of the pair in the band
+  int x, y;  // first pixel of the block and of the band
+  int out;   // index of the block in scratch
 };
 
 #if HWY_TARGET == HWY_SCALAR
@@ -43,20 +43,20 @@ inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
 
-// A machine without vectors goes the slow way everywhere.
+// Without vectors everything takes the slow path.
 inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
 
 #else
 
-// The weight of chroma: the mean of its four pixels', 2^kBits = 1, for both planes. `upper`, `lower`: two rows of
+// Weights of chroma, for both planes: the mean weight of four pixels, 2^kBits = 1. `upper`, `lower`: two rows of
 // weights.
 template <int kBits>
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
-  constexpr int kShift = 17 - kBits;  // takes the sum of four to their mean
+  constexpr int kShift = 17 - kBits;  // converts the sum of four to their mean
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint32_t, D16> d32;
-  const auto half = [&](size_t i) HWY_ATTR {  // means of as many samples as a vector has 32-bit lanes
+  const auto half = [&](size_t i) HWY_ATTR {  // as many means as a vector has 32-bit lanes
     const auto rows = hn::Add(hn::BitCast(du, hn::Load(d, upper + i)), hn::BitCast(du, hn::Load(d, lower + i)));
     const auto v = hn::BitCast(d32, rows);
     const auto sum = hn::Add(hn::And(v, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(v));
@@ -72,15 +72,14 @@ HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
   }
 }
 
-// Chroma without its offset, times its weight.
 HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
   return hn::MulFixedPoint15(hn::Sub(samples, hn::Set(D16(), 128 << kSumFractionBits)), weights);
 }
 
-// Rows that are prefetched ahead: cameras' rows are too far apart for the machine to see a pattern.
+// Rows to prefetch. Camera rows are too far apart for the hardware prefetcher.
 inline constexpr int kPrefetchRows = 8;
 
-// The weighted samples of a part's pair of rows, lane..: two rows of luma, and chroma.
+// Weighted samples of a part's pair of rows, from `lane` on: two rows of luma, and chroma.
 struct WeightedPair {
   V16 upper, lower, chroma;
 };
@@ -92,7 +91,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   const int upper = 2 * pair, lower = upper + 1;
   const BlockWeights& weights = *part.weights;
   const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
-  // Finds where the windows of luma's halves begin, row by row, and those of chroma.
+  // Locates the windows of luma's halves, row by row, and of chroma.
   const SurfaceBand& cells = band.surface;
   const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
   const ptrdiff_t cell = upper * ptrdiff_t{cells.pitch} + 2 * part.block,
@@ -129,7 +128,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
     v2 = sample(kChroma, plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
   }
   const DU16 du;
-  // Takes half of the 256-fold samples, makes up for what was cut off, and weighs.
+  // Halves the 256-fold samples, compensates the truncation, and multiplies by the weights.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
     const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
@@ -139,7 +138,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
-// The weighted samples of any kind of part; kFlat: none has windows that are tall.
+// Weighted samples of a part. kFlat: no part has tall windows.
 template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   if constexpr (kSurface && !kFlat)
@@ -147,7 +146,7 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   return weigh_windows<kSurface, false>(part, pair, lane);
 }
 
-// The hottest loop: the sum of `count` parts into scratch.
+// The hottest loop: sums `count` parts into scratch.
 template <bool kSurface, bool kFlat>
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
@@ -169,20 +168,19 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   std::copy_n(chroma + kChromaBlock, kChromaBlock, scratch.sum[at.pair][2] + at.out * kChromaBlock);
 }
 
-// What add_part() works with: two rows and their chroma.
+// Two rows of samples and their chroma, for add_part().
 struct PairSamples {
-  bool any_lost = false;  // some weight is lost; else `lost` is not set
+  bool any_missing = false;  // some weight is missing; otherwise `lost` is unset
   Positions at[3];
   alignas(64) int16_t weight[2][kBlock];
   alignas(64) int16_t lost[2][kBlock];
 };
 
-// Interpolates the positions of a pair of rows.
 inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
   const SlotBand& band = *part.band;
   if (surface) {
     interpolate_cells(band.surface, pair, part.block, i420, out);
-    // The corner was told for Cb.
+    // The corner is an offset in the Cb plane; converts it for Cr.
     const ptrdiff_t cb = band.slot->image.stride[1], cr = band.slot->image.stride[2];
     if (i420 && cb != cr) out[2].corner[1] = static_cast<int32_t>(out[2].corner[0] / cb * cr + out[2].corner[0] % cb);
     return;
@@ -192,7 +190,7 @@ inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface
   if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
 
-// Inverse distances of the samples of a row of a block, which is at y of the band; those of chroma twice over.
+// Computes the inverse distances of the samples of a block's row at y of the band; for chroma twice kHalf values.
 inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
                          float* out) {
   if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
@@ -200,7 +198,7 @@ inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const Pair
   if (chroma) std::copy_n(out, kHalf, out + kHalf);
 }
 
-// Finds positions and weights of a pair of rows; false where rounding could decide on a sample.
+// Computes positions and weights of a pair of rows. Returns false if rounding could decide about a sample.
 inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
                          const CellNodes& inverse_nodes, PairSamples& out) {
   const int upper = 2 * place.pair;
@@ -230,7 +228,7 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
                                 lost, out.at[i]);
     }
     if (sight == Sight::kDoubtful) return false;
-    out.any_lost = out.any_lost || sight == Sight::kSome;
+    out.any_missing = out.any_missing || sight == Sight::kSome;
   }
   return true;
 }
@@ -270,13 +268,13 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
   }
 }
 
-// Adds a part that can't be shuffled. False if some of its samples are in doubt: nothing was added.
+// Adds a part that cannot be shuffled. Returns false, without adding anything, if float cannot decide about a sample.
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;
   if (!find_samples(task, part, project, place, scratch.inverse, samples)) return false;
-  scratch.any_lost = scratch.any_lost || samples.any_lost;
-  for (int r = 0; r < 2 && samples.any_lost; r++) {
+  scratch.any_missing = scratch.any_missing || samples.any_missing;
+  for (int r = 0; r < 2 && samples.any_missing; r++) {
     uint16_t* const lost = scratch.lost[2 * place.pair + r] + place.out * kBlock;
     for (int i = 0; i < kBlock; i++) lost[i] = static_cast<uint16_t>(lost[i] + samples.lost[r][i]);
   }
@@ -289,9 +287,9 @@ inline bool add_part(const SumTask& task, const Part& part, const PairPlace& pla
 
 #endif
 
-inline void add_lost(const BlockWeights& weights, const PairPlace& at, Scratch& scratch) {
+inline void add_missing_weight(const BlockWeights& weights, const PairPlace& at, Scratch& scratch) {
   const hn::CappedTag<uint16_t, kBlock> d;
-  scratch.any_lost = true;
+  scratch.any_missing = true;
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++)
     for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
       uint16_t* to = scratch.lost[r] + at.out * kBlock + i;
@@ -307,31 +305,31 @@ inline void clear_pair(bool i420, const PairPlace& at, Scratch& scratch) {
 }
 
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
-static_assert(kMostParts >= 4 * BlendGrid::kMaxShares);    // those of four nodes
+static_assert(kMostParts >= 4 * WeightGrid::kMaxShares);   // cameras of the four points of a cell
 
 // The parts of a block of `width` view pixels.
 struct BlockParts {
   Part part[kMostParts];
   int count = 0;
-  uint32_t calm = ~0u;  // bit p: all are to be shuffled in pair p
-  uint32_t rows = ~0u;  // that all of them have a weight in
+  uint32_t interior = ~0u;  // bit p: pair p of all parts can be shuffled
+  uint32_t rows = ~0u;      // rows with non-zero weights in all parts
 };
 
 inline void find_parts(const SumTask& task, int block, int out, bool shuffles, const Scratch& scratch,
                        BlockParts& parts) {
-  if (!shuffles) parts.calm = 0;
+  if (!shuffles) parts.interior = 0;
   for (int32_t i = scratch.head[out]; i >= 0; i = scratch.weights[i].next) {
     const BlockWeights& weights = scratch.weights[i];
     const SlotBand& band = scratch.bands[weights.slot];
     const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
-                                 seen ? SlotBand::kShuffle : SlotBand::kAllLost};
-    parts.calm &= shuffles && seen ? band.calm_pairs(block - band.first_block) : 0;
+                                 seen ? SlotBand::kShuffle : SlotBand::kAllMissing};
+    parts.interior &= shuffles && seen ? band.interior_pairs(block - band.first_block) : 0;
     parts.rows &= weights.rows;
   }
 }
 
-// `block`: of the view; `out`: counted from the rectangle's first one; y: the band's first row.
+// `block`: index in the view; `out`: index in the rectangle; `y`: first row of the band.
 inline void render_block(const SumTask& task, const Rect& rect, int block, int out, int y, Scratch& scratch) {
   const View& view = task.plan->view();
   const int x = block * kBlock;
@@ -347,10 +345,10 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   for (int pair = 0; pair < kBandPairs && y + 2 * pair < rect.y1; pair++) {
     if (y + 2 * pair + 1 < rect.y0) continue;
     const PairPlace place{pair, x, y, out};
-    // A chroma sample at the border of an odd view has only two pixels, or one.
+    // A chroma sample at the border of an odd view has only one or two pixels.
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
-    // Nearly everywhere there is nothing to ask.
-    if (HWY_LIKELY(!odd && (all.calm >> pair & 1) && (all.rows >> (2 * pair) & 3))) {
+    // The common case: all parts can be shuffled.
+    if (HWY_LIKELY(!odd && (all.interior >> pair & 1) && (all.rows >> (2 * pair) & 3))) {
       sum_flat(all.part, all.count, place, scratch);
       continue;
     }
@@ -359,14 +357,14 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     for (int i = 0; i < all.count; i++) {
       Part part = all.part[i];
       if (!(part.weights->rows >> (2 * pair) & 3)) continue;
-      if (part.verdict != SlotBand::kAllLost) {
+      if (part.verdict != SlotBand::kAllMissing) {
         if (alone)
           part.verdict = SlotBand::kProject;
-        else if (!part.band->calm)
+        else if (!part.band->interior)
           part.verdict = part.band->verdict[pair * part.band->verdict_pitch + part.block];
       }
-      if (part.verdict == SlotBand::kAllLost)
-        add_lost(*part.weights, place, scratch);
+      if (part.verdict == SlotBand::kAllMissing)
+        add_missing_weight(*part.weights, place, scratch);
       else if (shuffles && part.verdict >= SlotBand::kTall)
         shuffled[num_shuffled++] = part, flat = flat && part.verdict == SlotBand::kShuffle;
       else
@@ -382,7 +380,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   }
 }
 
-// All that is known of a slot in a band before any pixel of it is read.
+// Computes the positions of a slot in a band, before any pixel is read.
 inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, CellWork& work,
                        SlotBand& band) {
   const bool i420 = task.family == PixelFamily::kI420, follows = band.y >= 0 && band.y == y - kBandRows;
@@ -413,7 +411,7 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
   for (int i = 0; i < blocks; i++) render_block(task, rect, first_block + i, i, y, scratch);
 }
 
-void FindCalmRows(PixelFamily family, Slot& slot) { set_calm_rows(family, slot); }
+void FindInteriorRows(PixelFamily family, Slot& slot) { set_interior_rows(family, slot); }
 
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
@@ -423,18 +421,18 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lf::simd {
 HWY_EXPORT(RenderBand);
-HWY_EXPORT(FindCalmRows);
+HWY_EXPORT(FindInteriorRows);
 HWY_EXPORT(TargetName);
 
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   try {
     HWY_DYNAMIC_DISPATCH(RenderBand)(task, rect, y, scratch);
-  } catch (...) {  // out of memory: what has some of it by now does not know what it lacks
+  } catch (...) {  // allocation failed; partially resized buffers are inconsistent
     scratch = {};
     throw;
   }
 }
-void find_calm_rows(PixelFamily family, Slot& slot) { HWY_DYNAMIC_DISPATCH(FindCalmRows)(family, slot); }
+void find_interior_rows(PixelFamily family, Slot& slot) { HWY_DYNAMIC_DISPATCH(FindInteriorRows)(family, slot); }
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 
 }  // namespace lf::simd

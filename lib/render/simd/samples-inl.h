@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: where points of a view are in one camera's image, and bilinear samples from there:
-// from windows of its rows, or gathered one by one.
+// Included once per instruction set, see render_band.cc: projection of points of a view into one camera's image, and
+// bilinear samples there, from windows of its rows or gathered one by one.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_
@@ -22,15 +22,15 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 inline constexpr float kMagic = 12582912;  // 1.5 * 2^23
 
-// The nearest integer, |v| < 2^22, in the low bits of 32: adding kMagic leaves no bits for a fraction. Cheaper than
-// a conversion, which must also do right by what doesn't fit.
+// Rounds to the nearest integer, |v| < 2^22, in the low bits of 32: adding kMagic leaves no fractional bits. Cheaper
+// than a conversion, which must also handle values out of range.
 template <class V>
 HWY_INLINE auto to_low_bits(V v) {
   const hn::DFromV<V> d;
   return hn::BitCast(hn::RebindToUnsigned<decltype(d)>(), hn::Add(v, hn::Set(d, kMagic)));
 }
 
-// The nearest integer modulo 2^16: right for int16_t and uint16_t alike.
+// Rounds to the nearest integer modulo 2^16: correct for both int16_t and uint16_t.
 template <class D16, class V>
 HWY_INLINE auto to_fixed(D16, V v) {
   return hn::TruncateTo(hn::RebindToUnsigned<D16>(), to_low_bits(v));
@@ -39,11 +39,11 @@ HWY_INLINE auto to_fixed(D16, V v) {
 // Bessel's second-difference weight, t (t - 1) / 4.
 constexpr float bessel(float t) { return t * (t - 1) / 4; }
 
-// Projects points near where its terms are from: CameraProjection::project() in float, without its verdict on what is
-// lost. Rounding stays small because what is linear in the view starts from double precision near the points.
+// Projects points near the origin of `terms`: CameraProjection::project() in float, without the test for missing
+// samples. The terms are computed in double near the points, so that rounding errors stay small.
 struct Projection {
   Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
-  // `i`, `j`: columns and rows from the place that the terms are of.
+  // `i`, `j`: columns and rows from the origin of the terms.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
     const auto at = [&](int k) HWY_ATTR {
@@ -52,7 +52,7 @@ struct Projection {
     };
     finish(d, at(0), at(1), at(2), x, y, z, r2);
   }
-  // Projects with a focal map: `s` are inverse distances. What is not in front of the eye has z = 0.
+  // Projects through a focal map; `s` are inverse distances. Sets z to 0 for points behind the eye.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& r2) const {
     const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(terms.near)));
@@ -90,19 +90,19 @@ struct Projection {
   const ProjectionTerms& terms;
 };
 
-// The geometry of one plane of an image, and where along a block its samples are.
+// Geometry of one plane of an image, and the sample positions along a block.
 struct PlaneGeometry {
   float width, height;  // samples of the plane
   int32_t stride, pixel_bytes;
-  float spare_columns;                  // columns on the right that are left to the slow way
-  bool shuffles;                        // samples are bytes side by side, and rows have at least a window
-  float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15, or of the last one of the only half
+  float spare_columns;                  // columns on the right that the fast path must not read
+  bool shuffles;                        // samples are adjacent bytes, and rows have at least one window
+  float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15, or of the last sample of a single half
 };
 
 inline constexpr int kWindow = 16;                           // bytes
-inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels by which fixed point may differ from float
+inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels; largest difference of fixed point from float
 
-// The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
+// The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference, at most 0.0081 times that.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
 
 inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
@@ -127,7 +127,7 @@ inline PlaneGeometry chroma_geometry(const Slot& slot) {
           .spare_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
           .t_before_half = 14.5f / kBlock,
-          .t_half = 0,  // Cb and Cr have a half each
+          .t_half = 0,  // Cb and Cr have one half each
           .t_last = 14.5f / kBlock};
 }
 
@@ -137,10 +137,10 @@ using D16 = hn::CappedTag<int16_t, kBlock>;
 using V16 = hn::Vec<D16>;
 using DU16 = hn::RebindToUnsigned<D16>;
 
-// a + (b - a) f, f in 0..1 as 15-bit fraction; a and b are levels times 128, so differences fit.
+// a + (b - a) f, f in 0..1 as 15-bit fraction. a and b are levels times 128, so differences fit.
 HWY_INLINE V16 mix(V16 a, V16 b, V16 f) { return hn::Add(a, hn::MulFixedPoint15(hn::Sub(b, a), f)); }
 
-// Tells where the 16 samples of a unit are along its block: t, and Bessel's weight of it, in fixed point.
+// Positions of the 16 samples along a block: t and its Bessel weight, in fixed point.
 struct UnitTable {
   alignas(64) uint16_t t16[kBlock];  // 65536 = 1
   alignas(64) int16_t t15[kBlock];   // 32768 = 1
@@ -161,7 +161,7 @@ constexpr UnitTable make_unit_table(bool chroma) {
 }
 inline constexpr UnitTable kLumaTable = make_unit_table(false), kChromaTable = make_unit_table(true);
 
-// Loads 16 bytes for each half of a vector of 16 samples; for shorter vectors those of the half that they are in.
+// Loads 16 bytes for each half of a vector of 16 samples. Shorter vectors load the half that contains `lane`.
 HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lane) {
   const hn::Repartition<uint8_t, D16> d8;
   if constexpr (hn::MaxLanes(D16()) == kBlock) {
@@ -172,7 +172,7 @@ HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lan
   }
 }
 
-// A vector with one value for the samples of a block's first half and another for those of its second.
+// Returns a vector with one value for the first half of a block and another value for the second half.
 HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
   const DU16 d;
   if constexpr (hn::MaxLanes(D16()) == kBlock)
@@ -183,18 +183,17 @@ HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
 
 using VU16 = hn::Vec<DU16>;
 
-// a (1 - f) + b f of 16-bit values, f in 0..1 as 16-bit fraction and `rest` its complement.
+// a (1 - f) + b f of 16-bit values, f in 0..1 as 16-bit fraction; `rest` is the complement of f.
 HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::MulHigh(a, rest), hn::MulHigh(b, f)); }
 
-// What sample_windows() cuts off from its products, on average: from nothing to twice as much.
+// Mean truncation error of sample_windows(): between 0 and twice this value.
 inline constexpr int kCutOff = 3;
 
-// On how many rows of their windows samples may begin: the first two, or more where a focal surface steps.
+// Number of starting rows of samples in a window: two, or more at steps of a focal surface.
 inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
 
-// Samples lane.. of a block whose windows hold all that is needed, times 256, and kCutOff too small. `low`, `high`:
-// where the windows of its two halves begin.
-// `x`, `y`: positions in the windows, in fixed point (kPositionBits).
+// Returns the samples of a block from `lane` on, times 256, minus kCutOff. All must be inside the windows. `low`,
+// `high`: start of the windows of the two halves. `x`, `y`: positions in the windows, in fixed point (kPositionBits).
 template <int kSteps>
 HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
@@ -209,7 +208,7 @@ HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t*
   const auto pairs = [&](ptrdiff_t row) HWY_ATTR {
     return hn::BitCast(du, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
   };
-  // Reading all rows always is faster than asking.
+  // Always reading all rows is faster than a branch.
   auto upper = pairs(0), lower = pairs(1), last = lower;
   HWY_UNROLL(kTallSteps)
   for (int r = 1; r < kSteps; r++) {
@@ -230,28 +229,27 @@ struct FixedPositions {
   V16 x, y;
 };
 
-// Interpolates the positions of a block's samples on a plane.
 HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTable& table, size_t lane) {
   const D16 d;
   const DU16 du;
   const auto bend = hn::Load(d, table.bessel15 + lane);
   const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
                              hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
-  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // x in each half's window
+  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);
   const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
                          hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
   return {hn::BitCast(d, x), y};
 }
 
-// Positions of all samples of a block, as whole part and 15-bit fraction: in the plane's own coordinates, or each half
-// in its window.
+// Positions of all samples of a block, as integer part and 15-bit fraction. They are plane coordinates or, with
+// `corner`, relative to each half's window.
 struct Positions {
   alignas(64) int32_t column[kBlock], row[kBlock];
   alignas(64) int16_t fx[kBlock], fy[kBlock];
   int32_t corner[2] = {};  // byte offsets of the halves' windows in the plane
 };
 
-// Splits positions into whole part and fraction. `largest`: of the whole part, so that there is a neighbour.
+// Splits positions into integer part, at most `largest` so that a neighbour exists, and fraction.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   const hn::RebindToSigned<D> di;
@@ -262,7 +260,6 @@ HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   hn::Store(hn::BitCast(d16, to_fixed(d16, f)), d16, fraction);
 }
 
-// Interpolates the positions of entry `i` of a plane.
 inline void interpolate_positions(const PlanePositions& at, int i, const UnitTable& table, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const auto along = [&](const std::vector<float>& node, size_t lane) HWY_ATTR {
@@ -277,14 +274,14 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
   }
 }
 
-// Whether the samples at projected positions are seen: all, some, or rounding decides.
+// Visibility of samples at projected positions: all, some, or too close to a limit for float.
 enum class Sight { kAll, kSome, kDoubtful };
 
-// Positions that are projected one by one, for chroma or another plane, clamped to the image. `x`, `y`: from where
-// `terms` are to the block's left edge and to the samples' row. Lanes with `weight` that are lost have it moved to
-// `lost` (both of kBlock values; null for chroma, which is where its pixels are). `inverse`: distances of the focal
-// map, of kBlock values, those of chroma twice over; null without one. Doubtful: rounding could decide on a sample, or
-// its bytes can't be read; nothing is changed then.
+// Projects positions one by one, for one row of luma, RGB or chroma, and clamps them to the image. `x`, `y`: offset
+// from the origin of `terms` to the block's left edge and to the row. The weights of missing lanes move from `weight`
+// to `lost` (kBlock values each; null for chroma, which is visible where its pixels are). `inverse`: kBlock inverse
+// distances of the focal map, for chroma twice kHalf values; null without a map. If the result is kDoubtful, nothing is
+// changed: rounding could decide about a sample, or its bytes cannot be read.
 inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
                                float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
                                int16_t* lost, Positions& out) {
@@ -296,9 +293,9 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
   const float height = static_cast<float>(chroma ? chroma_size(slot.image.height) : slot.image.height);
   if (width < 2 || height < 2) return Sight::kDoubtful;
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  constexpr float kDoubt = 1.f / 128;  // pixels; far above the rounding of float
+  constexpr float kUndecided = 1.f / 128;  // pixels; far above the rounding of float
   bool doubtful = false, all = true;
-  alignas(64) int16_t seen_weight[kBlock] = {}, lost_weight[kBlock] = {};
+  alignas(64) int16_t seen_weight[kBlock] = {}, missing_weight[kBlock] = {};
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     hn::Vec<decltype(d)> px, py, z, r2;
     const auto column = hn::Add(hn::Load(d, table.x + lane), set(x)), row = set(y);
@@ -308,29 +305,29 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
       projection.project(d, column, row, px, py, z, r2);
     const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.max_r2)));
     if (weight) {
-      // How far inside the image's domain: negative outside.
+      // distance inside the image; negative outside
       const auto depth = hn::Min(hn::Min(hn::Add(px, set(0.5f)), hn::Sub(set(width - 0.5f), px)),
                                  hn::Min(hn::Add(py, set(0.5f)), hn::Sub(set(height - 0.5f), py)));
       const auto w = hn::PromoteTo(di, hn::Load(d16, weight + lane));
       const auto weighs = hn::RebindMask(d, hn::Gt(w, hn::Zero(di)));
       const auto seen = hn::And(in_front, hn::Gt(depth, hn::Zero(d)));
-      // Near the eye's plane, the fold and the border: let doubles decide.
+      // Undecided near the eye's plane, the lens's fold and the border; computed in double instead.
       const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.max_r2)));
       const auto clear =
-          hn::And(hn::Gt(hn::Abs(depth), set(kDoubt)),
+          hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),
                   hn::And(hn::Gt(hn::Abs(z), set(1e-3f)), hn::Gt(to_fold, set(1e-3f * std::min(slot.max_r2, 1e3f)))));
       doubtful = doubtful || !hn::AllFalse(d, hn::AndNot(clear, weighs));
       const auto w_seen = hn::IfThenElseZero(hn::RebindMask(di, seen), w);
       hn::Store(hn::DemoteTo(d16, w_seen), d16, seen_weight + lane);
-      hn::Store(hn::DemoteTo(d16, hn::Sub(w, w_seen)), d16, lost_weight + lane);
+      hn::Store(hn::DemoteTo(d16, hn::Sub(w, w_seen)), d16, missing_weight + lane);
       all = all && hn::AllFalse(d, hn::AndNot(seen, weighs));
     } else {
       px = hn::Mul(hn::Sub(px, set(0.5f)), set(0.5f));
       py = hn::Mul(hn::Sub(py, set(0.5f)), set(0.5f));
-      // A chroma sample may lie behind the camera and some of its pixels in front of it.
+      // A chroma sample may lie behind the camera although some of its pixels are in front.
       doubtful = doubtful || !hn::AllTrue(d, in_front);
     }
-    // What is not in front has no weight, and any position is good.
+    // Samples that are not in front have no weight, so any position will do.
     const auto good = hn::And(in_front, hn::And(hn::Eq(px, px), hn::Eq(py, py)));
     const auto limited = [&](const auto v, float largest) HWY_ATTR {
       return hn::IfThenElseZero(good, hn::Max(hn::Min(v, set(largest)), hn::Zero(d)));
@@ -338,19 +335,19 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
     split(d, limited(px, width - 1), set(width - 2), out.column + lane, out.fx + lane);
     split(d, limited(py, height - 1), set(height - 2), out.row + lane, out.fy + lane);
   }
-  // The bytes after the last pixel of three bytes are not ours.
+  // The bytes after the last pixel are outside the buffer if pixels have three bytes.
   if (task.family == PixelFamily::kRgb && slot.image.layout.pixel_stride < 4)
     for (int i = 0; i < kBlock; i++)
       doubtful = doubtful || (out.row[i] + 2 >= slot.image.height && out.column[i] + 2 >= slot.image.width);
   if (doubtful) return Sight::kDoubtful;
   if (weight && !all) {
     std::copy_n(seen_weight, kBlock, weight);
-    std::copy_n(lost_weight, kBlock, lost);
+    std::copy_n(missing_weight, kBlock, lost);
   }
   return all ? Sight::kAll : Sight::kSome;
 }
 
-// Samples from anywhere inside the planes of the two halves, times 128.
+// Samples anywhere inside the planes of the two halves, times 128.
 HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t low_stride,
                              ptrdiff_t high_stride, int16_t* out) {
   alignas(64) uint16_t upper[kBlock], lower[kBlock];
@@ -373,7 +370,6 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   }
 }
 
-// Planes of R, G and B from pixels of four values.
 HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
   const D16 d;
   for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
@@ -385,7 +381,7 @@ HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
   }
 }
 
-// Samples of R, G and B, times 128, from anywhere inside the image.
+// Samples R, G and B anywhere inside the image, times 128.
 HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
   const uint8_t* const plane = slot.image.plane[0];
   const ptrdiff_t stride = slot.image.stride[0], pixel_stride = slot.image.layout.pixel_stride;

@@ -28,7 +28,7 @@ void CellWork::resize(size_t n) {
 }
 
 void SurfaceBand::resize(int blocks) {
-  constexpr int kLanes = 2 * kBlock;  // of any vector, twice: nodes to the right of the last half are looked at
+  constexpr int kLanes = 2 * kBlock;  // twice the lanes of any vector: nodes to the right of the last half are read
   const int wanted = (2 * blocks + kLanes - 1) / kLanes * kLanes + kLanes;
   if (pitch >= wanted) return;
   pitch = wanted;
@@ -40,7 +40,7 @@ void SurfaceBand::resize(int blocks) {
   luma_origin.resize(rows);
   chroma_corner.resize(rows / 4);
   chroma_origin.resize(rows / 4);
-  calm_pairs.resize(halves / 2);
+  interior_pairs.resize(halves / 2);
 }
 
 ProjectionTerms terms_at(const Slot& slot, double x, double y) {
@@ -73,7 +73,7 @@ ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse) {
 
 namespace {
 
-// Camera coordinates are homography * ray(x, y); for pinhole views the ray is linear in the pixel too.
+// Camera coordinates are homography * ray(x, y). For pinhole views the ray is linear in the pixel.
 Mat3 from_pixel(const Mat3& camera_from_ray, const Rays& rays) {
   const Vec2 origin = rays.at(0, 0);
   const double du = rays.at(1, 0).x - origin.x, dv = rays.at(0, 1).y - origin.y;
@@ -90,11 +90,11 @@ void pick_pixels(const RgbLayout& layout, Slot& slot) {
   }
 }
 
-// They depend on how the image lies in memory, too.
-void look_for_calm_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
-  slot.calm_y0 = slot.calm_y1 = 0;
+// Call again when the image memory changes: the result depends on its layout.
+void search_interior_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
+  slot.interior_y0 = slot.interior_y1 = 0;
   const bool is_here = slot.image.plane[0] || slot.image.family == PixelFamily::kNone;
-  if (is_here && plan.rays().separable() && !slot.projection->has_map()) find_calm_rows(family, slot);
+  if (is_here && plan.rays().separable() && !slot.projection->has_map()) find_interior_rows(family, slot);
 }
 
 Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source, PixelFamily family,
@@ -126,9 +126,9 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.p2 = static_cast<float>(lens.p2());
   slot.tangential = lens.p1() != 0 || lens.p2() != 0;
   slot.radial = lens.has_distortion();
-  // Slightly less than the fold: rounding must not see beyond it.
+  // Slightly less than the radius of the lens's fold, so that rounding does not cross the fold.
   slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
-  look_for_calm_rows(plan, family, slot);
+  search_interior_rows(plan, family, slot);
   return slot;
 }
 
@@ -136,7 +136,7 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
 
 void place_image(const SumTask& task, Slot& slot, const ImageView& image) {
   slot.image = image;
-  look_for_calm_rows(*task.plan, task.family, slot);
+  search_interior_rows(*task.plan, task.family, slot);
 }
 
 size_t samples_of(const SumTask& task, const Rect& rect) {
@@ -148,14 +148,14 @@ size_t samples_of(const SumTask& task, const Rect& rect) {
   return samples;
 }
 
-PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
+PreparedTask::PreparedTask(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources,
                            PixelFamily family, Coordinates coordinates) {
   task.plan = &plan;
   task.runs = &runs;
   task.family = family;
   task.exact = coordinates == Coordinates::kExact;
   task.slot_of_camera.assign(plan.num_cameras(), -1);
-  projections.reserve(sources.size());  // slots point at them
+  projections.reserve(sources.size());  // slots point to the elements
   for (const Source& source : sources) {
     const Camera& camera = *source.rig_camera;
     if (source.image.family != PixelFamily::kNone) {
@@ -191,7 +191,7 @@ Scratch& scratch_for(const Rect& rect, size_t slots) {
       sum.resize(std::max(sum.size(), blocks * kBlock));
       scratch.sum[r][c] = sum.data();
     }
-    auto& lost = scratch.lost_memory[r];
+    auto& lost = scratch.missing_memory[r];
     lost.resize(std::max(lost.size(), blocks * kBlock));
     scratch.lost[r] = lost.data();
   }
@@ -216,7 +216,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
   const int x_end = std::min(x + kBlock, task.plan->view().width);
   struct Chroma {
     float weight = 0;
-    Vec2 position;  // of one valid pixel
+    Vec2 position;  // position of one visible pixel
   } chroma[kChromaBlock];
   const int r_end = std::min(2 * pair + 2, y_end - y);
   for (int r = 2 * pair; r < r_end; r++)
@@ -227,7 +227,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
       if (!slot.projection->project(rays.at(x + i, y + r), task.plan->inverse_at(x + i, y + r), position)) {
         uint16_t& lost = scratch.lost[r][out * kBlock + i];
         lost = static_cast<uint16_t>(std::min(lost + w, 65535));
-        scratch.any_lost = true;
+        scratch.any_missing = true;
         continue;
       }
       const float weight = static_cast<float>(w) / kWeightOne;
@@ -249,8 +249,8 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
     const int pixels = (x + 2 * k + 1 < x_end ? 2 : 1) * (r_end - 2 * pair);
     const float weight = chroma[k].weight / static_cast<float>(pixels);
     Vec2 position;
-    if (!slot.projection->project_beyond(rays.at_centre_of_four(x + 2 * k, y + 2 * pair),
-                                         task.plan->inverse_at(x + 2 * k + 0.5, y + 2 * pair + 0.5), position))
+    if (!slot.projection->project_unbounded(rays.at_centre_of_four(x + 2 * k, y + 2 * pair),
+                                            task.plan->inverse_at(x + 2 * k + 0.5, y + 2 * pair + 0.5), position))
       position = chroma[k].position;
     const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height));
     for (int c = 1; c <= 2; c++)

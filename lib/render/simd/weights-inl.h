@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: the weights of all our cameras in a band.
+// Included once per instruction set, see render_band.cc: the weights of all local cameras in a band.
 #if defined(LF_RENDER_SIMD_WEIGHTS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_WEIGHTS_INL_H_
 #undef LF_RENDER_SIMD_WEIGHTS_INL_H_
@@ -19,8 +19,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Where a face's weights are smooth along a block, a parabola through three of them in each row is as good as all of
-// them; elsewhere they are computed pixel by pixel.
+// If a face's weights are smooth along a block, each row uses a parabola through three weights. Otherwise they are
+// computed pixel by pixel.
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -29,16 +29,16 @@ inline void spread_weights(const FaceBlock&, Scratch&) {}
 
 #else
 
-// Weights in the making are unsigned, so that one may come out slightly below 0: half of 1 higher than they are, and
-// half a unit for rounding.
+// Offset of unsigned intermediate weights: 1/2, so that a weight may be slightly negative, plus half a unit for
+// rounding.
 inline constexpr uint32_t kWeightOffset = (1u << 29) + (1u << 14);
 
-// The most that the parabola through three weights (at t = 0, 1/2 and 1) may miss those between by: by 0.0481 c^2 rise,
-// where the sum of the edge functions changes by the fraction c of itself along a block, and the weight by `rise`.
+// Largest error of the parabola through the weights at t = 0, 1/2 and 1. The error is at most 0.0481 c^2 rise, if the
+// sum of the edge functions changes by the fraction c along a block, and the weight by `rise`.
 inline constexpr float kLargestMiss = 1e-5f;
 
-// Fits the weights of a face in the rows from y on of the block at x. False if they aren't smooth enough, which depends
-// on nothing else, so that everybody decides alike.
+// Fits the weights of a face in the rows from y on of the block at x. Returns false if the weights are not smooth
+// enough. The decision depends only on these arguments, so all nodes agree.
 inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, FaceBlock& out) {
   if (!rays.separable()) return false;
   const hn::CappedTag<float, kBandRows> d;
@@ -67,7 +67,7 @@ inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, Fa
       const auto w0 = hn::Mul(e0, scale0), w1 = hn::Mul(e1, scale1), w2 = hn::Mul(e2, scale2);
       const auto rise = hn::Sub(w2, w0), bend = hn::NegMulAdd(set(2), w1, hn::Add(w0, w2));
       largest_rise = hn::Max(largest_rise, hn::Abs(rise));
-      // As in to_low_bits(): what shifting leaves of the low bits is `at` in units of 2^-20.
+      // As in to_low_bits(); the low bits that remain after the shift are `at` in units of 2^-20.
       constexpr int kShift = 10;
       static_assert(kWeightOffset % (1 << kShift) == 0);
       const auto at = hn::MulAdd(w0, set(1 << 20), set(kMagic + static_cast<float>(kWeightOffset >> kShift)));
@@ -76,7 +76,7 @@ inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, Fa
       const auto high = hn::ShiftLeft<16>(hn::BitCast(du, hn::MulAdd(bend, set(8 * 32768), set(kMagic))));
       hn::Store(hn::Or(low, high), du, out.rise_bend[k] + row);
     }
-    // A sum that changes its sign changes by more than it is.
+    // A sum that changes its sign changes by more than its own value.
     const auto change = hn::Abs(hn::Mul(hn::Add(sum_half, sum_half), scale1));
     const auto miss = hn::Mul(hn::Mul(change, change), hn::Mul(largest_rise, set(0.0481)));
     const auto fits = hn::And(hn::Lt(change, set(0.125)), hn::Lt(largest_rise, set(0.99)));
@@ -85,8 +85,8 @@ inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, Fa
   return hn::AllTrue(d, all);
 }
 
-// Factors of rise and bend in the even and in the odd pixels of a block, pairs of 2^15 = 1, and masks of 16 lanes that
-// begin or end anywhere.
+// Factors of rise and bend for the even and the odd pixels of a block, as pairs with 2^15 = 1, and masks of 16 lanes
+// that begin or end anywhere.
 struct SpreadTable {
   alignas(64) int16_t even[kBlock], odd[kBlock];
   alignas(64) int16_t from[2 * kBlock], to[2 * kBlock];
@@ -104,7 +104,7 @@ constexpr SpreadTable make_spread_table() {
 }
 inline constexpr SpreadTable kSpread = make_spread_table();
 
-// Writes the weights of the pixels of `face`, which is smooth, beside what is there of others.
+// Writes the weights of the pixels of a smooth face; keeps the weights of other faces.
 inline void spread_weights(const FaceBlock& face, Scratch& scratch) {
   const hn::CappedTag<int16_t, kBlock> d;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -151,7 +151,6 @@ inline void spread_weights(const FaceBlock& face, Scratch& scratch) {
 
 #endif
 
-// The number of a slot's entry in a block, made if there is none.
 inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   for (int32_t i = scratch.head[block]; i >= 0; i = scratch.weights[i].next)
     if (scratch.weights[i].slot == slot) return i;
@@ -168,8 +167,8 @@ inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   return number;
 }
 
-// The number in scratch.faces of a face in a block, made if none of its rows was there before. `block`: of the
-// rectangle; x, y: the block's and the band's first pixel.
+// Returns the index in scratch.faces of a face in a block. Creates the entry if necessary. `block`: index in the
+// rectangle; x, y: first pixel of the block and of the band.
 HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int block, int x, int y, int32_t face,
                                  uint8_t corners) {
   LastFaces& last = scratch.last_faces[block];
@@ -189,17 +188,17 @@ HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int bloc
   return number;
 }
 
-// The weights e_k / (e_0 + e_1 + e_2) of the corners in `corners` for pixels [x0, x1) of one block and row, x in pixels
-// from the block's left edge. `e`: the edge functions at x0, `step`: from pixel to pixel. The functions are linear, so
-// starting where the face begins keeps them free of what happens outside of it.
+// Computes the weights e_k / (e_0 + e_1 + e_2) of `corners` for pixels [x0, x1) of one block and row; x is relative to
+// the block. `e`: edge functions at x0, `step`: increments per pixel. Starting at the face's first pixel avoids values
+// from outside the face.
 inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t corners, int16_t* const out[3]) {
   const hn::CappedTag<float, kBlock> df;
   const hn::Rebind<int16_t, decltype(df)> d16;
   const int lanes = static_cast<int>(hn::Lanes(df));
   const auto iota = hn::Iota(df, 0);
   const auto first = hn::Set(df, static_cast<float>(x0)), past = hn::Set(df, static_cast<float>(x1));
-  // Where the sum varies little a step or two of Newton's from its middle are as good as a division (each squares the
-  // relative error, which is 1/256 or 1/16 at first), and faster.
+  // If the sum varies little, one or two Newton steps from its middle are as accurate as a division, and faster. Each
+  // step squares the relative error, initially 1/256 or 1/16.
   const float sum_x0 = e[0] + e[1] + e[2];
   const float half_change = 0.5f * static_cast<float>(x1 - 1 - x0) * (step[0] + step[1] + step[2]);
   const float middle = sum_x0 + half_change;
@@ -223,7 +222,7 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
       scale = hn::Mul(scale, one);
     }
     const auto store = [&](const auto e_k, int16_t* to) HWY_ATTR {
-      // Rounding may leave a corner slightly outside of 0 to 1 at an edge. NaN is nothing.
+      // Rounding may move a weight slightly outside 0 to 1 at an edge. NaN becomes 0.
       const auto w = hn::Min(hn::Max(hn::Mul(e_k, scale), hn::Zero(df)), hn::Set(df, 32767.f));
       const auto w16 = hn::BitCast(d16, to_fixed(d16, hn::IfThenElseZero(inside, w)));
       hn::Store(hn::Or(hn::Load(d16, to + i), w16), d16, to + i);
@@ -234,8 +233,7 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   }
 }
 
-// Weighs pixels [x, x1) of a run, in one block, pixel by pixel.
-inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x, int x1, const FaceBlock& block,
+inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x, int x1, const FaceBlock& block,
                           Scratch& scratch) {
   const FacePlan& face = task.plan->faces()[run.face];
   const Rays& rays = task.plan->rays();
@@ -261,28 +259,28 @@ inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// As weigh_band(), where weights come from a grid: it has those of every slot in every block, which count where `runs`
-// say that there is anything in focus.
+// Like weigh_band() for a view with a WeightGrid: weighs every slot in every block, and clears pixels outside `runs`,
+// where nothing is in focus.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
-  static_assert(BlendGrid::kStep == kBlock && BlendGrid::kStep % kBandRows == 0 && BlendGrid::kOne == 1 << 15);
-  const BlendGrid& grid = *task.plan->blend();
+  static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
+  const WeightGrid& grid = *task.plan->blend();
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   const int first_row = std::max(0, rect.y0 - y), past_row = std::min(kBandRows, rect.y1 - y);
   for (int32_t number = 0; number < static_cast<int32_t>(task.slots.size()); number++) {
     const Rect at = intersect(task.slots[number].rect, {rect.x0, y, rect.x1, y + kBandRows});
     if (at.empty()) continue;
     for (int block = at.x0 / kBlock; block * kBlock < at.x1; block++) {
-      BlendGrid::Cell cell;
-      if (!grid.find(task.slots[number].camera, block, y / BlendGrid::kStep, cell)) continue;
+      WeightGrid::Cell cell;
+      if (!grid.find(task.slots[number].camera, block, y / WeightGrid::kStep, cell)) continue;
       BlockWeights& entry = scratch.weights[entry_of(scratch, block - first_block, number)];
       for (int r = first_row; r < past_row; r++) {
         for (int x = 0; x < kBlock; x++)
-          entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % BlendGrid::kStep), 32767));
+          entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
         entry.rows |= 1u << r;
       }
     }
   }
-  // Nearly always all of a block is in focus.
+  // Clears the pixels that are not in focus. Nearly always there are none.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
   const auto clear = [&](int r, int x0, int x1) {
     for (int x = x0, end; x < x1; x = end) {
@@ -294,7 +292,7 @@ inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   };
   for (int r = first_row; r < past_row; r++) {
     int x = blocks_x0;
-    for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
+    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
       clear(r, x, std::max(run.x0, x));
       x = std::max(x, run.x1);
     }
@@ -309,11 +307,10 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   std::fill_n(scratch.head.begin(), blocks, -1);
   if (task.plan->blend()) return blend_band(task, rect, y, scratch);
   std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
-  // Weights are made for whole blocks, wherever the rectangle begins in one: so a pixel has the same weights in every
-  // rectangle.
+  // Whole blocks are weighed regardless of the rectangle, so that a pixel has the same weights in every rectangle.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
   for (int r = std::max(0, rect.y0 - y); r < kBandRows && y + r < rect.y1; r++)
-    for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
+    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
       const uint8_t corners = task.face_corners[run.face];
       if (!corners) continue;
       const int run_x1 = std::min(run.x1, blocks_x1);
@@ -328,7 +325,7 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
             if (corners >> k & 1) scratch.weights[face.entry[k]].rows |= 1u << r;
           continue;
         }
-        if (HWY_UNLIKELY(face.rows >> r & 1)) {  // the face has a run of this row already
+        if (HWY_UNLIKELY(face.rows >> r & 1)) {  // the face has a run in this row already
           spread_weights(face, scratch);
           face.rows = 0;
         }

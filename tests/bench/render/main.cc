@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// bench-render: speed against error of every way to render a view, beside OpenCV.
+// bench-render: speed against error of every rendering method, and of OpenCV.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -25,10 +25,10 @@
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
-// Its name is what callgrind is told to look for.
+// callgrind counts the instructions of this function by name.
 extern "C" [[gnu::noinline]] void render_once(lf::bench::Method* method) {
   method->render();
-  asm volatile("");  // no tail call: it would leave the function before the work
+  asm volatile("");  // prevents a tail call, which would leave the function before the work
 }
 
 namespace lf::bench {
@@ -46,8 +46,8 @@ bool print_case(const reference::HardCase& hard, const std::vector<reference::Su
   return all;
 }
 
-// The table of the hard cases of numerical stability: what they leave of every renderer, beside its bounds. False if
-// one is broken: it is marked in the table.
+// Prints the table of numerically hard cases: errors of every renderer and their bounds. Returns false and marks the
+// row if a bound is exceeded.
 bool print_numerics() {
   const std::vector<reference::Subject> subjects = reference::subjects();
   const std::vector<reference::HardCase> cases = reference::hard_cases();
@@ -66,7 +66,7 @@ struct Kind {
 };
 constexpr Kind kKinds[] = {{"self", Access::kSelf}, {"warp", Access::kWarp}, {"pixels", Access::kPixels}};
 
-// One view by way of one kind of camera, step by step; every step takes what the one before it sent.
+// Runs one view through one kind of camera access, step by step; each step consumes the output of its predecessor.
 class Round {
  public:
   Round(const Scene& scene, const Kind& kind, int quality)
@@ -125,11 +125,11 @@ class Round {
   Image picture_;
 };
 
-// Processor time of this thread, of the shortest of some calls; nanoseconds.
+// Returns the shortest CPU time of this thread over some calls, nanoseconds.
 template <typename F>
 double shortest(int repeats, F call) {
   const auto now = [] { return 1e9 * seconds(CLOCK_THREAD_CPUTIME_ID); };
-  constexpr double kEnough = 2e9 / 3;  // of three steps
+  constexpr double kEnough = 2e9 / 3;  // three steps
   double best = INFINITY, all = 0;
   for (int i = 0; repeats > 0 ? i < repeats : i < 3 || all < kEnough; i++) {
     const double begin = now();
@@ -141,9 +141,9 @@ double shortest(int repeats, F call) {
   return best;
 }
 
-// The three random access cameras beside one another: bytes that travel to and from 64 cameras for a view of each size,
-// and what it costs at the viewer, at the cameras and at the compositor. `repeats` renderings each, of which the
-// shortest counts; 0: as many as fit two seconds.
+// Compares the three random access cameras: bytes to and from 64 cameras for each view size, and CPU time at the
+// viewer, the cameras and the compositor. The shortest of `repeats` renderings counts; 0: as many as fit into two
+// seconds.
 void print_access(const std::vector<std::pair<int, int>>& sizes, int cameras, int repeats) {
   std::printf("%-18s %-10s %8s | %10s %10s | %12s | %12s %12s %12s | %6s %7s\n", "cameras", "view", "codec", "to them",
               "from them", "asking, us", "cameras", "compositor", "together", "max", "PSNR");
@@ -170,8 +170,8 @@ void print_access(const std::vector<std::pair<int, int>>& sizes, int cameras, in
   }
 }
 
-// Renders one view of a fixed scene by the method of that label `times` times, inside a function "render_once" of which
-// a profiler counts instructions. Throws Error if there is no such method; the message names those that there are.
+// Renders one view of a fixed scene `times` times with the method of this label, inside the function "render_once", for
+// profilers that count instructions. Throws Error if no method has this label; the message lists all labels.
 void run_once(const std::string& name, const ArrayOptions& array, int times) {
   SceneOptions options;
   options.array = array;
@@ -186,7 +186,7 @@ void run_once(const std::string& name, const ArrayOptions& array, int times) {
     }
     const Scene scene(options);
     const auto method = kind.make(scene, scene.views().front());
-    method->render();  // the first call also makes room and tables
+    method->render();  // the first call also allocates memory and tables
     for (int i = 0; i < times; i++) render_once(method.get());
     return;
   }
@@ -252,7 +252,7 @@ int main(int argc, char** argv) {
   app.add_option("--cameras", o.plan.cameras, "64 without this")->delimiter(',')->check(cli::Range(4, 4096));
   app.add_option("--threads", o.plan.threads)->delimiter(',')->check(cli::Range(1, 256));
   app.add_option("--qualities", o.plan.qualities, "of JPEG")->delimiter(',')->check(cli::Range(1, 100));
-  app.add_option("--repeats", o.plan.repeats, "turns of each method, in place of a few seconds each situation")
+  app.add_option("--repeats", o.plan.repeats, "runs of each method, instead of a few seconds per situation")
       ->check(cli::Range(1, 1000000));
   app.add_option("--json", o.json, "write the rows to this file")->type_name("FILE");
   app.add_option("--plots", o.plots, "draw them into this folder (needs gnuplot)")->type_name("DIR");
@@ -261,7 +261,7 @@ int main(int argc, char** argv) {
       app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
   const cli::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
   const cli::App* access = app.add_subcommand(
-      "access", "cameras that find out, that are told how to warp, that give pixels: bytes and time");
+      "access", "bytes and time of each camera access: self, warp and pixels");
   cli::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
   once->add_option("METHOD", o.method, "as in the table: \"simd i420\"")->required();
   once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");

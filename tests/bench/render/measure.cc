@@ -16,7 +16,7 @@
 #include "bench/render/scene.h"
 #include "composite/accumulator.h"
 #include "jpeg/fragment_codec.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "reference/float_renderer.h"
 #include "reference/renderer.h"
 #include "render/camera_projection.h"
@@ -36,17 +36,17 @@ double seconds(clockid_t clock) {
 
 namespace {
 
-// One method for every view of the scene.
+// Runs one method for every view of the scene.
 class Runner {
  public:
   Runner(const Scene& scene, const MethodKind& kind)
       : clock_(kind.setting.threads > 1 ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID) {
     for (const View& view : scene.views()) methods_.push_back(kind.make(scene, view));
   }
-  // A turn is a few renderings in a row, so that what others left in the caches counts once.
+  // Several renderings per turn, so that the caches left by other methods count only once.
   void take_turn() {
     constexpr int kInARow = 3;
-    constexpr double kLong = 0.05;  // seconds: caches don't matter to it
+    constexpr double kLong = 0.05;  // seconds: the state of the caches is negligible
     for (int i = 0; i < kInARow; i++) {
       const double start = seconds(clock_);
       for (const auto& method : methods_) method->render();
@@ -170,10 +170,10 @@ class Plan {
   }
 
  private:
-  // Where only time counts.
+  // Used if only time matters.
   static constexpr double kFewPixels = 8e6;
 
-  // OpenCV's baseline has no distortion: one size without shows its errors.
+  // OpenCV's baseline has no distortion: one size without distortion shows its errors.
   Size errors_at() const { return options_.sizes.size() > 1 ? options_.sizes[1] : options_.sizes[0]; }
 
   SceneOptions& add(const Size& size, int cameras, const MethodOptions& methods) {
@@ -185,7 +185,7 @@ class Plan {
     return plan_.back().scene;
   }
 
-  // Where threads change nothing that is shown.
+  // Used if threads do not change the reported figures.
   static MethodOptions on_one_thread(MethodOptions methods) {
     methods.threads.resize(1);
     return methods;
@@ -212,13 +212,13 @@ std::vector<Configuration> make_plan(const PlanOptions& options) { return Plan(o
 
 namespace {
 
-// One term of the error budget (docs/error-budget.md): what one step does on its own, everything before it exact.
+// One term of the error budget (docs/reference/error-budget.md): the error of a single step with exact inputs.
 struct Spread {
   double max = 0, rms = 0;
 };
 struct Term {
   std::string name, unit;
-  double bound = 0;  // of `max`; 0: stated by no one
+  double bound = 0;  // bound of `max`; 0: no stated bound
   Spread (*measure)(const Scene& scene);
 };
 
@@ -238,7 +238,7 @@ class Collector {
 
 RenderJob job_of(const Scene& scene) { return {scene.rig(), scene.mesh(), scene.views().front(), scene.cameras()}; }
 
-// Weights of the cameras in float, from edge functions in double.
+// Camera weights in float, from edge functions in double.
 Spread weights(const Scene& scene) {
   const RenderJob job = job_of(scene);
   const reference::Picture exact = reference::render(scene.rig(), scene.mesh(), scene.views().front(), {});
@@ -254,7 +254,7 @@ Spread weights(const Scene& scene) {
   return errors.spread();
 }
 
-// Positions in the cameras' images, in double.
+// Positions in the camera images, in double.
 Spread positions(const Scene& scene) {
   using namespace reference;
   const RenderJob job = job_of(scene);
@@ -295,16 +295,16 @@ Spread chroma_subsampling(const Scene& scene) {
   return errors.spread();
 }
 
-// In the order in which a pixel meets them.
+// In processing order.
 std::vector<Term> plain_terms() {
   return {{"edge functions: weights in float", "of 1", 1e-6, weights},
           {"coordinates in double", "pixels", 1e-6, positions},
           {"chroma at half resolution", "of 255", 0, chroma_subsampling}};
 }
 
-// What the steps of the SIMD renderer add, by its own code compiled for the least this processor family has.
+// Errors of the SIMD renderer's steps, using its own code compiled for the baseline instruction set.
 
-// The whole view of a scene, and what is rendered of it.
+// A scene's whole view with its render job.
 struct Ready {
   explicit Ready(const Scene& scene, bool seeing = true)
       : scene(scene),
@@ -328,17 +328,17 @@ struct Sum {
       : samples(packed_size(PixelFamily::kI420, ready.all.width(), ready.all.height())),
         lost(static_cast<size_t>(ready.all.width()) * ready.all.height()) {
     const SumRenderer renderer(ready.job.plan(), ready.job.runs(), sources, PixelFamily::kI420, coordinates);
-    const bool any_lost =
+    const bool any_missing =
         renderer.render_rows(0, ready.all.y1, packed_sums(PixelFamily::kI420, ready.all, samples.data(), lost.data()));
     planes = packed_sums<const int16_t, const uint16_t>(PixelFamily::kI420, ready.all, samples.data(),
-                                                        any_lost ? lost.data() : nullptr);
+                                                        any_missing ? lost.data() : nullptr);
   }
   std::vector<int16_t> samples;
   std::vector<uint16_t> lost;
   ConstSumPlanes planes;
 };
 
-// A camera without a picture loses its weight: that shows it as it is.
+// A camera without a picture loses all its weight, which exposes the weight itself.
 Spread simd_weights(const Scene& scene) {
   const Ready ready(scene, false);
   const reference::Picture exact = reference::render(scene.rig(), scene.mesh(), ready.view, {});
@@ -349,7 +349,7 @@ Spread simd_weights(const Scene& scene) {
     for (int y = 0; y < ready.view.height; y++)
       for (int x = 0; x < ready.view.width; x++, i++)
         if (const double weight = exact.weight_of(x, y, source.camera); weight != 0)
-          errors.add(sum.lost[i] / double{kLostOne} - weight);
+          errors.add(sum.lost[i] / double{kMissingOne} - weight);
   }
   return errors.spread();
 }
@@ -362,18 +362,18 @@ struct Place {
   const simd::Slot& slot;
   const simd::SlotBand& band;
   const Rays& rays;
-  int row;    // of the band
-  int block;  // of the band; its node on the left is entry() + 1
+  int row;    // within the band
+  int block;  // index in the band; the left node is entry() + 1
   int entry() const { return row * band.pitch + block; }
-  int x() const { return (band.first_block + block) * simd::kBlock; }  // of the view
+  int x() const { return (band.first_block + block) * simd::kBlock; }  // within the view
   std::optional<Vec2> exact(int x) const {
     Vec2 position;
-    if (!slot.projection->project_beyond(rays.at(x, band.y + row), 0, position)) return std::nullopt;
+    if (!slot.projection->project_unbounded(rays.at(x, band.y + row), 0, position)) return std::nullopt;
     return position;
   }
 };
 
-// visit(place) for all rows of all blocks that are interpolated.
+// Calls visit(place) for all rows of all interpolated blocks.
 template <class Visit>
 Spread in_blocks(const Scene& scene, bool shuffled_alone, const Visit& visit) {
   const Ready ready(scene);
@@ -390,8 +390,8 @@ Spread in_blocks(const Scene& scene, bool shuffled_alone, const Visit& visit) {
       target::place_plane(true, slot, y, band);
       for (int row = std::max(slot.rect.y0 - y, 0); row < std::min(slot.rect.y1 - y, simd::kBandRows); row++)
         for (int block = 0; block < band.blocks; block++) {
-          const int verdict =
-              band.calm ? simd::SlotBand::kShuffle : band.verdict[static_cast<size_t>(row / 2 * band.pitch + block)];
+          const int verdict = band.interior ? simd::SlotBand::kShuffle
+                                            : band.verdict[static_cast<size_t>(row / 2 * band.pitch + block)];
           if (verdict == simd::SlotBand::kShuffle || (!shuffled_alone && verdict == simd::SlotBand::kSample))
             visit(Place{slot, band, ready.job.plan().rays(), row, block}, errors);
         }
@@ -413,12 +413,12 @@ Spread projection(const Scene& scene) {
   });
 }
 
-// Bessel's rule on four values, at `t` from the second to the third.
+// Bessel interpolation of four values, at `t` from the second to the third.
 double interpolated(const double (&v)[4], double t) {
   return v[1] + t * (v[2] - v[1]) + t * (t - 1) / 4 * (v[3] - v[2] - v[1] + v[0]);
 }
 
-// Between exact positions at the ends of blocks.
+// Interpolation between exact positions at the ends of blocks.
 Spread grid(const Scene& scene) {
   return in_blocks(scene, false, [](const Place& at, Collector& errors) {
     double x[4], y[4];
@@ -437,7 +437,7 @@ Spread grid(const Scene& scene) {
   });
 }
 
-// As sample_windows() finds them, beside the same interpolation in double.
+// Positions from sample_windows(), compared with the same interpolation in double.
 Spread fixed_point(const Scene& scene) {
   return in_blocks(scene, true, [](const Place& at, Collector& errors) {
     const simd::PlanePositions& luma = at.band.luma;
@@ -465,7 +465,7 @@ Spread fixed_point(const Scene& scene) {
 
 // --- pictures --------------------------------------------------------------------------------------------------------
 
-// The luma of sums in 16 bits, not rounded.
+// The luma of 16-bit sums before rounding.
 template <Coordinates kCoordinates>
 Spread sums(const Scene& scene) {
   const Ready ready(scene);
@@ -473,7 +473,7 @@ Spread sums(const Scene& scene) {
   const FloatStill& exact = scene.exact(PixelFamily::kI420);
   Collector errors;
   for (size_t i = 0; i < exact.valid.size(); i++)
-    if (exact.valid[i] > kCovered) errors.add(sum.samples[i] / double{1 << kSumFractionBits} - exact.colour[i]);
+    if (exact.valid[i] > kMinCoverage) errors.add(sum.samples[i] / double{1 << kSumFractionBits} - exact.colour[i]);
   return errors.spread();
 }
 
@@ -482,12 +482,12 @@ Spread picture(const Scene& scene) {
   const Sum sum(ready, ready.sources, Coordinates::kGrid);
   Accumulator accumulator;
   accumulator.reset(PixelFamily::kI420, ready.view.width, ready.view.height);
-  accumulator.add_kept(sum.planes);
+  accumulator.add_borrowed(sum.planes);
   const Image picture = accumulator.resolve();
   const FloatStill& exact = scene.exact(PixelFamily::kI420);
   Collector errors;
   for (size_t i = 0; i < exact.valid.size(); i++)
-    if (exact.valid[i] > kCovered) errors.add(picture.data()[i] - exact.colour[i]);
+    if (exact.valid[i] > kMinCoverage) errors.add(picture.data()[i] - exact.colour[i]);
   return errors.spread();
 }
 
@@ -515,7 +515,8 @@ Spread jpeg_of_sum(const Scene& scene) {
 }
 
 std::vector<Term> simd_terms() {
-  // Positions good to 1/256 pixel between samples of 0 and 255 along both axes, and the sums' own: see error-budget.md.
+  // Positions within 1/256 pixel between samples of 0 and 255 along both axes, plus the errors of the sums: see
+  // error-budget.md.
   return {{"SIMD: weights in 15 bits", "of 1", 2.5 / 32768, simd_weights},
           {"SIMD: coordinates in float", "pixels", 1.0 / 4096, projection},
           {"SIMD: between coordinates 16 pixels apart", "pixels", kGridError, grid},

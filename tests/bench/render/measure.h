@@ -11,21 +11,20 @@
 
 namespace lf::bench {
 
-// What a clock shows.
+// Returns the reading of a clock.
 double seconds(clockid_t clock);
 
-// How long to measure one situation: until all methods have had `repeats` turns; 0: until `seconds` are over, but at
-// least three turns.
+// Duration of a measurement: until all methods have had `repeats` turns; 0: for `seconds`, but at least three turns.
 struct Timing {
   int repeats = 0;
   double seconds = 6;
 };
 
-// One row each method. They take turns, so that all see the same disturbances, and the shortest turn counts: processor
-// time of the thread where one works, else time on the clock.
+// Returns one row per method. Methods run in turns, so that disturbances affect all alike, and the shortest turn
+// counts: CPU time of the thread for single-threaded methods, otherwise wall-clock time.
 std::vector<Row> measure(const Scene& scene, const std::vector<MethodKind>& kinds, const Timing& timing);
 
-// One situation and what is measured in it.
+// One situation and the methods to measure.
 struct Configuration {
   SceneOptions scene;
   MethodOptions methods;
@@ -35,14 +34,14 @@ struct Configuration {
 struct PlanOptions {
   bool full = false, acceptance = false;
   std::vector<std::pair<int, int>> sizes = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}};
-  std::vector<int> cameras, threads, qualities;  // empty: as many as the plan has
+  std::vector<int> cameras, threads, qualities;  // empty: the plan's values
   int repeats = 0;
 };
 
 std::vector<Configuration> make_plan(const PlanOptions& options);
 
-// Measures all terms of the error budget (docs/error-budget.md) on a natural picture and on a 1-pixel checkerboard.
-// False if a bound is broken: it is marked.
+// Measures all terms of the error budget (docs/reference/error-budget.md) on a natural picture and on a 1-pixel checkerboard.
+// Returns false and marks the term if a bound is exceeded.
 bool print_budget();
 
 }  // namespace lf::bench

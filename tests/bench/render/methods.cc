@@ -25,7 +25,7 @@
 namespace lf::bench {
 namespace {
 
-// Threads that wait for work, as a live system has them. The caller works too: a pool of one has no threads.
+// Waiting threads, as in a live system. The calling thread works too: a pool of one has no threads.
 class Pool {
  public:
   explicit Pool(int threads);
@@ -33,7 +33,7 @@ class Pool {
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
 
-  // As in ParallelFor. From one thread at a time.
+  // As in ParallelFor. Not thread-safe.
   void run(size_t count, const std::function<void(size_t)>& task);
   ParallelFor parallel() {
     return [this](size_t count, const std::function<void(size_t)>& task) { run(count, task); };
@@ -45,11 +45,11 @@ class Pool {
 
   std::mutex mutex_;
   std::condition_variable start_, done_;
-  uint64_t round_ = 0;  // of run()
+  uint64_t round_ = 0;  // number of run() calls
   size_t working_ = 0;
   bool stop_ = false;
   std::exception_ptr error_;
-  // Of this round.
+  // Task of the current round.
   const std::function<void(size_t)>* task_ = nullptr;
   size_t count_ = 0;
   std::atomic<size_t> next_ = 0;
@@ -110,8 +110,8 @@ void Pool::work() {
   }
 }
 
-// The default way: a node adds up its cameras and answers as lffragment does, in 16 bits within a process or in JPEG; a
-// compositor reads the answer. The node's half is shared among threads.
+// The default: a node adds up its cameras and encodes the answer like lffragment, in 16 bits within a process or as
+// JPEG; a compositor decodes the answer. The compositor runs in one thread.
 class NodeMethod : public Method {
  public:
   NodeMethod(const Scene& scene, const View& view, Pixels pixels, int jpeg_quality, int threads,
@@ -139,13 +139,13 @@ class NodeMethod : public Method {
     });
     const View& view = request_.view;
     const wire::AnswerHeader header{.view_width = view.width, .view_height = view.height, .family = family_of(pixels_)};
-    sum_.reset(header.family, view.width, view.height);  // it refers to the answer
+    sum_.reset(header.family, view.width, view.height);  // references the answer
     answer_ = renderer_.render({&plan, header}, sources_, options_, scratch_, std::move(answer_)).bytes;
 
     const auto answer = wire::parse_answer(answer_);
     for (const wire::FragmentView& fragment : answer->fragments) {
       if (options_.in_process)
-        sum_.add_kept(decoder_.sums(fragment));
+        sum_.add_borrowed(decoder_.sums(fragment));
       else
         sum_.add(decoder_.decode(fragment).value());
     }
@@ -189,7 +189,7 @@ void add_nodes(const MethodOptions& options, std::vector<MethodKind>& kinds) {
   if (!options.all) return;
   add(Pixels::kRgbx, 0, 1);
   add(Pixels::kRgb, 0, 1);
-  // With cameras' colours corrected: all that there is to a model, and what is next to a factor.
+  // Colour corrections: a model with all terms, and a model that is nearly a gain.
   const ColourModel all{.black = {3, 4, 5},
                         .gamma = 2.1,
                         .matrix = {1.05, -0.02, 0.01, 0.01, 0.97, 0, 0, 0.03, 1.02},
@@ -201,17 +201,17 @@ void add_nodes(const MethodOptions& options, std::vector<MethodKind>& kinds) {
   }
 }
 
-// The baseline: the same view by OpenCV as somebody who knows it well would write it. For every camera, over the tight
-// rectangle of its part: warpPerspective, multiply by weights, add; 8-bit BGR, bilinear, one thread. All that depends
-// on the view alone (rectangles, homographies, weights, maps) is made before and costs it nothing, and weight that is
-// lost is not divided away.
+// The baseline: the same view in OpenCV, as an expert would write it. For every camera, over the tight rectangle of its
+// part: warpPerspective, multiply by weights, add; 8-bit BGR, bilinear, one thread. Everything that depends on the view
+// alone (rectangles, homographies, weights, maps) is computed in advance at no cost, and missing weight is not
+// compensated.
 enum class Formulation {
   kMultiply,  // 8-bit weights, 8-bit products, 8-bit sum
-  kProduct,   // 8-bit weights, products added to a sum in float
-  kRemap,     // as kMultiply, warped by fixed-point maps made before: for views that don't move, with any lens
+  kProduct,   // 8-bit weights, products added to a float sum
+  kRemap,     // kMultiply with precomputed fixed-point maps: for static views, with any lens
 };
 
-// From a pixel of the rectangle to a position in the camera's image, its distortion left away.
+// Returns the homography from a pixel of the rectangle to a position in the camera's image, ignoring distortion.
 cv::Mat homography(const ViewPlan& plan, const Camera& camera, const Rect& rect) {
   const View& view = plan.view();
   const Mat3 camera_from_world = glm::transpose(camera.pose.rotation());
@@ -324,7 +324,7 @@ class OpenCvMethod : public Method {
   }
 
   const Formulation formulation_;
-  const int jpeg_quality_;  // 0: none
+  const int jpeg_quality_;  // 0: no JPEG
   std::vector<Part> parts_;
   cv::Mat picture_, sum_, warped_, weighted_, decoded_;
   std::vector<uint8_t> jpeg_;

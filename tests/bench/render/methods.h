@@ -12,48 +12,48 @@
 
 namespace lf::bench {
 
-// What names a row of the table: which way of rendering, and its settings.
+// The rendering method and settings that identify a row of the table.
 struct Setting {
   std::string renderer;
   Pixels pixels = Pixels::kI420;
-  std::string codec = "raw";  // between renderer and compositor: raw, jpeg
+  std::string codec = "raw";  // codec between renderer and compositor: raw, jpeg
   int quality = 0;            // of a lossy codec
   int threads = 1;
-  bool is_default = false;   // what the elements do when nobody says otherwise
-  bool is_baseline = false;  // OpenCV: what ratios are relative to
-  bool any_lens = true;      // else distortion is left away, and only the time is worth something
+  bool is_default = false;   // the elements' default
+  bool is_baseline = false;  // OpenCV: reference of ratios
+  bool any_lens = true;      // false: ignores distortion, so that only the time is meaningful
 };
 
-// A view rendered over and over.
+// A view that is rendered repeatedly.
 class Method {
  public:
   virtual ~Method() = default;
-  // From camera images in memory to a picture of 8 bits: what is timed. Whatever a live system knows before a view is
-  // asked for (rig, mesh, threads) was made before.
+  // The timed part: from camera images in memory to an 8-bit picture. Everything that a live system prepares before a
+  // request (rig, mesh, threads) already exists.
   virtual void render() = 0;
-  // Of the last render().
+  // Result of the last render().
   virtual Image picture() const = 0;
-  // What went from the cameras' side to the compositor's.
+  // Bytes from the cameras' side to the compositor.
   virtual size_t bytes() const = 0;
 };
 
 struct MethodKind {
   Setting setting;
-  // `scene` and `view` outlive the method.
+  // `scene` and `view` must outlive the method.
   std::function<std::unique_ptr<Method>(const Scene& scene, const View& view)> make;
 };
 
-// Which settings are wanted.
+// Selects settings.
 struct MethodOptions {
   std::vector<int> qualities = {90};
-  std::vector<int> threads = {1};  // of what elements do by several
-  bool all = false;                // families, formulations and grids that are neither default nor baseline, too
+  std::vector<int> threads = {1};  // for the multithreaded parts of elements
+  bool all = false;                // includes families, formulations and grids that are neither default nor baseline
 };
-// Every way there is.
+// Returns all methods.
 std::vector<MethodKind> methods(const MethodOptions& options);
 
-// The finished picture in memory that is kept from view to view, as elements and OpenCV have it: fresh memory costs
-// more than filling it.
+// Resolves into memory that is reused between views, like the elements and OpenCV: allocating memory costs more than
+// filling an old buffer.
 inline void resolve_into(const Accumulator& sum, Image& picture) {
   if (picture.family() != sum.family() || picture.width() != sum.width() || picture.height() != sum.height())
     picture = Image(sum.family(), sum.width(), sum.height());

@@ -18,7 +18,7 @@
 namespace lf::bench {
 namespace {
 
-// As well in all three as `b`, and better in one.
+// Returns true if `a` is as good as `b` in all three figures, and better in at least one figure.
 bool beats(const Row& a, const Row& b) {
   constexpr double kMeasurable = 1.01;
   const bool faster = a.ns_per_output_pixel * kMeasurable < b.ns_per_output_pixel;
@@ -106,7 +106,7 @@ void print_table(const std::vector<Row>& rows) {
 }
 
 void print_pareto(const std::vector<Row>& rows) {
-  // In how many of the natural situations a setting is measured, and a Pareto point.
+  // Number of natural situations with a measurement of a setting, and number in which the setting is a Pareto point.
   struct Count {
     int measured = 0, pareto = 0;
     bool is_default = false;
@@ -139,7 +139,7 @@ namespace {
 
 constexpr int kSizes = 4, kWidths[kSizes] = {320, 640, 1280, 1920};
 
-// Rows of ours that can stand for a promise: one thread, one view.
+// Selects rows with stated goals: one thread, one view.
 struct Which {
   std::string codec;  // raw or jpeg
   int cameras = 64;
@@ -154,7 +154,7 @@ bool matches(const Row& row, const Which& which, int width) {
          s.codec.rfind(which.codec, 0) == 0 && (which.codec == "raw" || s.quality == 90);
 }
 
-// The fastest of the defaults that match; of all that match where none is a default.
+// Returns the fastest matching default, or the fastest match if no default matches.
 const Row* find(const std::vector<Row>& rows, const Which& which, int width) {
   const Row* best = nullptr;
   for (const Row& row : rows) {
@@ -167,7 +167,7 @@ const Row* find(const std::vector<Row>& rows, const Which& which, int width) {
 
 using Figure = std::function<double(int width)>;
 
-// `goal`: one each size; `at_least`: else at most.
+// `goal`: one per size; `at_least`: a lower bound, otherwise an upper bound.
 void print_line(const char* what, const Figure& figure, const double (&goal)[kSizes], bool at_least) {
   std::printf("%-58s", what);
   bool met = true, known = true;
@@ -184,7 +184,7 @@ void print_line(const char* what, const Figure& figure, const double (&goal)[kSi
   std::printf(" %s\n", !met ? "NOT met" : known ? "met" : "-");
 }
 
-// What that costs in errors: the worst of the rows that match any of `all`.
+// Prints the worst errors of the rows that match any of `all`.
 void print_errors(const std::vector<Row>& rows, const std::vector<Which>& all) {
   std::printf("%-58s", "  max error of 255, PSNR in dB");
   for (const int width : kWidths) {
@@ -217,7 +217,7 @@ void print_acceptance(const std::vector<Row>& rows) {
       return over && under ? over->ns_per_output_pixel / under->ns_per_output_pixel : Row::kUnknown;
     };
   };
-  // The worst of what was drawn for errors and of the natural scene.
+  // Worst case over the error scenes and the natural scene.
   const auto worst = [&](double Row::*field, bool least) {
     return [&rows, field, least](int width) {
       double result = Row::kUnknown;
@@ -254,7 +254,7 @@ using Rows = std::vector<const Row*>;
 
 std::string size_name(const Row& row) { return std::to_string(row.width()) + " x " + std::to_string(row.height()); }
 
-// Qualities of one codec are one series, and so are numbers of threads.
+// Merges the qualities of a codec, and the numbers of threads, into one series.
 std::string series_name(const Row& row) {
   Setting setting = row.setting;
   setting.quality = 0;
@@ -262,7 +262,7 @@ std::string series_name(const Row& row) {
   return label(setting);
 }
 
-// OpenCV's picture is right only without distortion: its error is that of the situation where it is known.
+// OpenCV's picture is correct only without distortion: its error comes from the situation without distortion.
 double psnr_of(const Row& row, const std::vector<Row>& all) {
   if (std::isfinite(row.psnr_reference_db)) return row.psnr_reference_db;
   double elsewhere = Row::kUnknown;
@@ -289,7 +289,7 @@ Series& series_of(const Row& row, std::vector<Series>& all) {
   return all.back();
 }
 
-// The least x for each y and above, of all series.
+// Returns the least x for each y and above, over all series.
 std::vector<Point> front_of(const std::vector<Series>& all) {
   std::vector<Point> points;
   for (const Series& series : all) points.insert(points.end(), series.points.begin(), series.points.end());
@@ -322,7 +322,8 @@ Chart error_chart(const std::vector<Row>& rows, const Rows& chosen, const std::s
   return chart;
 }
 
-// Time over one thing that varies while all else is as in most rows. Nothing if it doesn't vary.
+// Adds time over one varying parameter; all other parameters have their most common value. Adds nothing if the
+// parameter does not vary.
 void add_sweep(const Rows& rows, const std::string& title, const std::string& x_label, double (*x)(const Row&),
                bool log_x, Chart& chart) {
   Panel panel{title, x_label, "ns per output pixel", log_x, true};
@@ -334,7 +335,7 @@ void add_sweep(const Rows& rows, const std::string& title, const std::string& x_
   if (values.size() < 2) return;
   panel.x_tics.assign(values.begin(), values.end());
   sort_points(panel.series);
-  // A setting that was not swept would be a lone mark.
+  // A setting without a sweep would be a single mark.
   std::erase_if(panel.series, [](const Series& series) { return series.points.size() < 2; });
   if (!panel.series.empty()) chart.panels.push_back(std::move(panel));
 }
@@ -363,7 +364,7 @@ void write_plots(const std::vector<Row>& rows, const std::string& folder) {
   const int cameras = first.scene.array.cameras;
   const auto usual = [&](const Row& row) { return row.setting.threads == 1 && row.scene.views == 1; };
   const auto usual_array = [&](const Row& row) { return row.scene.array.cameras == cameras; };
-  // One quality stands for the codec where quality is not what varies.
+  // One quality represents the codec if quality does not vary.
   const int quality = [&] {
     int q = 0;
     for (const Row& row : rows)
@@ -382,7 +383,7 @@ void write_plots(const std::vector<Row>& rows, const std::string& folder) {
                    [](const Row& row) { return row.bytes_per_view / row.pixels(); }),
        folder, "bytes-error");
 
-  // Sweeps other than that of the size are at the size with the most rows.
+  // Sweeps of other parameters use the size with the most rows.
   std::map<std::string, int> counts;
   for (const Row& row : rows) counts[size_name(row)]++;
   const std::string size =

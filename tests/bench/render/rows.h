@@ -10,7 +10,7 @@
 
 namespace lf::bench {
 
-// One setting in one situation. What is not known is NaN.
+// One setting in one situation. Unknown values are NaN.
 struct Row {
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -19,8 +19,8 @@ struct Row {
   double ns_per_output_pixel = kUnknown;
   double bytes_per_view = kUnknown;
   double max_error = kUnknown, psnr_reference_db = kUnknown;  // against exact arithmetic on the same camera images
-  double psnr_truth_db = kUnknown, ssim_truth = kUnknown;     // against what a camera in the view's place would see
-  double ratio_to_opencv = kUnknown;  // how many times faster than the fastest baseline with the same codec and quality
+  double psnr_truth_db = kUnknown, ssim_truth = kUnknown;     // against a camera at the viewpoint
+  double ratio_to_opencv = kUnknown;  // speed relative to the fastest baseline with the same codec and quality
   bool pareto = false;                // see mark_pareto()
 
   int width() const { return scene.array.width; }
@@ -30,28 +30,28 @@ struct Row {
   bool is_ours() const { return setting.renderer.rfind("opencv", 0) != 0; }
 };
 
-// "simd i420 jpeg 90": what differs from what goes without saying.
+// "simd i420 jpeg 90": only values that differ from the defaults.
 std::string label(const Setting& setting);
 // "natural, 64 cameras, 640x480, ..."
 std::string label(const SceneOptions& scene);
 
-// Rows of one situation with as many threads: marks those that no other beats in time, error against the reference and
-// bytes at once. Times that are nearer to each other than they can be measured (1 %) count as equal.
+// Marks the rows that no row of the same situation and number of threads beats in time, error against the reference and
+// bytes together. Times within the measurement precision (1 %) count as equal.
 void mark_pareto(std::vector<Row>& rows);
 
 void print_table(const std::vector<Row>& rows);
-// The default settings, and the rows that are Pareto points but not default.
+// Prints the default settings, and non-default Pareto points.
 void print_pareto(const std::vector<Row>& rows);
 std::string to_json(const std::vector<Row>& rows);
 
-// The ratios that are promised of the default settings, beside their goals, as far as `rows` tell.
+// Prints the ratios with stated goals for the default settings, if `rows` contain the data.
 void print_acceptance(const std::vector<Row>& rows);
 
-// Throws Error, saying what to install, if there is no gnuplot.
+// Throws Error with the package to install if gnuplot is missing.
 void require_gnuplot();
 
-// time-error.png, bytes-error.png and scaling.png in `folder`, each with the script that draws it beside it. What the
-// rows don't tell (a sweep of one value) is left out.
+// Writes time-error.png, bytes-error.png and scaling.png with their gnuplot scripts to `folder`. Omits charts without
+// data (a sweep of one value).
 void write_plots(const std::vector<Row>& rows, const std::string& folder);
 
 }  // namespace lf::bench

@@ -25,7 +25,7 @@ void in_parallel(size_t n, const Job& job) {
   for (std::thread& thread : pool) thread.join();
 }
 
-// 255 and 0 in turn, which begins: by a colour or a plane of its own.
+// Alternates 255 and 0; `phase` shifts the pattern per channel or plane.
 void draw_checkerboard(uint8_t* plane, int width, int height, int pixel_stride, int phase) {
   for (int y = 0; y < height; y++)
     for (int x = 0; x < width; x++)
@@ -120,7 +120,7 @@ const FloatStill& Scene::exact(PixelFamily family) const {
   if (still.family != PixelFamily::kNone) return still;
   const View& view = views_.front();
   const ViewPlan plan(rig_, mesh_, view);
-  const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  const FaceIdMap owners(plan, {0, 0, view.width, view.height});
   still = render_float_still(rig_, plan, owners, family,
                              [&](CameraIndex camera) -> const Image& { return source(camera, family); });
   return still;

@@ -12,21 +12,21 @@
 
 namespace lf::bench {
 
-enum class Pixels { kRgb, kRgbx, kBgr, kI420 };  // kBgr: as OpenCV keeps them
+enum class Pixels { kRgb, kRgbx, kBgr, kI420 };  // kBgr: OpenCV's channel order
 std::string pixels_name(Pixels pixels);
 PixelFamily family_of(Pixels pixels);
 
-// What a measurement is made on.
+// Input of a measurement.
 struct SceneOptions {
   std::string content = "natural";  // the built-in scene, or "checkerboard": 1-pixel, in every plane
   ArrayOptions array;
   int views = 1;
-  // Filming all cameras of a large array takes minutes. Beyond this many pixels fewer of them are filmed, and
-  // neighbours share their images: as natural to look at for a renderer or a codec, but without a ground truth.
+  // Maximum number of rendered pixels, because rendering all cameras of a large array takes minutes. Larger arrays
+  // share images between neighbours: equally natural for a renderer or codec, but without ground truth.
   double most_filmed_pixels = 64e6;
 };
 
-// An array, views of it, and what its cameras see. Immutable but for what is made when first asked for: one thread.
+// An array, its views, and its camera images. Some members are computed on first use, without a lock.
 class Scene {
  public:
   explicit Scene(const SceneOptions& options);
@@ -35,13 +35,13 @@ class Scene {
   const Rig& rig() const { return rig_; }
   const Mesh& mesh() const { return mesh_; }
   const std::vector<View>& views() const { return views_; }
-  const std::vector<CameraIndex>& cameras() const { return cameras_; }  // all of them
+  const std::vector<CameraIndex>& cameras() const { return cameras_; }  // all cameras
   ImageView image(CameraIndex camera, Pixels pixels) const;
   const Image& source(CameraIndex camera, PixelFamily family) const;  // the same, packed
 
-  // The first view without any rounding, from the images of that family.
+  // Returns the first view without any rounding, from the images of that family.
   const FloatStill& exact(PixelFamily family) const;
-  // What a camera in place of the first view would see; null if that is not known.
+  // Returns the image of a camera at the first viewpoint; null if unknown.
   const Image* truth() const { return truth_.data().empty() ? nullptr : &truth_; }
 
  private:
@@ -54,7 +54,7 @@ class Scene {
   Mesh mesh_;
   std::vector<View> views_;
   std::vector<CameraIndex> cameras_;
-  std::vector<size_t> source_of_;  // per camera: its place in the following
+  std::vector<size_t> source_of_;  // per camera: index into the vectors below
   std::vector<Image> rgb_, i420_;
   mutable std::vector<std::vector<uint8_t>> rgbx_, bgr_;
   Image truth_;

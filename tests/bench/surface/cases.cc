@@ -11,7 +11,7 @@
 #include "base/text.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "scene/scene.h"
 
 namespace lf::focus {
@@ -31,7 +31,7 @@ void read_stills(Case& c) {
   struct Stills {
     explicit Stills(const Rig& from) : rig(from), images(rig) {}
     Rig rig;
-    StillImages images;
+    StillImageCache images;
     std::map<CameraIndex, Image> kept;
   };
   const auto stills = std::make_shared<Stills>(c.rig);
@@ -42,7 +42,6 @@ void read_stills(Case& c) {
   };
 }
 
-// Images of the built-in scene, made when asked for.
 void film_scene(Case& c, std::function<double(size_t)> time_of) {
   struct Filmed {
     double time = -1;
@@ -65,7 +64,7 @@ void film_scene(Case& c, std::function<double(size_t)> time_of) {
   };
 }
 
-// Cameras of odd rows and columns, with all their neighbours in the array.
+// Returns the cameras of odd rows and columns, with all their neighbours in the array.
 std::vector<CameraIndex> odd_cameras(const Topology& grid) {
   std::vector<CameraIndex> odd;
   for (int r = 1; r + 1 < grid.rows; r += 2)
@@ -73,9 +72,10 @@ std::vector<CameraIndex> odd_cameras(const Topology& grid) {
   return odd;
 }
 
-// Cameras that lie between others: no edge of the mesh at them, or no end of its line, is its border.
+// Returns the cameras between other cameras: no edge at them is on the border of the mesh, or they are not at the end
+// of a line.
 std::vector<CameraIndex> inner_cameras(const Rig& rig) {
-  std::map<std::pair<CameraIndex, CameraIndex>, int> faces_at;  // of an edge, or of a camera in a row
+  std::map<std::pair<CameraIndex, CameraIndex>, int> faces_at;  // per edge, or per camera of a row
   std::vector<bool> inner(rig.cameras.size(), false);
   for (const MeshFace& face : build_mesh(rig).faces)
     for (int i = 0; i < face.corners(); i++) {
@@ -91,7 +91,7 @@ std::vector<CameraIndex> inner_cameras(const Rig& rig) {
   return found;
 }
 
-// A picture of each view's size from each file. Throws Error at once if one is missing.
+// Returns each view's picture from its file, at the view's size. Throws Error immediately if a file is missing.
 std::function<Image(size_t)> truth_of(const std::vector<NamedView>& views, const std::vector<std::string>& files) {
   for (size_t i = 0; i < files.size(); i++)
     if (!std::filesystem::exists(files[i])) throw Error(files[i] + ": there is no such picture for " + views[i].name);
@@ -123,7 +123,12 @@ Case held_out_case(const std::string& path, int views) {
   const Rig all = load_rig(path);
   require_stills(path, all);
   const bool halved = all.topology.type == Topology::Type::kGrid && all.topology.rows >= 3 && all.topology.columns >= 3;
-  Case c{.name = path, .rig = halved ? every_nth(all, 2) : all, .views = {}, .truth = {}, .image = {}, .left_out = {}};
+  Case c{.name = path,
+         .rig = halved ? subsample_grid(all, 2) : all,
+         .views = {},
+         .truth = {},
+         .image = {},
+         .left_out = {}};
   std::vector<CameraIndex> candidates = halved ? odd_cameras(all.topology) : inner_cameras(all);
   if (candidates.empty())
     throw Error(path + ": none of its cameras (" + std::to_string(all.cameras.size()) +
@@ -171,7 +176,6 @@ Case scene_case() {
 Case moving_case(double rate, int frames, double step) {
   Case c{.name = "built-in scene, moving", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}, .left_out = {}};
   for (int i = 0; i < frames; i++) {
-    // To and fro inside the array, `step` of the pitch at a time.
     const double way = i * step, span = 4, x = span / 2 - std::abs(std::fmod(way, 2 * span) - span);
     const Vec3 eye(kScenePitch * x, 0.4 * kScenePitch, 0);
     c.views.push_back(
@@ -208,7 +212,6 @@ constexpr double kWall = 3;  // metres
 
 struct Ray {
   Vec3 origin, direction;
-  // Where it meets a plane z = `z`.
   Vec3 at(double z) const { return origin + (z - origin.z) / direction.z * direction; }
 };
 
@@ -219,7 +222,7 @@ double hash(int x, int y, int seed) {
   return static_cast<double>((h ^ (h >> 16)) & 0xffff) / 65535;
 }
 
-// Smooth noise, 0..1, of cells of 1 x 1.
+// Smooth noise, 0..1, with cells of 1 x 1.
 double noise(double x, double y, int seed) {
   const double x0 = std::floor(x), y0 = std::floor(y);
   const auto smooth = [](double t) { return t * t * (3 - 2 * t); };
@@ -228,7 +231,7 @@ double noise(double x, double y, int seed) {
   return std::lerp(std::lerp(at(0, 0), at(1, 0), u), std::lerp(at(0, 1), at(1, 1), u), v);
 }
 
-// Four octaves, the finest of 25 mm: some five pixels of a camera at 2 m.
+// Four octaves, the finest 25 mm: about five pixels of a camera at 2 m.
 Vec3 texture(double x, double y, int seed) {
   Vec3 colour(0);
   double amplitude = 0.5, cells = 5;
@@ -243,7 +246,6 @@ Vec3 wall(const Ray& ray) {
   return texture(at.x, at.y, 1);
 }
 
-// Where a ray meets a ball, if it does.
 std::optional<Vec3> ball(const Ray& ray, const Vec3& centre, double radius) {
   const Vec3 d = glm::normalize(ray.direction), to = centre - ray.origin;
   const double along = glm::dot(to, d), left = radius * radius - (glm::dot(to, to) - along * along);
@@ -266,7 +268,7 @@ Vec3 untextured(const Ray& ray) {
   return Vec3(150, 160, 170) + Vec3(8 * at.x + 5 * at.y);
 }
 
-// It shows a wall behind the cameras, which is where 5.4 m would be.
+// The mirror shows a wall behind the cameras, with an apparent distance of 5.4 m.
 Vec3 mirror(const Ray& ray) {
   const Vec3 at = ray.at(2.2);
   if (std::abs(at.x) > 0.45 || std::abs(at.y) > 0.3) return wall(ray);

@@ -12,44 +12,45 @@
 
 namespace lf::focus {
 
-// What is wrong with the cameras.
+// Camera faults.
 struct Faults {
   double noise = 0;           // standard deviation of each colour, of 255
-  double gain_error = 0;      // of every fourth camera, up and down in turn
-  double pointing_error = 0;  // of the camera in the middle, degrees
+  double gain_error = 0;      // gain error of every fourth camera, alternating up and down
+  double pointing_error = 0;  // pointing error of the centre camera, degrees
 };
 
-// An array, its views and what they should look like.
+// An array, its views and their true pictures.
 struct Case {
   std::string name;
   Rig rig;
   std::vector<NamedView> views;
   std::function<Image(size_t view)> truth;
-  // What a camera sees while view `view` is made; the reference stays until the next call for the same camera.
+  // Returns a camera's image for view `view`; the reference is valid until the next call for the same camera.
   std::function<const Image&(CameraIndex camera, size_t view)> image;
-  std::vector<CameraSet> left_out;  // the cameras that don't help to make a view, by view; or empty
+  std::vector<CameraSet> left_out;  // unused cameras by view; or empty
   const CameraSet& without(size_t view) const;
 };
 
-// Some cameras of a rig are the views, and are not used for them. Of a grid of 3x3 and more: cameras of odd rows and
-// columns, made from those of even ones. Of other rigs: each that lies between others, made from all others.
+// Uses some cameras of a rig as views instead of sources. In a grid of 3x3 or more: cameras of odd rows and columns,
+// rendered from the cameras of even rows and columns. In other rigs: each camera between others, rendered from all
+// remaining cameras.
 Case held_out_case(const std::string& rig, int views);
-// The views of a file and their pictures NAME.png in a folder.
+// The views of a file, with their true pictures NAME.png in a folder.
 Case truth_case(const std::string& rig, const std::string& views, const std::string& folder);
-// The built-in scene at one instant, from four places between the cameras.
+// The built-in scene at one instant, from four viewpoints between the cameras.
 Case scene_case();
-// The built-in scene as it moves, `frames` pictures at `rate` a second, while the eye moves `step` of the pitch from
-// each to the next.
+// The moving built-in scene, `frames` pictures at `rate` per second; the viewpoint moves by `step` of the pitch per
+// picture.
 Case moving_case(double rate, int frames, double step);
 
 void add_faults(const Faults& faults, Case& c);
 
-// Small scenes that are hard for what finds focal surfaces, each for one reason; in front of the array of scene_rig(),
-// within the depths of the built-in scene.
+// Small scenes that are hard for the search for focal surfaces, each for one reason; in front of the array of
+// scene_rig(), within the depths of the built-in scene.
 std::vector<std::string> world_names();
-// One of them by its name, seen from between the cameras. Throws Error if there is none of that name.
+// Returns a hard scene by name, seen from between the cameras. Throws Error if there is no such scene.
 Case world_case(const std::string& name, int views);
-// What any camera sees of one: four rays a pixel.
+// Renders a hard scene with four rays per pixel.
 Image film_world(const std::string& name, const Lens& lens, const Pose& pose, int width, int height);
 
 }  // namespace lf::focus

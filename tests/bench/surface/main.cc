@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// bench-surface: what a focal surface is worth, on still arrays with known truth and on the built-in scene as it moves.
+// bench-surface: the gain of a focal surface, on still arrays with known truth and on the moving built-in scene.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -61,7 +61,7 @@ void require_range(const lf::DepthRange& range) {
                     metres(range.farthest));
 }
 
-// With what was not given taken from what was found in a view.
+// Fills in missing options from the depths found in a view.
 Options completed(Options options, const std::optional<Depths>& found) {
   if (!found) return options;
   lf::DepthRange& range = options.range;
@@ -73,7 +73,7 @@ Options completed(Options options, const std::optional<Depths>& found) {
   return options;
 }
 
-// What was found in some views, in one.
+// Merges the depths found in several views.
 Depths find_depths(const Case& c, const std::vector<size_t>& views) {
   Depths all{.range = {std::numeric_limits<double>::infinity(), 0}};
   for (const size_t view : views) {
@@ -118,7 +118,7 @@ void still(const Arguments& a, const Case& c) {
     }
     if (a.out.empty()) continue;
     save(r, a.out + "/" + name);
-    // The other ways to sample, on the same planes.
+    // Repeats the measurement with each other resampling method.
     Options other = options;
     other.planes = 0;
     other.one_more_plane = r.best_distance;
@@ -134,7 +134,7 @@ void still(const Arguments& a, const Case& c) {
   speed.print();
   try {
     speed.draw(c.name, a.out);
-  } catch (const lf::Error& e) {  // the pictures and maps are there
+  } catch (const lf::Error& e) {  // pictures and maps are already written
     std::fprintf(stderr, "note: %s: apt-get install gnuplot-nox\n", e.what());
   }
 }
@@ -195,7 +195,7 @@ int main(int argc, char** argv) {
   Arguments a;
   cli::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
                "bench-surface");
-  app.add_option("--rig", a.rig, "Rig file whose cameras name stills");
+  app.add_option("--rig", a.rig, "Rig file with still images");
   app.add_option("--views", a.views,
                  "Views (views.json); without, some of the cameras are left out and made from others")
       ->needs(app.add_option("--truth", a.truth, "Folder with NAME.png of each view"));
@@ -218,8 +218,8 @@ int main(int argc, char** argv) {
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
   app.add_option("--pointing-error", a.faults.pointing_error, "Of the camera in the middle, degrees");
   app.add_option("--moving", a.moving, "Pictures per second of the built-in scene as it moves");
-  app.add_option("--eye-step", a.eye_step, "Of a moving scene: how far the eye moves a picture, in pitches");
-  app.add_option("--seconds", a.seconds, "Of a moving scene")->check(cli::PositiveNumber);
+  app.add_option("--eye-step", a.eye_step, "Moving scene: movement of the viewpoint per picture, in pitches");
+  app.add_option("--seconds", a.seconds, "Moving scene: duration")->check(cli::PositiveNumber);
   cli::Option* acceptance =
       app.add_flag("--acceptance", a.acceptance, "Scene after scene what surfaces promise: table, plots (--out), JSON");
   app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);

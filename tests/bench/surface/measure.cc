@@ -15,23 +15,23 @@
 #include "base/schedule.h"
 #include "base/text.h"
 #include "bench/sum_picture.h"
-#include "focus/camera_gains.h"
-#include "focus/carry_over.h"
+#include "focus/exposure_compensation.h"
 #include "focus/focus_array.h"
-#include "focus/trial_renderer.h"
-#include "image/correction.h"
+#include "focus/hypothesis_renderer.h"
+#include "focus/warp_depth_map.h"
+#include "image/image_filters.h"
 #include "node/request_renderer.h"
 #include "render/camera_projection.h"
 #include "render/contribution_map.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
-#include "wire/moments_codec.h"
+#include "wire/consistency_codec.h"
 
 namespace lf::focus {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kLeastCover = 0.5;  // of what the plane that covers most covers
+constexpr double kLeastCover = 0.5;  // fraction of the maximum coverage over all planes
 
 int squared_error(const Image& a, const Image& b, size_t pixel) {
   int sum = 0;
@@ -39,7 +39,7 @@ int squared_error(const Image& a, const Image& b, size_t pixel) {
   return sum;
 }
 
-// Sum of squared errors of the pixels that are covered, and how many these are.
+// Sum of squared errors of the covered pixels, and their number.
 struct Error2 {
   double sum = 0;
   size_t pixels = 0;
@@ -53,11 +53,11 @@ struct Error2 {
 Error2 error_of(const Picture& picture, const Image& truth) {
   Error2 error;
   for (size_t i = 0; i < picture.coverage.size(); i++)
-    if (picture.coverage[i] > kCovered) error.add(squared_error(picture.image, truth, i));
+    if (picture.coverage[i] > kMinCoverage) error.add(squared_error(picture.image, truth, i));
   return error;
 }
 
-// The least mean error of the planes that cover enough; none if none covers anything.
+// Returns the plane with the least mean error, among planes with enough coverage; nullopt if nothing is covered.
 std::optional<size_t> best_of(std::span<const Error2> errors) {
   size_t most = 0;
   for (const Error2& error : errors) most = std::max(most, error.pixels);
@@ -70,7 +70,7 @@ std::optional<size_t> best_of(std::span<const Error2> errors) {
   return best;
 }
 
-// Every nth pixel of a view and of its truth, itself a view: what planes are worth can be told from it as well.
+// Every nth pixel of a view and of its truth, as a smaller view: sufficient to judge planes.
 struct Thinned {
   View view;
   Image truth;
@@ -106,15 +106,15 @@ double median_edge(const Rig& rig, const Mesh& mesh) {
   return *middle;
 }
 
-// Planes, the farthest first, with the mean error of each block of each picture; infinite where less than half of a
-// block is covered.
+// Planes from far to near, with the mean error of each block of each picture; infinite if less than half of a block is
+// covered.
 class Survey {
  public:
   Survey(const Thinned& thin, const Plane& from, const Draw& draw) : thin_(thin), from_(from), draw_(draw) {}
 
   Error2 look(double inverse) { return error_of(drawn(inverse), thin_.truth); }
 
-  // False where fewer pixels are covered than are worth looking at.
+  // Returns false if too few pixels are covered to be useful.
   bool add(double inverse) {
     const Picture picture = drawn(inverse);
     errors.push_back(error_of(picture, thin_.truth));
@@ -126,8 +126,8 @@ class Survey {
     return static_cast<double>(errors.back().pixels) >= kLeastCover * static_cast<double>(most_);
   }
 
-  // The plane that a part of the blocks is not nearer than. A block counts by how much less its error is at its best
-  // plane than at most planes: one without texture does not, nor one that is nowhere distinct.
+  // Returns the plane with a fraction `part` of the blocks behind it. A block's weight is the drop of its error at its
+  // best plane: blocks without texture or without a distinct best plane have no weight.
   double inverse_at(double part) const {
     const double all = std::accumulate(evidence_.begin(), evidence_.end(), 0.0);
     size_t k = 0;
@@ -155,8 +155,8 @@ class Survey {
 
  private:
   static constexpr int kBlock = 8;                  // pixels
-  static constexpr int kNext = 4;                   // from one block to the next
-  static constexpr double kDistinct = 0.5;          // the best plane's error, of the middle one's
+  static constexpr int kNext = 4;                   // pixels from one block to the next
+  static constexpr double kDistinct = 0.5;          // error of the best plane, relative to the median plane
   static constexpr float kNotSeen = 3 * 255 * 255;  // error of a block that no plane covers
 
   Picture drawn(double inverse) const { return draw_(on_plane(thin_.view, from_, 1 / inverse)); }
@@ -166,7 +166,7 @@ class Survey {
     for (int y = y0; y < y0 + kBlock; y++)
       for (int x = x0; x < x0 + kBlock; x++) {
         const size_t i = static_cast<size_t>(y) * thin_.view.width + x;
-        if (picture.coverage[i] > kCovered) error.add(squared_error(picture.image, thin_.truth, i));
+        if (picture.coverage[i] > kMinCoverage) error.add(squared_error(picture.image, thin_.truth, i));
       }
     return 2 * error.pixels >= kBlock * kBlock ? static_cast<float>(error.mean()) : kNotSeen;
   }
@@ -175,8 +175,8 @@ class Survey {
   const Plane& from_;
   const Draw& draw_;
   size_t most_ = 0;
-  std::vector<std::vector<float>> blocks_;  // of each plane
-  std::vector<double> evidence_;            // that the scene is there, of each plane
+  std::vector<std::vector<float>> blocks_;  // per plane
+  std::vector<double> evidence_;            // evidence of the scene, per plane
 };
 
 }  // namespace
@@ -189,15 +189,15 @@ View on_plane(const View& view, const Plane& from, double distance) {
 
 std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& view, const Image& truth,
                                   const Plane& from, const Draw& draw) {
-  constexpr int kColumns = 160;       // about, of the thinned view
+  constexpr int kColumns = 160;       // approximate width of the thinned view
   constexpr double kFarthest = 0.25;  // pixels of disparity between neighbours
-  constexpr double kApart = 0.5;      // of a view of 320 columns: in larger ones textures are coarser, too
+  constexpr double kApart = 0.5;      // for a view with 320 columns: textures of larger views are coarser as well
   constexpr double kFinest = 0.05;
-  constexpr double kOutliers = 0.02;  // of what tells the range, to each side
-  constexpr double kMargin = 0.05;    // of the range, to each side
+  constexpr double kOutliers = 0.02;  // fraction of the evidence, on each side
+  constexpr double kMargin = 0.05;    // fraction of the range, on each side
   const double edge = median_edge(rig, mesh);
   if (!(edge > 0)) throw Error("all cameras are at one place: nothing is nearer or farther to them");
-  const double pixel = 1 / (view.lens.fx() * edge);  // of disparity, as inverse distance
+  const double pixel = 1 / (view.lens.fx() * edge);  // a pixel of disparity, as inverse distance
 
   const Thinned thin = thinned(view, truth, std::max(1, view.width / kColumns));
   Survey survey(thin, from, draw);
@@ -238,7 +238,7 @@ JudgedPlanes judge_planes(const View& view, const Image& truth, const Plane& fro
       least.assign(plane.coverage.size(), std::numeric_limits<int>::max());
     }
     for (size_t i = 0; i < least.size(); i++) {
-      // Less than all of its cameras make a pixel, too; whether it counts is told by the plane that covers it most.
+      // Pixels may lack some of their cameras; the plane with the largest coverage determines whether they count.
       judged.bound.coverage[i] = std::max(judged.bound.coverage[i], plane.coverage[i]);
       if (!(plane.coverage[i] > 0)) continue;
       const int error = squared_error(plane.image, truth, i);
@@ -259,7 +259,7 @@ namespace {
 
 double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
 
-// Everything a node and a compositor do for a view, in one thread and without a wire.
+// Everything that a node and a compositor do for a view, in one thread without encoding.
 class Renderer {
  public:
   // For view `number` of the case.
@@ -292,29 +292,29 @@ class Renderer {
     return out;
   }
 
-  std::vector<Moments> moments(const ViewRequest& request, size_t number, Picture& cost) {
+  std::vector<PhotoConsistency> moments(const ViewRequest& request, size_t number, Picture& cost) {
     if (request.trials.empty()) return {};
     const uint64_t begun = now_ns();
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
-    std::vector<Moments> sums(levels.size());
-    for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
-    const RenderJob job(case_.rig, mesh_, trial_view(request.view), own_);
+    for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+    std::vector<PhotoConsistency> sums(levels.size());
+    for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+    const RenderJob job(case_.rig, mesh_, hypothesis_view(request.view), own_);
     const uint64_t planned = now_ns();
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
     if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
-    add_moments(job, sources, levels, sums);
+    add_consistency(job, sources, levels, sums);
     cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
+    cost.trial_bytes += static_cast<double>(wire::encode_consistency({}, sums).size());
     return sums;
   }
 
-  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back. `mixed`: see
-  // FocusControl::State.
+  // Call after the hypotheses: returns the brightness measurement for the next request. `mixed`: see
+  // DepthEstimator::State.
   GainRequest gains_after(const ViewRequest& request, size_t number, bool mixed, Picture& cost) {
     GainRequest gains{.use = matched_ && mixed};
-    if (!gains.use || !mean_turns_.next(!request.trials.empty(), true)) return gains;
+    if (!gains.use || !exposure_schedule_.next(!request.trials.empty(), true)) return gains;
     gains.mean = mean(request, number, cost);
     gains.mean_of = request.sequence;
     return gains;
@@ -323,7 +323,7 @@ class Renderer {
   const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
-  // What the cameras, asked by this request, have in common.
+  // Returns the mean picture of the cameras for this request.
   std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
     const uint64_t begun = now_ns();
     const WideLuma wide(case_.rig, mesh_, mean_view(request.view), own_);
@@ -336,10 +336,11 @@ class Renderer {
     std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
     matcher_.keep(0, request.sequence, std::move(seen.cameras));
     cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    cost.trial_bytes += static_cast<double>(wire::encode_moments({.gains = seen.gains}, {&seen.moments, 1}).size());
+    cost.trial_bytes += static_cast<double>(wire::encode_consistency({.gains = seen.gains}, {&seen.moments, 1}).size());
     return mean;
   }
-  std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources, const CameraGains& gains) {
+  std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources,
+                            const ExposureCompensation& gains) {
     const auto needed = [&](CameraIndex camera) {
       return needed_pixels(job.plan(), camera, case_.rig.cameras[camera]);
     };
@@ -358,13 +359,13 @@ class Renderer {
   const bool matched_;
   std::vector<ByteBuffer> divided_;
   GainMatcher matcher_;
-  MeanTurns mean_turns_;
+  ExposureSchedule exposure_schedule_;
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
 };
 
-void take(const FocusControl::Plan& plan, ViewRequest& request) {
+void take(const DepthEstimator::Plan& plan, ViewRequest& request) {
   request.view = plan.view;
   request.trials = plan.trials;
   request.on_plane = plan.on_plane;
@@ -391,21 +392,21 @@ FocalMap map_of(const DepthRange& range) {
   return map;
 }
 
-// Draws a picture a few times more: what it takes is the least time.
+// Renders a picture a few more times; the least time counts.
 void time_again(Renderer& renderer, const View& view, size_t number, const GainRequest& gains, Picture& picture) {
   constexpr int kTimes = 4;
   for (int i = 0; i < kTimes; i++)
     picture.colour_ms = std::min(picture.colour_ms, renderer.picture(view, number, gains).colour_ms);
 }
 
-// By how much a picture is better than the plane's, of the pixels that both show.
+// Returns the gain of a picture over the plane's, on the pixels that both cover.
 double gain_alike(const Picture& plane, const Picture& picture, const Image& truth) {
   std::vector<float> both = plane.coverage;
   for (size_t i = 0; i < both.size(); i++) both[i] = std::min(both[i], picture.coverage[i]);
   return compare(picture.image, truth, both).psnr_db - compare(plane.image, truth, both).psnr_db;
 }
 
-// The nodes whose cameras agree about as well at two planes and not in between.
+// Returns the nodes with two separate, equally good planes.
 std::vector<bool> unclear_nodes(Renderer& renderer, const View& view, size_t number) {
   constexpr int kPlanes = 32, kApart = 3;
   ViewRequest request;
@@ -413,11 +414,11 @@ std::vector<bool> unclear_nodes(Renderer& renderer, const View& view, size_t num
   const size_t nodes = view.focus.map->levels.size();
   std::vector<std::vector<float>> cost(kPlanes);
   Picture ignored;
-  for (int first = 0; first < kPlanes; first += kMaxTrials) {
+  for (int first = 0; first < kPlanes; first += kMaxHypotheses) {
     request.trials.clear();
-    for (int k = first; k < first + static_cast<int>(kMaxTrials); k++)
-      request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
-    const std::vector<Moments> moments = renderer.moments(request, number, ignored);
+    for (int k = first; k < first + static_cast<int>(kMaxHypotheses); k++)
+      request.trials.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
+    const std::vector<PhotoConsistency> moments = renderer.moments(request, number, ignored);
     for (size_t t = 0; t < moments.size(); t++)
       for (size_t i = 0; i < nodes; i++) cost[static_cast<size_t>(first) + t].push_back(moments[t].deviation(i));
   }
@@ -449,7 +450,7 @@ double percentile(std::vector<double> values, double part) {
 }  // namespace
 
 std::optional<Depths> find_depths(const Case& c, size_t view) {
-  // Bilinear samples would tell planes that need few of them between pixels from those that are in focus.
+  // Bilinear samples favour planes with few samples between pixels over planes in focus.
   Renderer sharpened(c, view, {.resampling = Resampling::kSharpened});
   return find_depths(c.rig, sharpened.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
                      [&](const View& v) { return sharpened.picture(v, view); });
@@ -476,20 +477,20 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   result.plane_alike.quality = compare(result.plane_alike.image, truth, result.plane_alike.coverage);
   time_again(renderer, best, view, {}, result.plane_alike);
 
-  FocusControl control(options.focus);
+  DepthEstimator control(options.focus);
   ViewRequest request;
   result.start = start_of(options, range, options.planes);
   request.view = case_on_plane(c, view, from, result.start);
   for (int round = 0; round <= options.rounds; round++) {
     request.sequence = static_cast<uint32_t>(round);
     request.out_of_service = c.without(view);
-    Picture picture = renderer.picture(shown_view(request), view, request.gains);
+    Picture picture = renderer.picture(displayed_view(request), view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
-    if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
-    const std::vector<Moments> moments = renderer.moments(request, view, picture);
+    if (round == options.rounds) time_again(renderer, displayed_view(request), view, request.gains, picture);
+    const std::vector<PhotoConsistency> moments = renderer.moments(request, view, picture);
     request.gains = renderer.gains_after(request, view, control.state().mixed, picture);
     const uint64_t begun = now_ns();
-    const FocusControl::Plan plan = control.next(request, moments, array);
+    const DepthEstimator::Plan plan = control.next(request, moments, array);
     picture.trial_ms += milliseconds(now_ns() - begun);
     result.rounds.push_back(std::move(picture));
     take(plan, request);
@@ -505,11 +506,11 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   const FocusArray array(c.rig);
   const Plane& from = array.from();
   Renderer renderer(c, view, options);
-  FocusControl control(options.focus);
+  DepthEstimator control(options.focus);
   ViewRequest request;
   request.view = case_on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
   const auto next = [&](Picture& cost) {
-    const std::vector<Moments> moments = renderer.moments(request, view, cost);
+    const std::vector<PhotoConsistency> moments = renderer.moments(request, view, cost);
     request.gains = renderer.gains_after(request, view, control.state().mixed, cost);
     request.sequence++;
     take(control.next(request, moments, array), request);
@@ -519,7 +520,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   RestResult result;
   std::vector<double> sum, square;
   for (int i = 0; i < pictures; i++) {
-    Picture picture = renderer.picture(shown_view(request), view, request.gains);
+    Picture picture = renderer.picture(displayed_view(request), view, request.gains);
     sum.resize(picture.image.data().size());
     square.resize(sum.size());
     for (size_t k = 0; k < sum.size(); k++) {
@@ -560,8 +561,8 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
   const Plane& from = array.from();
   const FocalMap range = map_of(options.range);
   Renderer bilinear(c, 0, {}), renderer(c, 0, options);
-  FocusControl control(options.focus);
-  FocusControl::Plan plan;
+  DepthEstimator control(options.focus);
+  DepthEstimator::Plan plan;
   GainRequest gains;
   std::vector<Frame> frames(c.views.size());
   std::vector<std::vector<double>> plane_db(kPlanes, std::vector<double>(frames.size()));
@@ -576,13 +577,13 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
       const View view = request.view;
       take(plan, request);
       request.view = view;
-      request.view.focus.map = carry_over(plan.view, view);
+      request.view.focus.map = warp_depth_map(plan.view, view);
       if (plan.plane) request.view.focus.plane = *plan.plane;
     }
     request.gains = gains;
     request.sequence = static_cast<uint32_t>(i);
     Picture cost;
-    frames[i].surface_db = psnr(renderer.picture(shown_view(request), i, request.gains));
+    frames[i].surface_db = psnr(renderer.picture(displayed_view(request), i, request.gains));
     plan = control.next(request, renderer.moments(request, i, cost), array);
     gains = renderer.gains_after(request, i, control.state().mixed, cost);
     progress();

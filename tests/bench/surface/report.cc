@@ -60,7 +60,7 @@ void SpeedPlot::draw(const std::string& title, const std::string& folder) const 
 namespace {
 
 struct Column {
-  const char *group, *name;  // of the heading; a group is named by its first column
+  const char *group, *name;  // group and column heading; a group is named in its first column
   int width, decimals;
   bool sign;
   const char* json;
@@ -245,7 +245,7 @@ namespace {
 struct Trouble {
   const char* name;
   Faults faults;
-  bool matched = true;  // gains=on
+  bool matched = true;  // exposure gains enabled
 };
 constexpr Trouble kTroubles[] = {{"", {}},
                                  {", noise of 5", {.noise = 5}},
@@ -257,9 +257,9 @@ struct Subject {
   std::string name;
   double near, far;  // metres
   std::function<Case()> make;
-  double least_gain_db;  // promised
-  double least_way;      // of the way to the bound
-  bool matched = true;   // cameras match their brightness
+  double least_gain_db;  // goal
+  double least_way;      // fraction of the bound's gain
+  bool matched = true;   // exposure gains
 };
 
 std::vector<Subject> subjects(const AcceptanceOptions& options) {
@@ -395,7 +395,7 @@ void draw_rows(const std::vector<AcceptanceRow>& rows, const std::string& folder
                      .log_x = false};
   bench::Panel time{.title = "against time", .x_label = "ms of trials so far", .y_label = "", .log_x = false};
   for (const AcceptanceRow& row : rows) {
-    if (row.name.find(',') != std::string::npos) continue;  // without troubles
+    if (row.name.find(',') != std::string::npos) continue;  // without faults
     bench::Series by_bytes{row.name, false, {}}, by_time{row.name, false, {}};
     for (size_t i = 0; i < row.gain_by_round_db.size(); i++) {
       by_bytes.points.push_back({100 * row.trial_bytes_by_round[i] / row.plane_bytes, row.gain_by_round_db[i], ""});

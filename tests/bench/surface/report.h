@@ -11,15 +11,15 @@
 namespace lf::focus {
 
 inline constexpr Resampling kResamplings[] = {Resampling::kBilinear, Resampling::kSharpened};
-inline constexpr const char* kResamplingNames[] = {"bilinear", "sharpened"};  // in that order
+inline constexpr const char* kResamplingNames[] = {"bilinear", "sharpened"};  // in the order of the enum
 
-// Speed against error: how long a picture takes, and how near the truth it comes, through the best plane and through
-// the surface, sampled in each way. Means over the views.
+// Speed against error: time per picture and error against the truth, for the best plane and the surface, with each
+// resampling. Means over the views.
 class SpeedPlot {
  public:
   void add(Resampling resampling, const StillResult& result);
   void print() const;
-  // speed.png in the folder, by gnuplot.
+  // Writes speed.png to the folder, with gnuplot.
   void draw(const std::string& title, const std::string& folder) const;
 
  private:
@@ -33,15 +33,15 @@ class SpeedPlot {
   Way ways_[3] = {{"best plane", {}}, {"focal surface", {}}, {"focal surface, with its trials", {}}};
 };
 
-// The figures of still views: a table on standard output, a row a view as it comes, and as JSON. What could not be
-// measured is "-" there, null here, and not in the means.
+// Figures of still views: a table on standard output, one row per view as it completes, and JSON. Values that could not
+// be measured are "-" in the table, null in JSON, and not part of the means.
 class StillTable {
  public:
-  // Prints what the columns mean, and their headings.
+  // Prints explanations and headings of the columns.
   StillTable(const Case& c, const Options& options);
-  // `options`: with which it was measured.
+  // `options`: options of the measurement.
   void add(const std::string& view, const Options& options, const StillResult& result);
-  // A view of which the cameras see nothing.
+  // Adds a view that the cameras do not see.
   void add_unseen(const std::string& view);
   // Prints the means.
   void finish();
@@ -57,31 +57,31 @@ class StillTable {
   nlohmann::ordered_json views_ = nlohmann::ordered_json::array();
 };
 
-// What focal surfaces promise, scene by scene: means over the views of each.
+// Goals of focal surfaces and results, scene by scene: means over each scene's views.
 struct AcceptanceRow {
   std::string name;
   Quality plane, surface;                     // the best plane, and the settled surface
-  double gain_db = 0;                         // of the surface over that plane
-  double bound_db = 0;                        // of each pixel's best plane
+  double gain_db = 0;                         // gain of the surface over that plane
+  double bound_db = 0;                        // gain with each pixel's best plane
   double worst_view_db = 0;                   // least gain of a view
-  double worst_on_way_db = 0;                 // of all pictures from the viewer's plane on, against that
-  double plane_bytes = 0, surface_bytes = 0;  // sums of a view; with trials
-  double plane_ms = 0, surface_ms = 0;        // one thread; with trials
-  double rest_percent = 0;                    // bytes of trials at rest with focus=auto, of colour
-  double rest_gain_db = 0;                    // over the best plane, then
-  RestResult still;                           // with trials going on
-  std::vector<double> gain_by_round_db, trial_bytes_by_round, trial_ms_by_round;  // the latter two in total so far
-  std::vector<std::string> missed;                                                // promises
+  double worst_on_way_db = 0;                 // least gain of all pictures, starting with the viewer's plane
+  double plane_bytes = 0, surface_bytes = 0;  // sums of a view; with hypotheses
+  double plane_ms = 0, surface_ms = 0;        // one thread; with hypotheses
+  double rest_percent = 0;                    // bytes of hypotheses at rest with focus=auto, relative to colour
+  double rest_gain_db = 0;                    // over the best plane, at rest
+  RestResult still;                           // while hypotheses continue
+  std::vector<double> gain_by_round_db, trial_bytes_by_round, trial_ms_by_round;  // bytes and times are cumulative
+  std::vector<std::string> missed;                                                // goals not met
 };
 
 struct AcceptanceOptions {
   int views = 4;
-  std::vector<std::string> only;  // rows, by name; empty: all
-  std::string data;               // folder with `toys` and `chess`; empty: without
-  std::string folder;             // for plots, if any
+  std::vector<std::string> only;  // row names to measure; empty: all rows
+  std::string data;               // folder with `toys` and `chess`; empty: skips these rows
+  std::string folder;             // for plots; empty: no plots
 };
 
-// Measures, prints a row at a time, draws, and says which promises were not kept.
+// Measures, prints and draws row by row, then lists the goals that were not met.
 std::vector<AcceptanceRow> measure_acceptance(const AcceptanceOptions& options);
 void write_json(const std::vector<AcceptanceRow>& rows, const std::string& path);
 

@@ -51,10 +51,10 @@ TEST(ReadFile, BoundsTheSize) {
   dir.write("sparse", "");
   fs::resize_file(dir / "sparse", uintmax_t{1} << 40);
   EXPECT_ERROR(read_file(dir / "sparse"), "sparse: can't be read: it has more than");
-  EXPECT_FALSE(read_file("/proc/self/stat").empty()) << "a file that says that it is empty";
+  EXPECT_FALSE(read_file("/proc/self/stat").empty()) << "reported size 0";
 }
 
-TEST(FileReplacement, KeepsTheMode) {
+TEST(AtomicFileWriter, KeepsTheMode) {
   const TempDir dir;
   for (const mode_t mode : {0600, 0640, 0664, 0444}) {
     dir.write("rig.json", "old");
@@ -69,7 +69,7 @@ TEST(FileReplacement, KeepsTheMode) {
   EXPECT_EQ(mode_of(dir / "rig.json"), 0640u);
 }
 
-TEST(FileReplacement, ALinkStaysALink) {
+TEST(AtomicFileWriter, ALinkStaysALink) {
   const TempDir dir;
   dir.write("folder/real", "old");
   fs::create_symlink("folder/real", dir / "one");
@@ -86,7 +86,7 @@ TEST(FileReplacement, ALinkStaysALink) {
   EXPECT_EQ(entries_of(dir / "folder"), 2u) << "no temporary file is left";
 }
 
-TEST(FileReplacement, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
+TEST(AtomicFileWriter, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   const TempDir dir;
   dir.write("victim", "precious");
   fs::create_symlink("victim", dir / "cam0.png");
@@ -98,10 +98,10 @@ TEST(FileReplacement, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   EXPECT_EQ(read_text_file(dir / "victim"), "precious");
   chmod(dir.path().c_str(), 0755);
   write_text_file("new", dir / "cam0.png");
-  EXPECT_EQ(read_text_file(dir / "victim"), "new") << "in a folder of ours we follow it";
+  EXPECT_EQ(read_text_file(dir / "victim"), "new") << "followed in an own folder";
 }
 
-TEST(FileReplacement, FollowsNoLinkUnderATemporaryName) {
+TEST(AtomicFileWriter, FollowsNoLinkUnderATemporaryName) {
   const TempDir dir;
   dir.write("victim", "precious");
   fs::create_symlink("victim", dir / "rig.json.part");
@@ -109,11 +109,11 @@ TEST(FileReplacement, FollowsNoLinkUnderATemporaryName) {
   EXPECT_EQ(read_text_file(dir / "victim"), "precious");
 }
 
-TEST(FileReplacement, WithoutCommitNothingChanges) {
+TEST(AtomicFileWriter, WithoutCommitNothingChanges) {
   const TempDir dir;
   dir.write("file", "old");
   {
-    FileReplacement file(dir / "file");
+    AtomicFileWriter file(dir / "file");
     file.write("half");
     EXPECT_EQ(read_text_file(dir / "file"), "old");
   }
@@ -121,8 +121,8 @@ TEST(FileReplacement, WithoutCommitNothingChanges) {
   EXPECT_EQ(entries_of(dir.path()), 1u);
 }
 
-TEST(FileReplacement, AFailureLeavesTheOldFileAndNoOther) {
-  FileReplacement full("/dev/full");
+TEST(AtomicFileWriter, AFailureLeavesTheOldFileAndNoOther) {
+  AtomicFileWriter full("/dev/full");
   EXPECT_ERROR(full.write("x"), "/dev/full: can't be written: No space left on device");
   const TempDir dir;
   EXPECT_ERROR(write_text_file("new", dir.path()), "can't be written: Is a directory");
@@ -130,12 +130,12 @@ TEST(FileReplacement, AFailureLeavesTheOldFileAndNoOther) {
   EXPECT_EQ(entries_of(dir.path()), 0u);
 }
 
-TEST(FileReplacement, ADeviceIsWrittenToDirectly) {
+TEST(AtomicFileWriter, ADeviceIsWrittenToDirectly) {
   write_text_file("x", "/dev/null");
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
-TEST(FileReplacement, WritersAtOnceLeaveAWholeFile) {
+TEST(AtomicFileWriter, WritersAtOnceLeaveAWholeFile) {
   const TempDir dir;
   const std::string path = dir / "file";
   const auto content = [](char c) { return std::string(100000, c); };
@@ -167,16 +167,16 @@ TEST(CopyFile, CopiesRegularFilesAsAWhole) {
   EXPECT_EQ(read_file(dir / "to"), content);
 }
 
-TEST(FolderUpdate, ReplacesFilesWhenItIsComplete) {
+TEST(AtomicFolderUpdate, ReplacesFilesWhenItIsComplete) {
   const TempDir dir;
   dir.write("out/a", "old");
   dir.write("out/kept", "kept");
   {
-    FolderUpdate update(dir / "out");
+    AtomicFolderUpdate update(dir / "out");
     write_text_file("half", update.staging() + "/a");
   }
   EXPECT_EQ(read_text_file(dir / "out/a"), "old");
-  FolderUpdate update(dir / "out");
+  AtomicFolderUpdate update(dir / "out");
   write_text_file("new", update.staging() + "/a");
   fs::create_directory(update.staging() + "/truth");
   write_text_file("view", update.staging() + "/truth/v");
@@ -188,38 +188,38 @@ TEST(FolderUpdate, ReplacesFilesWhenItIsComplete) {
   EXPECT_EQ(entries_of(dir / "out"), 3u) << "no staging folder is left";
 }
 
-TEST(FolderUpdate, RemovesWhatAKilledProgramHasLeft) {
+TEST(AtomicFolderUpdate, RemovesWhatAKilledProgramHasLeft) {
   const TempDir dir;
   dir.write("out/.new-0123/a", "half");
-  const FolderUpdate young(dir / "out");
-  EXPECT_TRUE(fs::exists(dir / "out/.new-0123")) << "its program may just have begun";
+  const AtomicFolderUpdate young(dir / "out");
+  EXPECT_TRUE(fs::exists(dir / "out/.new-0123")) << "may belong to a program that just started";
   const auto old = fs::file_time_type::clock::now() - std::chrono::hours(1);
   fs::last_write_time(dir / "out/.new-0123", old);
   fs::last_write_time(young.staging(), old);
-  const FolderUpdate next(dir / "out");
+  const AtomicFolderUpdate next(dir / "out");
   EXPECT_FALSE(fs::exists(dir / "out/.new-0123"));
-  EXPECT_TRUE(fs::exists(young.staging())) << "it is in use";
+  EXPECT_TRUE(fs::exists(young.staging())) << "in use";
 }
 
-TEST(FolderUpdate, LeavesNoFolderThatItMadeInVain) {
+TEST(AtomicFolderUpdate, LeavesNoFolderThatItMadeInVain) {
   const TempDir dir;
-  { const FolderUpdate update(dir / "out"); }
+  { const AtomicFolderUpdate update(dir / "out"); }
   EXPECT_FALSE(fs::exists(dir / "out"));
   dir.write("file", "");
-  EXPECT_ERROR(FolderUpdate(dir / "file"), "file: can't be made");
+  EXPECT_ERROR(AtomicFolderUpdate(dir / "file"), "file: can't be made");
 }
 
-TEST(FolderUpdate, MessagesNameTheFilesOfTheEnd) {
+TEST(AtomicFolderUpdate, MessagesNameTheFilesOfTheEnd) {
   EXPECT_EQ(without_staging("films/.new-c1a61b9962118843/a.mkv: full; films/.new-1/b.mkv"),
             "films/a.mkv: full; films/b.mkv");
   EXPECT_EQ(without_staging("films/.new-c1a6"), "films/.new-c1a6");
 }
 
-TEST(FolderUpdate, AFolderInTheWayLeavesAllFiles) {
+TEST(AtomicFolderUpdate, AFolderInTheWayLeavesAllFiles) {
   const TempDir dir;
   dir.write("a.txt", "old");
   fs::create_directories(dir / "b.txt");
-  FolderUpdate update(dir.path());
+  AtomicFolderUpdate update(dir.path());
   for (const char* name : {"a.txt", "b.txt"}) std::ofstream(update.staging() + "/" + name) << "new";
   EXPECT_THROW(update.commit(), Error);
   EXPECT_EQ(read_file(dir / "a.txt"), "old");
@@ -247,7 +247,7 @@ TEST_F(SecretFile, MustBeClosedToOtherUsers) {
   }
 }
 
-// A service may read a file of root by its group, as Debian's ssl-cert and systemd's credentials have it.
+// Debian's ssl-cert and systemd credentials let a service read root's files through its group.
 TEST_F(SecretFile, MayBelongToAnotherUserAndBeReadByAGroup) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can give a file to another user";
   ASSERT_EQ(chown(path_.c_str(), 65534, 65534), 0);
@@ -264,7 +264,7 @@ TEST_F(SecretFile, MustBeARegularFileOfLimitedSize) {
   EXPECT_ERROR(read_secret_file(dir_.path()), "not a regular file");
   EXPECT_ERROR(read_secret_file("/dev/zero"), "not a regular file");
   ASSERT_EQ(mkfifo((dir_ / "fifo").c_str(), 0600), 0);
-  EXPECT_ERROR(read_secret_file(dir_ / "fifo"), "not a regular file") << "and is not waited for";
+  EXPECT_ERROR(read_secret_file(dir_ / "fifo"), "not a regular file") << "without blocking";
   EXPECT_ERROR(read_secret_file(path_, 11), "at most 11 bytes");
   EXPECT_EQ(read_secret_file(path_, 12).size(), 12u);
 }

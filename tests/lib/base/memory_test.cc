@@ -12,7 +12,7 @@ TEST(ByteBuffer, GrowingLeavesMemoryAsItIs) {
   bytes.resize(0);
   bytes.resize(64);
   EXPECT_EQ(bytes[63], 0xaa);
-  bytes.resize(65, 7);  // with a value it is written
+  bytes.resize(65, 7);
   EXPECT_EQ(bytes[64], 7);
 }
 
@@ -27,8 +27,8 @@ TEST(ByteBuffer, AppendKeepsWhatIsThere) {
   EXPECT_EQ(bytes, (ByteBuffer{1, 2, 3, 1}));
 }
 
-TEST(KeptMemory, ShrinksWithWhatIsNeeded) {
-  KeptMemory<ByteBuffer> memory;
+TEST(MemoryPool, ShrinksWithWhatIsNeeded) {
+  MemoryPool<ByteBuffer> memory;
   uint64_t now = 5'000'000'000;
   const auto answer = [&](size_t size) {
     ByteBuffer bytes = memory.take();
@@ -37,14 +37,14 @@ TEST(KeptMemory, ShrinksWithWhatIsNeeded) {
   };
   for (int i = 0; i < 10; i++) answer(1'000'000);
   for (int i = 0; i < 100; i++) answer(1000);
-  EXPECT_GE(memory.kept_bytes(), 1'000'000u) << "within the minute";
-  now += 2 * PeakNeed::kMinute;
-  for (int i = 0; i < 2; i++) answer(1000);  // in the large one's memory, and in some of its own
-  EXPECT_LE(memory.kept_bytes(), 4 * 2000u);
-  EXPECT_GT(memory.kept_bytes(), 0u) << "and still serves again";
-  now += 2 * PeakNeed::kMinute;
+  EXPECT_GE(memory.pooled_bytes(), 1'000'000u) << "within the minute";
+  now += 2 * PeakTracker::kMinute;
+  for (int i = 0; i < 2; i++) answer(1000);
+  EXPECT_LE(memory.pooled_bytes(), 4 * 2000u);
+  EXPECT_GT(memory.pooled_bytes(), 0u) << "still reused";
+  now += 2 * PeakTracker::kMinute;
   memory.trim(now);
-  EXPECT_EQ(memory.kept_bytes(), 0u) << "nobody has asked for minutes";
+  EXPECT_EQ(memory.pooled_bytes(), 0u) << "unused for minutes";
 }
 
 TEST(BufferPool, GivesTheLatestAgain) {

@@ -20,7 +20,7 @@ TEST(Schedule, InstantsOfFifteenFramesPerSecond) {
 
 TEST(Schedule, NothingDriftsAtClockTimesOfTodayAndBeyond) {
   const Schedule s(30000, 1001);
-  // 30000 periods are exactly 1001 seconds, for as long as 64 bits of nanoseconds last.
+  // 30000 periods are exactly 1001 seconds over the whole range of 64-bit nanoseconds.
   for (uint64_t n : {1u, 1'000'000u, 18'000'000u}) EXPECT_EQ(s.instant(30000 * n), 1001 * n * 1'000'000'000ull);
 }
 
@@ -39,7 +39,7 @@ TEST(Schedule, IndexIsTheInverse) {
         EXPECT_LT(s.instant(first - 1), t);
       }
     }
-    if (s.period() == 0) continue;  // several instants in one nanosecond
+    if (s.period() == 0) continue;  // several instants per nanosecond
     for (uint64_t k = 0; k < 100; k++) EXPECT_EQ(s.index_at(s.instant(k)), k);
   }
 }

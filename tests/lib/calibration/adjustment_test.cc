@@ -13,7 +13,7 @@
 namespace lf {
 namespace {
 
-// A scene at the truth, of lights or bars, and what is wrong before it is adjusted.
+// A true scene with lights or bars, disturbed before the adjustment.
 class BundleAdjustmentTest : public testing::TestWithParam<double> {
  protected:
   void watch(double noise, double outliers) {
@@ -41,7 +41,6 @@ class BundleAdjustmentTest : public testing::TestWithParam<double> {
     for (TargetState& target : scene_.targets)
       for (int k = 0; k < 3; k++) target.v[k] += 0.02 * normal(random);
   }
-  // Over the good observations.
   double largest_residual() const {
     double largest = 0;
     const std::vector<double> lengths = residual_lengths(scene_, observations());
@@ -103,7 +102,6 @@ TEST_P(BundleAdjustmentTest, OutliersMoveItLessWhereItIsRobust) {
   adjust(scene_, observations(), use_, {.sigma = 0.2, .robust = 3});
   EXPECT_LT(largest_residual(), 1.5);
   EXPECT_GT(least_squares, 3 * largest_residual());
-  // Nor do they where they are told not to be used.
   scene_ = before;
   adjust(scene_, observations(), watched_.good, {.sigma = 0.2});
   EXPECT_LT(largest_residual(), 1.5);
@@ -161,7 +159,7 @@ TEST(Alignment, ScaleStaysWhereItIsFixed) {
   EXPECT_EQ(align(a, b, true).scale, 1);
 }
 
-// That the covariance is right is what tests/calibration/accuracy_test.cc shows over many seeds.
+// tests/calibration/accuracy_test.cc tests over many seeds that the covariance is correct.
 class UncertaintyTest : public testing::Test {
  protected:
   UncertaintyTest() {
@@ -203,13 +201,12 @@ TEST_F(UncertaintyTest, GrowsWithTheNoiseUpToWhatWasKnown) {
   const Uncertainty noisy = estimate();
   EXPECT_GT(noisy.covariance(6, 6), before);
   EXPECT_LT(noisy.covariance(6, 6), noisy.prior_covariance(0, 0));
-  // An observation's own sigma counts as that of all.
   for (Observation& o : watched_.tracks.observations) o.sigma = 2;
   model_.sigma /= 2;
   EXPECT_NEAR(estimate().covariance(6, 6), noisy.covariance(6, 6), 1e-9 * before);
 }
 
-// Moving, turning or scaling all cameras is no error: the centres' common steps have no variance.
+// Moving, turning or scaling all cameras together is not an error: common steps of the centres have no variance.
 TEST_F(UncertaintyTest, IsInTheAlignedGauge) {
   const Uncertainty u = estimate();
   for (int axis = 0; axis < 3; axis++) {

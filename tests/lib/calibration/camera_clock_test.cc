@@ -29,7 +29,7 @@ std::vector<ClockSample> samples(const std::function<double(double stamp)>& late
 TEST(CameraClock, OffsetsAreReadThroughMistakes) {
   CameraClock clock;
   clock.offset = 1;
-  const double added = improve_clock(clock, samples([](double) { return 0.004; }, 5e-4), 1.0 / 30, 1);
+  const double added = refine_clock(clock, samples([](double) { return 0.004; }, 5e-4), 1.0 / 30, 1);
   EXPECT_NEAR(added, 0.004, 2e-4);
   EXPECT_NEAR(clock.offset, 1.004, 2e-4);
   EXPECT_EQ(clock.drift, 0);
@@ -42,14 +42,14 @@ TEST(CameraClock, WhatIsHiddenIsLessCertain) {
   CameraClock clock;
   const auto late = samples([](double) { return 0.002; }, 5e-4);
   CameraClock other;
-  EXPECT_NEAR(improve_clock(clock, late, 1.0 / 30, 1), 0.002, 2e-4);
-  improve_clock(other, late, 1.0 / 30, 0.25);
+  EXPECT_NEAR(refine_clock(clock, late, 1.0 / 30, 1), 0.002, 2e-4);
+  refine_clock(other, late, 1.0 / 30, 0.25);
   EXPECT_NEAR(other.sigma, 2 * clock.sigma, 1e-9);
 }
 
 TEST(CameraClock, AClockThatIsFast) {
   CameraClock clock;
-  improve_clock(clock, samples([](double stamp) { return 1e-3 * (stamp - 5); }, 5e-4), 1.0 / 30, 1);
+  refine_clock(clock, samples([](double stamp) { return 1e-3 * (stamp - 5); }, 5e-4), 1.0 / 30, 1);
   EXPECT_NEAR(clock.drift, 1e-3, 5e-5);
   EXPECT_TRUE(clock.steps.empty());
 }
@@ -57,7 +57,7 @@ TEST(CameraClock, AClockThatIsFast) {
 TEST(CameraClock, FramesThatWereDroppedAreCounted) {
   CameraClock clock;
   const auto late = [](double stamp) { return stamp < 4 ? 0.001 : stamp < 8 ? 0.001 + 1 / 30.0 : 0.001 + 3 / 30.0; };
-  improve_clock(clock, samples(late, 5e-4), 1.0 / 30, 1);
+  refine_clock(clock, samples(late, 5e-4), 1.0 / 30, 1);
   ASSERT_EQ(clock.steps.size(), 2u);
   EXPECT_EQ(clock.steps[0].frames, 1);
   EXPECT_NEAR(clock.steps[0].stamp, 4, 0.06);

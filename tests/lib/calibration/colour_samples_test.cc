@@ -11,11 +11,11 @@
 namespace lf {
 namespace {
 
-// The chart's patches in order are told apart by their middles in the image.
+// The order of the patches is checked by their centres in the image.
 TEST(ColourCheckerFinder, FindsEveryPatchWhereItIs) {
   const Rig rig = scene_rig(3, 3, 640, 480);
   size_t found = 0;
-  for (const ChartPose& chart : chart_poses(rig, 4))
+  for (const ChartPose& chart : colour_chart_poses(rig, 4))
     for (const size_t i : {0u, 4u, 8u}) {
       const Camera& camera = rig.cameras[i];
       const Image image = render_chart({camera.width, camera.height, camera.lens, camera.pose}, chart);
@@ -40,11 +40,11 @@ TEST(ColourCheckerFinder, FindsEveryPatchWhereItIs) {
 TEST(ColourCheckerFinder, FindsItInNoiseAndSmallImages) {
   const Rig rig = scene_rig(1, 1, 320, 240);
   const Camera& camera = rig.cameras[0];
-  const ChartPose chart = chart_poses(rig, 1)[0];
+  const ChartPose chart = colour_chart_poses(rig, 1)[0];
   const Image image = render_chart({camera.width, camera.height, camera.lens, camera.pose}, chart);
   ColourFault fault = random_faults(1, 1)[0];
   const std::vector<ColourSample> samples =
-      find_colour_checker(with_fault(image, fault, camera.principal_point(), 1), 0, 0);
+      find_colour_checker(apply_fault(image, fault, camera.principal_point(), 1), 0, 0);
   ASSERT_EQ(samples.size(), 24u);
   for (size_t i = 19; i < 24; i++) EXPECT_LT(samples[i].level.y + 10, samples[i - 1].level.y) << "greys get darker";
 }
@@ -56,8 +56,6 @@ TEST(ColourCheckerFinder, WhereThereIsNoneNothingIsFound) {
   EXPECT_TRUE(find_colour_checker(render_scene({320, 240, camera.lens, camera.pose}, 0), 0, 0).empty());
 }
 
-// Charts as a camera sees them that is bright in red and dark in blue, and one of them read half a patch beside its
-// place.
 TEST(ColourCheckerFinder, AChartThatIsMisreadIsLeftOut) {
   const auto chart = [](uint32_t number, double beside) {
     std::vector<ColourSample> samples;
@@ -78,12 +76,12 @@ TEST(ColourCheckerFinder, AChartThatIsMisreadIsLeftOut) {
     samples.insert(samples.end(), more.begin(), more.end());
   }
   const std::vector<ColourSample> two(samples.begin() + 2 * checker::kPatches, samples.begin() + 4 * checker::kPatches);
-  leave_out_misread_charts(samples);
+  remove_misread_charts(samples);
   EXPECT_EQ(samples.size(), 4u * checker::kPatches);
   for (const ColourSample& sample : samples) EXPECT_NE(sample.patch / checker::kPatches, 3u);
   auto kept = two;
-  leave_out_misread_charts(kept);
-  EXPECT_EQ(kept.size(), two.size()) << "of two nobody knows which is wrong";
+  remove_misread_charts(kept);
+  EXPECT_EQ(kept.size(), two.size()) << "two charts have no majority";
 }
 
 TEST(SampleQuad, IsTheMeanOfWhatIsInside) {
@@ -100,7 +98,7 @@ TEST(SampleQuad, IsTheMeanOfWhatIsInside) {
   EXPECT_NEAR(sample->level.x, 100.5, 0.1);
   EXPECT_NEAR(sample->level.y, 60, 1e-9);
   EXPECT_EQ(sample->place, Vec2(15, 10));
-  EXPECT_EQ(sample->usable, (std::array<bool, 3>{true, true, false})) << "a row of blue is clipped";
+  EXPECT_EQ(sample->usable, (std::array<bool, 3>{true, true, false})) << "blue is clipped in a row";
   EXPECT_FALSE(sample_quad(image, {Vec2(-1, 5), Vec2(20, 5), Vec2(20, 15), Vec2(10, 15)})) << "outside";
   EXPECT_FALSE(sample_quad(image, {Vec2(3, 5), Vec2(4, 5), Vec2(4, 6), Vec2(3, 6)})) << "four pixels";
 }
@@ -122,7 +120,7 @@ class ColourViews : public testing::Test {
   static std::vector<Image> with(const std::vector<ColourFault>& faults) {
     std::vector<Image> images;
     for (size_t i = 0; i < films().size(); i++)
-      images.push_back(with_fault(films()[i], faults[i], rig().cameras[i].principal_point(), i));
+      images.push_back(apply_fault(films()[i], faults[i], rig().cameras[i].principal_point(), i));
     return images;
   }
 };

@@ -17,7 +17,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// What a camera with a fault gives for a level of the scene, in plain double precision and without noise.
+// Returns the output of a faulty camera for a level of the scene, in double precision and without noise.
 Vec3 seen_by(const ColourFault& fault, const Vec3& level, double r2) {
   Vec3 out;
   const double share = 1 + fault.vignetting[0] * r2 + fault.vignetting[1] * r2 * r2;
@@ -30,7 +30,8 @@ Vec3 seen_by(const ColourFault& fault, const Vec3& level, double r2) {
   return out;
 }
 
-// A recording of a chart: `places` of it, 24 colours each, as all cameras see them with noise of a mean of 150 pixels.
+// A recording of a chart at `places` positions, 24 colours each, seen by all cameras with the noise of a mean over 150
+// pixels.
 struct Recording {
   Rig rig = scene_rig(3, 3, 320, 240);
   std::vector<ColourFault> faults = std::vector<ColourFault>(9);
@@ -103,8 +104,7 @@ TEST(ColourSolve, VignettingOfThirtyPercentIsFoundToTwo) {
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (size_t i = 0; i < 9; i++)
     for (double r2 = 0; r2 <= 1; r2 += 0.1) {
-      // Of levels, as they are seen.
-      const double factor = level_factor(light_share(*solution.models[i], r2));
+      const double factor = level_factor(vignetting_factor(*solution.models[i], r2));
       const double truth = std::pow(1 - 0.25 * r2 - 0.05 * r2 * r2, -1 / recording.faults[i].gamma);
       EXPECT_NEAR(factor / truth, 1, 0.02) << "camera " << i << ", r^2 " << r2;
     }
@@ -115,7 +115,7 @@ TEST(ColourSolve, TakesNoMoreTermsThanThereAreFaults) {
   ColourSolution solution = solve_colours(recording.rig, recording.samples());
   EXPECT_EQ(solution.terms, ColourTerms());
   for (const auto& model : solution.models)
-    EXPECT_NEAR(corrected(*model, {128, 128, 128}).y, 128, 0.3) << "nothing is to be done";
+    EXPECT_NEAR(corrected(*model, {128, 128, 128}).y, 128, 0.3) << "identity";
   for (size_t i = 0; i < 9; i++) recording.faults[i].gain = i % 4 == 0 ? 1.1 : 1;
   solution = solve_colours(recording.rig, recording.samples());
   EXPECT_EQ(solution.terms, ColourTerms()) << solution.terms.name();
@@ -128,7 +128,7 @@ TEST(ColourSolve, TakesNoMoreTermsThanThereAreFaults) {
 TEST(ColourSolve, TheMeanCorrectionIsNone) {
   Recording recording;
   recording.faults = random_faults(9, 5, {.vignetting = 0});
-  // Faults that all have are those of the array's colours.
+  // A fault that all cameras share is part of the array's colours.
   for (ColourFault& fault : recording.faults) fault.gain *= 0.8, fault.balance.x *= 1.1;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (const double level : {60.0, 120.0, 200.0}) {
@@ -145,11 +145,10 @@ TEST(ColourSolve, NamesTheCameraWhoseExposureIsStuckAndWhatItCosts) {
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (size_t i = 0; i < 9; i++) EXPECT_EQ(solution.cameras[i].is_stuck, i == 5) << i;
   EXPECT_TRUE(has(solution, "stuck-exposure", "camera 5 (cam_01_02): its exposure is stuck"));
-  EXPECT_TRUE(has(solution, "stuck-exposure", "is clipped and lost"));
+  EXPECT_TRUE(has(solution, "stuck-exposure", "% of its samples are clipped"));
   EXPECT_GT(solution.cameras[5].clipped, 0.2);
-  EXPECT_LE(solution.after.median, 1) << "the others are none the worse";
+  EXPECT_LE(solution.after.median, 1) << "other cameras unaffected";
   EXPECT_LE(solution.after.p95, 3);
-  // Nor is the mean drawn to it.
   double mean = 0;
   for (size_t i = 0; i < 9; i++)
     if (i != 5) mean += std::log(solution.cameras[i].gain) / 8;
@@ -169,7 +168,7 @@ TEST(ColourSolve, OutliersDoNoHarm) {
   recording.faults = random_faults(9, 7);
   ColourSamples samples = recording.samples();
   std::mt19937 random(8);
-  // A hand before the chart, shine: one sample of 20 is anything.
+  // One sample in 20 is arbitrary, as with a hand in front of the chart or specular reflections.
   for (ColourSample& sample : samples.all)
     if (random() % 20 == 0)
       for (int c = 0; c < 3; c++) sample.level[c] = 10.0 + random() % 230;
@@ -194,7 +193,7 @@ TEST(ColourSolve, CamerasThatSeeTooLittleAreNamedAndLeftAsTheyAre) {
 TEST(ColourSolve, WithoutAnythingInCommonThereIsNothingToCompare) {
   const Recording recording;
   EXPECT_ERROR(solve_colours(recording.rig, {.cameras = 9}),
-               "colours can only be compared where two cameras or more see the same: 0 of 9 cameras see enough");
+               "comparing colours requires two cameras with common samples: 0 of 9 cameras have enough");
 }
 
 }  // namespace

@@ -10,7 +10,6 @@ constexpr int kNumFree = 6 + kNumLensTerms;  // steps of a pose (rotation, posit
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Derivatives along the manifold, those that were written by hand, against differences.
 template <bool kBar>
 void expect_derivatives(const CameraState& camera, const std::array<double, 6>& target, uint32_t light) {
   Observation observation;

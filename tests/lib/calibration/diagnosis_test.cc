@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What is said of a solution: each finding where it belongs (see also the table of hard cases), and not where it does
-// not.
+// Each finding is reported for its fault and only for that fault (see also the table of hard cases).
 #include <cmath>
 #include <map>
 #include <random>
@@ -95,8 +94,8 @@ TEST_F(DiagnosisTest, OneLightDoesNotTellTheDepth) {
 
 TEST_F(DiagnosisTest, AWrongOrderIsNamedAndOffered) {
   options_.prior = sim::make_array({.rows = 4, .columns = 4, .position_jitter = 0, .pointing_jitter = 0}, 1);
-  placement_.bar_length = 0;  // the layout gives the scale: swapped cameras must not
-  // Three in a circle, and two that changed places: what is called 1 stands at 2, 2 at 7, 7 at 1; 12 at 15, 15 at 12.
+  placement_.bar_length = 0;  // scale comes from the layout, which swapped cameras must not change
+  // A cycle of three cameras and a swapped pair: camera 1 is at position 2, 2 at 7, 7 at 1; 12 at 15, 15 at 12.
   const std::map<uint32_t, uint32_t> called{{2, 1}, {7, 2}, {1, 7}, {15, 12}, {12, 15}};
   for (Tracks::Camera& camera : watched_.tracks.cameras)
     if (const auto other = called.find(camera.id); other != called.end()) camera.id = other->second;
@@ -105,7 +104,7 @@ TEST_F(DiagnosisTest, AWrongOrderIsNamedAndOffered) {
   std::string all;
   for (const Finding& f : diagnose(solution, watched_.tracks, options_, placement)) all += f.text + "\n";
   EXPECT_THAT(all, HasSubstr("1 at 2, 2 at 7, 7 at 1."));
-  EXPECT_THAT(all, HasSubstr("cameras 12 and 15 are where the prior rig has each other"));
+  EXPECT_THAT(all, HasSubstr("cameras 12 and 15 have swapped places in the prior rig"));
   const Rig rig = make_rig(solution, watched_.tracks, options_, placement);
   std::vector<uint32_t> order;
   for (const Camera& camera : rig.cameras) order.push_back(camera.id);
@@ -120,15 +119,15 @@ TEST_F(DiagnosisTest, WithoutAPriorNoPriorIsSpokenOf) {
     if (o.camera == 3) o.pixel = {std::fmod(o.pixel.y * 37, 320), std::fmod(o.pixel.x * 41, 240)};
   std::string all;
   for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
-  EXPECT_THAT(all, HasSubstr("camera-not-found: camera 3 fits nowhere"));
+  EXPECT_THAT(all, HasSubstr("camera-not-found: camera 3 could not be placed"));
   EXPECT_THAT(all, Not(HasSubstr("prior")));
 }
 
 struct Case {
-  double moving = 0;      // share of the points
-  double speed = 0;       // metres a second
-  double late = 0.015;    // seconds, one sigma of the pictures' times
-  bool other_k1 = false;  // lenses that the solver does not model
+  double moving = 0;
+  double speed = 0;     // metres per second
+  double late = 0.015;  // seconds; one sigma of the frame times
+  bool other_k1 = false;
   bool wrong_camera = false;
 };
 

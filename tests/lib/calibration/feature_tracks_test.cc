@@ -26,7 +26,7 @@ SplineImage picture(const std::function<double(const Vec2&)>& value) {
   return SplineImage(image);
 }
 
-// As another camera sees it: stretched by 8 %, sheared, turned a little, darker and of less contrast.
+// The view of another camera: stretched by 8 %, sheared, slightly rotated, darker and with less contrast.
 constexpr Vec2 kPoint(38.3, 29.6), kThere(41.72, 27.18);
 double elsewhere(const Vec2& p) {
   const Vec2 d = p - kThere;
@@ -51,13 +51,13 @@ TEST(Patch, IsNotFoundWhereItIsNot) {
   const SplineImage other = picture([](const Vec2& p) { return 128 + 40 * std::sin(p.x * p.y * 0.01); });
   const auto match = patch->find(other, Vec2(40, 30));
   EXPECT_TRUE(!match || match->correlation < 0.8);
-  EXPECT_FALSE(patch->find(picture(pattern), Vec2(5, 30)));  // the image ends
+  EXPECT_FALSE(patch->find(picture(pattern), Vec2(5, 30)));
   EXPECT_FALSE(patch->find(picture([](const Vec2&) { return 100.0; }), Vec2(40, 30)));
 }
 
 TEST(Patch, NeedsSomethingToBeFoundBy) {
   EXPECT_FALSE(Patch::cut(picture([](const Vec2&) { return 100.0; }), kPoint));
-  EXPECT_FALSE(Patch::cut(picture([](const Vec2& p) { return p.x < 38 ? 50.0 : 200.0; }), kPoint));  // along an edge
+  EXPECT_FALSE(Patch::cut(picture([](const Vec2& p) { return p.x < 38 ? 50.0 : 200.0; }), kPoint));
   EXPECT_FALSE(Patch::cut(picture(pattern), Vec2(5, 30)));
 }
 
@@ -82,7 +82,7 @@ TEST(SplineImage, IsAsSharpBetweenPixelsAsOnThem) {
   const SplineImage spline(wave_picture());
   for (double y = 6; y < 24; y += 0.37)
     for (double x = 6; x < 34; x += 0.41) {
-      EXPECT_NEAR(spline.value(x, y), wave(x, y), 1.5);  // bilinear interpolation is 7 off
+      EXPECT_NEAR(spline.value(x, y), wave(x, y), 1.5);  // bilinear interpolation is off by 7
       const SplineImage::Sample s = spline.sample(x, y);
       EXPECT_FLOAT_EQ(s.value, spline.value(x, y));
       EXPECT_NEAR(s.dx, (spline.value(x + 0.01, y) - spline.value(x - 0.01, y)) / 0.02, 0.1);
@@ -98,7 +98,6 @@ TEST(SplineImage, EndsWithItsImage) {
   EXPECT_FALSE(spline.has(5, 28));
 }
 
-// A wall of soft random spots at z = 2, seen by each camera.
 Image wall_picture(const Camera& camera) {
   constexpr int kCells = 64;
   constexpr double kCell = 0.05;  // metres
@@ -130,7 +129,6 @@ Image wall_picture(const Camera& camera) {
 
 TEST(FeatureTracks, FollowsCornersToHundredthsOfAPixel) {
   const Rig nominal = make_grid_rig({3, 3, 0.06, 40, 160, 120});
-  // Mounted by hand: what the nominal rig does not know.
   Rig rig = nominal;
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0, 0.01);
@@ -148,7 +146,6 @@ TEST(FeatureTracks, FollowsCornersToHundredthsOfAPixel) {
   EXPECT_GT(tracks.observations.size(), 5 * tracks.num_positions);
   check_tracks(tracks, "tracks");
 
-  // Where the first camera of a track sees it on the wall, the others do, too.
   std::vector<std::optional<Vec3>> wall(tracks.num_positions);
   std::vector<double> errors;
   for (const Observation& o : tracks.observations) {

@@ -12,8 +12,8 @@
 namespace lf {
 namespace {
 
-// How far the cameras in use are from where they truly are, once the best similarity has laid the scene over the truth:
-// metres in the truth's frame.
+// Returns the position errors of the cameras in use after the best similarity alignment, in metres in the truth's
+// frame.
 std::vector<Vec3> position_errors(const Reconstruction& scene, const Rig& truth) {
   std::vector<Pose> found, expected;
   for (size_t i = 0; i < truth.cameras.size(); i++) {
@@ -27,7 +27,8 @@ std::vector<Vec3> position_errors(const Reconstruction& scene, const Rig& truth)
   return errors;
 }
 
-// The root of the mean squared length of what `part` leaves of each of them: all of it, or its share in a plane.
+// Returns the root mean square length of the errors after `part`, which selects the whole error or its share in a
+// plane.
 template <typename Part>
 double root_mean_square(const std::vector<Vec3>& errors, const Part& part) {
   double sum = 0;
@@ -35,8 +36,7 @@ double root_mean_square(const std::vector<Vec3>& errors, const Part& part) {
   return std::sqrt(sum / static_cast<double>(errors.size()));
 }
 
-// Sights of random points by a 4x4 array whose cameras are turned a little, a share of them replaced.
-std::vector<ColumnSight> make_sights(double missed, double mistaken, std::vector<Vec2>& centres) {
+std::vector<ColumnDetection> make_sights(double missed, double mistaken, std::vector<Vec2>& centres) {
   std::mt19937 random(3);
   const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
   std::vector<Vec2> turns;
@@ -44,7 +44,7 @@ std::vector<ColumnSight> make_sights(double missed, double mistaken, std::vector
     centres.emplace_back(i % 4 - 1.5, i / 4 - 1.5);
     turns.emplace_back(uniform(-0.02, 0.02), uniform(-0.02, 0.02));
   }
-  std::vector<ColumnSight> sights;
+  std::vector<ColumnDetection> sights;
   for (uint32_t j = 0; j < 60; j++) {
     const Vec2 direction(uniform(-0.3, 0.3), uniform(-0.3, 0.3));
     const double disparity = uniform(0.02, 0.08);
@@ -58,7 +58,6 @@ std::vector<ColumnSight> make_sights(double missed, double mistaken, std::vector
   return sights;
 }
 
-// The layout up to a scale that is the same for all.
 void expect_layout(const DisparityFactors& factors, const std::vector<Vec2>& centres, double tolerance) {
   double cc = 0, cf = 0;
   for (size_t i = 0; i < centres.size(); i++)
@@ -85,8 +84,8 @@ TEST(DisparityFactorisation, MissesAndMistakesDoNotMatter) {
 
 TEST(DisparityFactorisation, ACameraThatSeesNothingIsUnknown) {
   std::vector<Vec2> centres;
-  std::vector<ColumnSight> sights = make_sights(0, 0, centres);
-  std::erase_if(sights, [](const ColumnSight& s) { return s.camera == 5; });
+  std::vector<ColumnDetection> sights = make_sights(0, 0, centres);
+  std::erase_if(sights, [](const ColumnDetection& s) { return s.camera == 5; });
   const auto factors = factorise_disparities(sights, 16, 60, 0.02);
   EXPECT_EQ(factors.cameras[5].inliers, 0);
   EXPECT_EQ(factors.inliers, 1);
@@ -106,7 +105,6 @@ class InitialLayoutTest : public testing::Test {
     scene.batch_mean[kF] = 420;
     return scene;
   }
-  // Root mean square across the array, of the pitch, by the best similarity.
   double error(const Reconstruction& scene) {
     return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return Vec2(e); }) / 0.06;
   }
@@ -134,7 +132,6 @@ TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
   EXPECT_LT(error(dirty), 0.4);
 }
 
-// A camera that sees other lights than everybody else is not placed.
 TEST_F(InitialLayoutTest, StrangersAreLeftOut) {
   Reconstruction scene = watch(0, 0);
   std::mt19937_64 random(3);
@@ -153,7 +150,7 @@ TEST_F(InitialLayoutTest, BarsAreTheUnitOfLength) {
     scene.cameras[i].set_lens(truth_.cameras[i].lens);
     scene.cameras[i].used = true;
   }
-  targets_from_poses(scene, tracks_, 2);
+  triangulate_from_poses(scene, tracks_, 2);
   const double apart = glm::distance(scene.cameras[0].pose().position, scene.cameras[15].pose().position);
   const double metres = glm::distance(truth_.cameras[0].pose.position, truth_.cameras[15].pose.position);
   EXPECT_NEAR(apart, metres / 0.3, 0.02 * apart);
@@ -164,7 +161,7 @@ TEST_F(InitialLayoutTest, BarsAreTheUnitOfLength) {
 
 class ResectionTest : public testing::Test {
  protected:
-  // All but camera 5 are where they are; a quarter of what it saw is mistaken.
+  // All cameras but camera 5 are at their true poses; a quarter of the observations of camera 5 is wrong.
   void SetUp() override {
     sim::ArrayOptions array;
     array.rows = array.columns = 3;
@@ -215,7 +212,6 @@ TEST_F(ResectionTest, NotFromAPointOrFromFew) {
   EXPECT_EQ(resect_cameras(scene_, watched_.tracks, 2), 0);
 }
 
-// Rigs that are no array: cameras around what they see.
 using sim::Around;
 
 class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>> {
@@ -227,7 +223,6 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
     path.missed = 0.3, path.outliers = 0.1;
     tracks_ = sim::watch(truth_, path, 2).tracks;
   }
-  // Root mean square, metres, by the best similarity.
   double error(const Reconstruction& scene) {
     return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return e; });
   }
@@ -243,13 +238,13 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
 
 TEST_P(PairsLayoutTest, AveragedPairs) {
   Reconstruction scene = with_lenses_about_right();
-  EXPECT_EQ(layout_from_averages(scene, tracks_, 8), 14);
+  EXPECT_EQ(global_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
 TEST_P(PairsLayoutTest, FromOnePair) {
   Reconstruction scene = with_lenses_about_right();
-  EXPECT_EQ(layout_from_a_pair(scene, tracks_, 8), 14);
+  EXPECT_EQ(incremental_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
@@ -272,8 +267,8 @@ TEST(PairsLayout, NothingWhereCamerasShareTooLittle) {
   path.near = 0.5, path.positions = 8;
   const Tracks tracks = sim::watch(truth, path, 2).tracks;
   Reconstruction scene = make_scene(tracks, {});
-  EXPECT_EQ(layout_from_averages(scene, tracks, 8), 0);
-  EXPECT_EQ(layout_from_a_pair(scene, tracks, 8), 0);
+  EXPECT_EQ(global_layout(scene, tracks, 8), 0);
+  EXPECT_EQ(incremental_layout(scene, tracks, 8), 0);
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
   double worst = 0;
   for (size_t i = 0; i < found->size(); i++) {
     const Vec2 truth = *lens.project(pose.world_from_camera(Vec3(kTestBoard.corner(i), 0)));
-    // The board looks the same after half a turn: OpenCV may count from the other end.
+    // A half turn leaves the board unchanged: OpenCV may count from the opposite end.
     const double other = glm::length(found->at(found->size() - 1 - i) - truth);
     worst = std::max(worst, std::min(glm::length(found->at(i) - truth), other));
   }
@@ -36,9 +36,9 @@ TEST(Checkerboard, SaysWhenThereIsNone) {
 
 const CharucoBoard kBoard = {kTestBoard, "5X5_100", 0.7};
 
-// The board as OpenCV prints it, white around.
+// The board as OpenCV prints it, with a white border.
 bool is_white(const Vec2& at) {
-  constexpr int kSquare = 40;  // pixels of the print
+  constexpr int kSquare = 40;
   static const cv::Mat print = [] {
     cv::Mat image;
     cv::aruco::CharucoBoard::create(kTestBoard.columns + 1, kTestBoard.rows + 1, 1, 0.7F,
@@ -54,7 +54,6 @@ bool is_white(const Vec2& at) {
 const Lens kLens(LensModel::kRadial, {620, 319.5, 239.5, -0.2, 0.05});
 
 TEST(Charuco, FindsAndNamesCornersOfAPartOfTheBoard) {
-  // Nearer, so that some of the board is outside of the image.
   const Pose pose{Vec3(-0.17, -0.1, 0.22), glm::angleAxis(0.3, Vec3(0.6, 0.8, 0))};
   const auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard);
   ASSERT_TRUE(view);
@@ -104,23 +103,23 @@ BoardView at(double x, std::vector<int> ids = {0, 1, 2, 3}) {
   return view;
 }
 
-TEST(ViewChooser, TakesABoardThatStandsStillSomewhereElse) {
-  ViewChooser chooser(320);
-  EXPECT_FALSE(chooser.take(at(50)));  // is it moving?
+TEST(KeyframeSelector, TakesABoardThatStandsStillSomewhereElse) {
+  KeyframeSelector chooser(320);
+  EXPECT_FALSE(chooser.take(at(50)));  // may be moving
   EXPECT_TRUE(chooser.take(at(50.4)));
-  EXPECT_FALSE(chooser.take(at(50.4)));  // as before
-  EXPECT_FALSE(chooser.take(at(60)));    // moving
-  EXPECT_FALSE(chooser.take(at(60)));    // still, but hardly elsewhere
+  EXPECT_FALSE(chooser.take(at(50.4)));
+  EXPECT_FALSE(chooser.take(at(60)));
+  EXPECT_FALSE(chooser.take(at(60)));  // still, but not far enough away
   EXPECT_FALSE(chooser.take(at(90)));
   EXPECT_TRUE(chooser.take(at(90)));
 }
 
-TEST(ViewChooser, ComparesTheCornersThatBothShow) {
-  ViewChooser chooser(320);
+TEST(KeyframeSelector, ComparesTheCornersThatBothShow) {
+  KeyframeSelector chooser(320);
   EXPECT_FALSE(chooser.take(at(50)));
   EXPECT_TRUE(chooser.take(at(50)));
-  EXPECT_FALSE(chooser.take(at(50, {2, 3, 4, 5})));  // the same place, another part
-  EXPECT_FALSE(chooser.take(at(50, {6, 7})));        // nothing in common: is it moving?
+  EXPECT_FALSE(chooser.take(at(50, {2, 3, 4, 5})));
+  EXPECT_FALSE(chooser.take(at(50, {6, 7})));  // no common corners: may be moving
   EXPECT_TRUE(chooser.take(at(50, {6, 7})));
 }
 
@@ -138,7 +137,7 @@ TEST(Zhang, FindsTheLensThatMadeTheViews) {
   for (int i = 0; i < 4; i++) EXPECT_NEAR(fit.lens.params()[i], pinhole.params()[i], 1e-2) << i;
 }
 
-// Errors over many seeds, in units of the reported covariance: 5 degrees of freedom each.
+// Errors over many seeds in units of the reported covariance: 5 degrees of freedom each.
 TEST(Zhang, TheCovarianceIsThatOfTheErrors) {
   for (const bool free_board : {false, true}) {
     const int seeds = free_board ? 6 : 30;
@@ -160,7 +159,7 @@ TEST(Zhang, ABoardThatIsNotFlatIsFoundAsItIs) {
   std::vector<BoardView> views = board_views(kZhangLens, 12, 0.05, 4);
   const ZhangModel flat{LensModel::kRadial, false}, free{LensModel::kRadial, true};
   const double flat_rms = fit_zhang(views, kTestBoard, 640, 480, flat).rms;
-  // A corner printed 0.3 mm off: the same shift across the board in every view, here in its image.
+  // A corner printed 0.3 mm off: the same shift across the board in every view, projected into the image.
   for (BoardView& view : views) {
     const Vec2 along = (view.corners[21] - view.corners[20]) / kTestBoard.square;
     view.corners[20] += along * 3e-4;
@@ -227,7 +226,7 @@ TEST(Intrinsics, OpenCvsOwnSet) {
   const Checkerboard board{9, 6, 0.025};
   std::vector<BoardView> views;
   for (int i = 1; i <= 14; i++) {
-    if (i == 10) continue;  // there is none
+    if (i == 10) continue;
     const std::string name = "left" + std::string(i < 10 ? "0" : "") + std::to_string(i) + ".jpg";
     const auto corners = find_checkerboard(load_image((folder / name).string()), board);
     ASSERT_TRUE(corners) << name;
@@ -238,7 +237,7 @@ TEST(Intrinsics, OpenCvsOwnSet) {
   options.free_board = false;
   const IntrinsicsResult result = calibrate_intrinsics(views, board, 640, 480, options);
   EXPECT_TRUE(std::all_of(result.views.begin(), result.views.end(), [](const auto& view) { return view.used; }));
-  EXPECT_LE(result.fit.rms, 0.21) << "0.39 in left_intrinsics.yml beside";
+  EXPECT_LE(result.fit.rms, 0.21) << "0.39 with left_intrinsics.yml";
   RecordProperty("rms_px", std::to_string(result.fit.rms));
 }
 

@@ -21,16 +21,16 @@ std::vector<uint8_t> grey(const Image& rgb) {
 struct Errors {
   double squared = 0, normalised = 0, count = 0;
   size_t missed = 0;
-  double rms() const { return std::sqrt(squared / (2 * count)); }              // of x and of y, pixels
-  double of_predicted() const { return std::sqrt(normalised / (2 * count)); }  // 1 where sigmas are right
+  double rms() const { return std::sqrt(squared / (2 * count)); }              // x and y together, pixels
+  double of_predicted() const { return std::sqrt(normalised / (2 * count)); }  // 1 if the sigmas are correct
 };
 
-// Of the lights themselves, in pictures of the middle one of nine cameras; not of those at the border.
-Errors errors_of(const LightsOptions& options, LightDetector& detector, int frames = 150) {
+// Errors of the lights in pictures of the centre camera of nine, without lights at the border.
+Errors errors_of(const MovingLightOptions& options, LightDetector& detector, int frames = 150) {
   const Rig rig = scene_rig(3, 3);
-  const LightsPath path(rig, options);
+  const LightTrajectory path(rig, options);
   const Camera& camera = rig.cameras[4];
-  const LightsCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
+  const MovingLightCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
   Errors errors;
   for (int n = 0; n < frames; n++) {
     const double time = n / 15.0;
@@ -42,8 +42,8 @@ Errors errors_of(const LightsOptions& options, LightDetector& detector, int fram
       if (!place || place->x < kBorder || place->y < kBorder || place->x > camera.width - kBorder ||
           place->y > camera.height - kBorder)
         continue;
-      const Sight* best = nullptr;
-      for (const Sight& sight : sights)
+      const LightDetection* best = nullptr;
+      for (const LightDetection& sight : sights)
         if (!best || glm::length(sight.pixel - *place) < glm::length(best->pixel - *place)) best = &sight;
       if (!best || glm::length(best->pixel - *place) > 3) {
         errors.missed++;
@@ -58,8 +58,8 @@ Errors errors_of(const LightsOptions& options, LightDetector& detector, int fram
 }
 
 TEST(LightDetector, PlacesAreAsGoodAsTheySay) {
-  for (const double power : {0.1, 0.4, 1.0, 2.0, 4.0, 8.0}) {  // the largest are clipped
-    LightsOptions options;
+  for (const double power : {0.1, 0.4, 1.0, 2.0, 4.0, 8.0}) {
+    MovingLightOptions options;
     options.power = power;
     LightDetector detector(320, 240);
     const Errors errors = errors_of(options, detector);
@@ -73,7 +73,7 @@ TEST(LightDetector, PlacesAreAsGoodAsTheySay) {
 }
 
 TEST(LightDetector, LongExposuresAndLargeLightsAreNoWorse) {
-  LightsOptions options;
+  MovingLightOptions options;
   options.exposure = 1.0 / 30;
   LightDetector blurred(320, 240);
   EXPECT_LE(errors_of(options, blurred).rms(), 0.03);
@@ -83,7 +83,7 @@ TEST(LightDetector, LongExposuresAndLargeLightsAreNoWorse) {
 }
 
 TEST(LightDetector, FaintLightsAreFoundInNoise) {
-  LightsOptions options;
+  MovingLightOptions options;
   options.power = 0.05, options.noise = 5;
   LightDetector detector(320, 240);
   const Errors errors = errors_of(options, detector);
@@ -91,12 +91,12 @@ TEST(LightDetector, FaintLightsAreFoundInNoise) {
   EXPECT_LE(errors.rms(), 0.15);
 }
 
-// Black is clipped: half of the noise is not seen, and must not be taken for lights.
+// Black is clipped, so half of the noise is invisible; the rest must not be detected as lights.
 TEST(LightDetector, ABlackRoomHasNoLights) {
-  LightsOptions options;
+  MovingLightOptions options;
   options.ambient = 0, options.bar = 0;
   const Rig rig = scene_rig(1, 2);
-  const LightsCamera lights(LightsPath(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose});
+  const MovingLightCamera lights(LightTrajectory(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose});
   LightDetector detector(320, 240);
   size_t most = 0;
   for (int n = 0; n < 60; n++)
@@ -105,19 +105,18 @@ TEST(LightDetector, ABlackRoomHasNoLights) {
 }
 
 TEST(LightDetector, ReflectionsAreFoundBesideTheLights) {
-  LightsOptions options;
+  MovingLightOptions options;
   options.reflection = 0.6;
   LightDetector detector(320, 240);
   EXPECT_EQ(errors_of(options, detector).missed, 0u);
-  std::vector<Sight> sights;
+  std::vector<LightDetection> sights;
   const Rig rig = scene_rig(3, 3);
-  const LightsCamera lights(LightsPath(rig, options), {320, 240, rig.cameras[4].lens, rig.cameras[4].pose});
+  const MovingLightCamera lights(LightTrajectory(rig, options), {320, 240, rig.cameras[4].lens, rig.cameras[4].pose});
   for (int n = 0; n < 3; n++) sights = detector.look(grey(lights.picture(n / 30.0, 7)).data(), 320);
   ASSERT_EQ(sights.size(), 4u);
-  for (const Sight& sight : sights) EXPECT_GE(sights[0].brightness, sight.brightness);
+  for (const LightDetection& sight : sights) EXPECT_GE(sights[0].brightness, sight.brightness);
 }
 
-// A picture of noise-free squares.
 std::vector<uint8_t> squares(std::initializer_list<std::pair<int, int>> places, int side = 4, uint8_t level = 10) {
   std::vector<uint8_t> picture(320 * 240, level);
   for (const auto& [left, top] : places)
@@ -161,36 +160,34 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(PicturePlaces, WhatIsMissingIsNamedOnce) {
-  PicturePlaces places(320, 240);
+TEST(CoverageGrid, WhatIsMissingIsNamedOnce) {
+  CoverageGrid places(320, 240);
   EXPECT_EQ(places.share(), 0);
-  EXPECT_EQ(listed(places.gaps()), "upper left, upper right, middle left, middle right, lower left, lower right");
+  EXPECT_EQ(gap_names(places.gaps()), "upper left, upper right, middle left, middle right, lower left, lower right");
   for (const double y : {20.0, 120.0, 239.0})
     for (const double x : {-3.0, 100.0, 200.0, 322.0})
       if (!(x == 100 && y == 20) && !(x > 150 && y > 200)) places.come({x, y});
   EXPECT_EQ(places.share(), 9.0 / 12);
   EXPECT_FALSE(places.has(1, 0));
   EXPECT_TRUE(places.has(0, 0)) << "outside counts as the border";
-  EXPECT_EQ(listed(places.gaps()), "upper left, lower right");
+  EXPECT_EQ(gap_names(places.gaps()), "upper left, lower right");
   EXPECT_EQ(places.gaps()[0].places, 1);
   EXPECT_EQ(places.gaps()[1].places, 2);
 }
 
-// Four cameras in a square, 0.3 m apart, 320x240.
 Rig array() { return make_grid_rig({2, 2, 0.3, 40, 320, 240}); }
 
-// A light at places of the world that all cameras look at in turn, as one thread does, while it goes on.
+// Shows a light at 3D positions to all cameras in turn, as one thread does during a recording.
 class Film {
  public:
   explicit Film(const Rig& rig, int lights = 1) : rig_(rig), coverage(rig, lights) {}
-  // All cameras, one after the other, from `from` on to `to`.
   void show(const Vec3& from, const Vec3& to, int looks = 10, const std::vector<CameraIndex>& blind = {}) {
     for (int n = 0; n < looks; n++)
       for (CameraIndex i = 0; i < rig_.cameras.size(); i++) {
         const double t = (n + static_cast<double>(i) / static_cast<double>(rig_.cameras.size())) / looks;
         const Camera& camera = rig_.cameras[i];
         const auto pixel = camera.lens.project(camera.pose.camera_from_world(from + t * (to - from)));
-        std::vector<Sight> sights;
+        std::vector<LightDetection> sights;
         const bool sees = std::ranges::find(blind, i) == blind.end() && pixel && pixel->x > 0 && pixel->y > 0 &&
                           pixel->x < 320 && pixel->y < 240;
         if (sees) sights.push_back({*pixel, 0.1, 100});
@@ -209,13 +206,12 @@ class Film {
 
 TEST(LightCoverage, SaysWhereTheLightWasNotYet) {
   Film film(array());
-  EXPECT_EQ(film.coverage.told(), "No camera has given a picture yet.");
+  EXPECT_EQ(film.coverage.summary(), "No frames from any camera yet.");
   film.show({0, 0, 2}, {0, 0, 2}, 3, {0, 1, 2, 3});
-  EXPECT_THAT(film.coverage.told(), HasSubstr("No camera has seen a light that moves yet"));
-  // Along the left side of the pictures, and camera 3 is behind a curtain.
+  EXPECT_THAT(film.coverage.summary(), HasSubstr("No camera has seen a moving light yet"));
   film.show({-0.6, -0.5, 2}, {-0.6, 0.5, 2}, 20, {3});
   EXPECT_THAT(film.coverage.wanted(0), AllOf(HasSubstr("upper right"), HasSubstr("lower right")));
-  EXPECT_THAT(film.coverage.told(),
+  EXPECT_THAT(film.coverage.summary(),
               AllOf(HasSubstr("Next: "), HasSubstr("right (3 cameras)"),
                     HasSubstr("Camera 3 (cam_01_01) has seen no light."), HasSubstr("Camera 0 (cam_00_00) 25 %: ")));
   EXPECT_THAT(film.coverage.wanted(3), HasSubstr("upper left"));
@@ -225,14 +221,14 @@ TEST(LightCoverage, APlaneIsNotEnough) {
   Film far(array());
   far.show({-0.7, -0.5, 2}, {0.7, 0.5, 2.1}, 20);
   EXPECT_EQ(far.coverage.depth_wanted(0), "nearer");
-  EXPECT_THAT(far.coverage.told(), HasSubstr("nearer (4 cameras)"));
+  EXPECT_THAT(far.coverage.summary(), HasSubstr("nearer (4 cameras)"));
   far.show({-0.3, -0.2, 1}, {0.3, 0.2, 1.1}, 20);
   EXPECT_EQ(far.coverage.depth_wanted(0), "");
-  EXPECT_THAT(far.coverage.told(), Not(HasSubstr("nearer")));
+  EXPECT_THAT(far.coverage.summary(), Not(HasSubstr("nearer")));
   Film near(array());
   near.show({-0.1, -0.1, 0.6}, {0.1, 0.1, 0.6}, 20);
   EXPECT_EQ(near.coverage.depth_wanted(0), "farther");
-  // An array whose cameras are two degrees off what was planned, each another way, is told the same.
+  // An array with each camera two degrees off the plan, in different directions, gets the same result.
   const Rig planned = array();
   Rig built = planned;
   for (size_t i = 0; i < 4; i++)
@@ -253,21 +249,21 @@ TEST(LightCoverage, WhereItWasEverywhereNothingIsAskedFor) {
   for (const double z : {0.9, 1.8})
     for (int row = -4; row <= 4; row++) film.show({-0.75 * z, row * 0.11 * z, z}, {0.75 * z, row * 0.11 * z, z}, 40);
   for (CameraIndex i = 0; i < 4; i++) EXPECT_EQ(film.coverage.wanted(i), "") << i;
-  EXPECT_EQ(film.coverage.told(), "The light came to 100 % of the pictures. It was everywhere, near and far.");
+  EXPECT_EQ(film.coverage.summary(), "The light has covered 100 % of the images. Nothing is missing, near and far.");
 }
 
-// The moved bar of the built-in scene, as a detector sees it in small pictures of half the size.
+// The detector sees the moving bar in pictures of half size.
 TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
   const Rig rig = array();
-  const LightsPath path(rig, {});
+  const LightTrajectory path(rig, {});
   LightCoverage coverage(rig, 2);
-  std::vector<LightsCamera> lights;
+  std::vector<MovingLightCamera> lights;
   std::vector<LightDetector> detectors;
   for (const Camera& camera : rig.cameras) {
     lights.emplace_back(path, SceneCamera{camera.width, camera.height, camera.lens, camera.pose});
     detectors.emplace_back(160, 120);
   }
-  std::vector<PicturePlaces> truth(4, PicturePlaces(320, 240));
+  std::vector<CoverageGrid> truth(4, CoverageGrid(320, 240));
   for (int n = 0; n < 200; n++)
     for (CameraIndex i = 0; i < 4; i++) {
       const double time = 0.2 * n + 0.05 * i;
@@ -279,8 +275,8 @@ TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
               static_cast<uint8_t>((picture.pixel(2 * x, 2 * y)[0] + picture.pixel(2 * x + 1, 2 * y)[0] +
                                     picture.pixel(2 * x, 2 * y + 1)[0] + picture.pixel(2 * x + 1, 2 * y + 1)[0]) /
                                    4);
-      std::vector<Sight> sights = detectors[i].look(small.data(), 160);
-      for (Sight& sight : sights) sight.pixel = 2.0 * sight.pixel + Vec2(0.5, 0.5);
+      std::vector<LightDetection> sights = detectors[i].look(small.data(), 160);
+      for (LightDetection& sight : sights) sight.pixel = 2.0 * sight.pixel + Vec2(0.5, 0.5);
       coverage.look(i, time, sights);
       for (const auto& place : lights[i].places(time))
         if (place) truth[i].come(*place);
@@ -288,7 +284,7 @@ TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
   for (CameraIndex i = 0; i < 4; i++) {
     EXPECT_NEAR(coverage.places(i).share(), truth[i].share(), 1.5 / 12) << i;
     EXPECT_GE(truth[i].share(), 0.7);
-    EXPECT_EQ(coverage.depth_wanted(i), "") << "it was moved between 0.8 and 2 m";
+    EXPECT_EQ(coverage.depth_wanted(i), "") << "moved between 0.8 and 2 m";
   }
 }
 

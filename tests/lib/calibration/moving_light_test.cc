@@ -20,42 +20,42 @@ constexpr double kNoise = 0.03;  // pixels
 
 struct Recorded {
   Rig truth;
-  LightsOptions lights;
-  LightSights sights;
+  MovingLightOptions lights;
+  LightDetections sights;
 };
 
 struct Recording {
   double bar = 0.3, reflection = 0;
-  bool dropped = false;  // camera 4 loses a frame amid its recording
-  double late = 0;       // camera 2, seconds
+  bool dropped = false;
+  double late = 0;  // camera 2, seconds
   double seconds = 8;
-  double drift = 0;   // camera 3, seconds a second
-  uint64_t seed = 3;  // of the array is two more
+  double drift = 0;   // camera 3, seconds per second
+  uint64_t seed = 3;  // seed of the array: this plus 2
 };
 
-// Nine cameras of 30 and 15 frames a second in turn, none with the others' time, some with a shorter recording.
+// Nine cameras with 30 and 15 frames per second in turn and different phases; some recordings are shorter.
 Recorded record(const Recording& how) {
   sim::ArrayOptions array;
   array.rows = array.columns = 3;
   Recorded r{sim::make_array(array, how.seed + 2), {}, {}};
   r.lights.bar = how.bar, r.lights.reflection = how.reflection;
   r.sights.bar = how.bar > 0;
-  const LightsPath path(r.truth, r.lights);
+  const LightTrajectory path(r.truth, r.lights);
   std::mt19937_64 random(how.seed);
   std::normal_distribution<double> normal(0, kNoise);
   std::uniform_real_distribution<double> uniform(-0.033, 0.033);
   for (size_t i = 0; i < r.truth.cameras.size(); i++) {
     Camera& camera = r.truth.cameras[i];
     camera.time_offset = uniform(random) + (i == 2 ? how.late : 0);
-    const LightsCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
-    LightSights::Camera& seen = r.sights.cameras.emplace_back();
+    const MovingLightCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
+    LightDetections::Camera& seen = r.sights.cameras.emplace_back();
     seen = {camera.id, camera.width, camera.height, {}};
     const double rate = i % 2 ? 15 : 30;
     const auto frames = static_cast<int>((how.seconds - 0.5 * static_cast<double>(i % 3)) * rate);
     for (int n = 0; n < frames; n++) {
       const double stamp = n / rate, lost = how.dropped && i == 4 && n >= frames / 2 ? 1 / rate : 0;
-      LightSights::Frame& frame = seen.frames.emplace_back();
-      frame.time = std::round(stamp * 1000) / 1000;  // as Matroska has it
+      LightDetections::Frame& frame = seen.frames.emplace_back();
+      frame.time = std::round(stamp * 1000) / 1000;  // Matroska's millisecond resolution
       const double drifted = i == 3 ? how.drift * stamp : 0;
       const auto places = lights.places(stamp + camera.time_offset + lost + drifted);
       for (size_t k = 0; k < places.size(); k++)
@@ -67,7 +67,7 @@ Recorded record(const Recording& how) {
   return r;
 }
 
-// The root of the mean squared difference of the offsets, of which the mean is not known.
+// Returns the root mean square error of the clock offsets, up to a common offset.
 double offset_error(const Recorded& r, const LightSolution& solution) {
   double sum = 0, squares = 0;
   const auto n = static_cast<double>(solution.clocks.size());
@@ -93,10 +93,10 @@ double position_error(const Recorded& r, const LightSolution& solution) {
   return std::sqrt(sum / static_cast<double>(found.size()));
 }
 
-// Observations that are no light's image at their instant, to a pixel.
+// Counts observations farther than a pixel from the light's image at their time.
 size_t mistaken(const Recorded& r, const LightSolution& solution) {
-  const LightsPath path(r.truth, r.lights);
-  double shift = 0;  // between the clock of the truth and that of the solution
+  const LightTrajectory path(r.truth, r.lights);
+  double shift = 0;  // clock of the truth to clock of the solution
   for (size_t i = 0; i < solution.clocks.size(); i++)
     shift += (r.truth.cameras[i].time_offset - solution.clocks[i].offset) / static_cast<double>(solution.clocks.size());
   size_t wrong = 0;
@@ -114,7 +114,7 @@ size_t mistaken(const Recorded& r, const LightSolution& solution) {
 TEST(MovingLight, CamerasWithoutACommonClock) {
   const Recorded r = record({});
   const LightSolution solution = solve_lights(r.sights, {});
-  EXPECT_LE(offset_error(r, solution), 1e-4);  // seconds
+  EXPECT_LE(offset_error(r, solution), 1e-4);
   EXPECT_LE(position_error(r, solution), 5e-4);
   EXPECT_EQ(mistaken(r, solution), 0u);
   EXPECT_GT(solution.tracks.observations.size(), 1500u);
@@ -173,7 +173,7 @@ LightSolution solve_one_light(const Recorded& r) {
   return solve_lights(r.sights, options);
 }
 
-// A camera's pose hides much of what its clock is off by: they must be found together.
+// A camera's pose can absorb much of its clock error: both must be estimated together.
 TEST(MovingLight, OneLightTellsTheClocks) {
   for (const uint64_t seed : {3, 11, 12}) {
     Recording how;
@@ -223,9 +223,9 @@ TEST(MovingLight, ReflectionsOfOneLightNeverWin) {
 
 TEST(MovingLight, NothingThatMovesIsSaid) {
   Recorded r = record({});
-  for (LightSights::Camera& camera : r.sights.cameras)
-    for (LightSights::Frame& frame : camera.frames) frame.sights.clear();
-  EXPECT_ERROR(solve_lights(r.sights, {}), "no camera sees a light that moves");
+  for (LightDetections::Camera& camera : r.sights.cameras)
+    for (LightDetections::Frame& frame : camera.frames) frame.sights.clear();
+  EXPECT_ERROR(solve_lights(r.sights, {}), "no camera sees a moving light");
 }
 
 }  // namespace

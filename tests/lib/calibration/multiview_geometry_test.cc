@@ -71,7 +71,7 @@ TEST(RelativePoses, NearTheTruthWhereLensesAreKnown) {
   for (const int n : partners) EXPECT_GE(n, 4);
 }
 
-// Twelve cameras in a ring and pairs up to three apart; every fifth pair is mistaken.
+// Twelve cameras in a ring with pairs up to three apart; every fifth pair is wrong.
 class RotationAveragingTest : public testing::Test {
  protected:
   static constexpr size_t kCameras = 12;
@@ -92,7 +92,6 @@ class RotationAveragingTest : public testing::Test {
     const Vec3 v(normal_(random_), normal_(random_), normal_(random_));
     return glm::angleAxis(sigma * glm::length(v), glm::normalize(v));
   }
-  // Between the same two cameras.
   double error(const std::vector<std::optional<Quat>>& found, size_t a, size_t b) {
     return angle_of(glm::conjugate(*found[a]) * *found[b] * glm::conjugate(glm::conjugate(truth_[a]) * truth_[b]));
   }

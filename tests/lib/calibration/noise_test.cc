@@ -18,7 +18,7 @@ TEST(RobustScale, SigmaOfNormalErrorsWhateverTheRestIs) {
   for (int i = 0; i < 20000; i++) lengths.push_back(std::hypot(normal(random), normal(random)));
   EXPECT_NEAR(robust_sigma(lengths), 0.25, 0.005);
   for (int i = 0; i < 2000; i++) lengths.push_back(100);
-  for (int i = 0; i < 2000; i++) lengths.push_back(-1);  // without a residual
+  for (int i = 0; i < 2000; i++) lengths.push_back(-1);
   EXPECT_NEAR(robust_sigma(lengths), 0.25, 0.03);
   EXPECT_EQ(robust_sigma({}), 0);
 }
@@ -34,7 +34,7 @@ double disagreement(bool alike) {
   sim::Watched watched = sim::watch(truth, path, 2);
   watched.tracks.ordered = false;
   if (alike) {
-    // What one camera makes of the features on one thing is off by the same.
+    // One camera's errors on the features of one object are equal.
     std::mt19937 random(3);
     std::normal_distribution<double> normal(0, 0.5);
     std::map<std::array<int, 3>, Vec2> common;
@@ -52,7 +52,7 @@ double disagreement(bool alike) {
   options.distortion = DistortionModel{2, false};
   const Solution solution = solve_tracks(watched.tracks, options);
   AdjustmentOptions model = solution.model;
-  model.sigma = solution.sigma;  // before it was enlarged by what is measured here
+  model.sigma = solution.sigma;  // before it was enlarged by the effect measured here
   return disagreement_of_halves(solution.scene, watched.tracks, solution.inliers, model);
 }
 

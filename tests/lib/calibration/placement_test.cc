@@ -19,7 +19,7 @@ struct Array {
   Similarity layout_from_found;
 };
 
-// Cameras near their nominal places, in a frame of their own; camera i stands at place at[i].
+// Cameras near their nominal poses, in another frame; camera i is at position at[i].
 Array make(int rows, int columns, uint64_t seed, const std::vector<size_t>& at = {}) {
   sim::ArrayOptions options;
   options.rows = rows, options.columns = columns;
@@ -63,7 +63,6 @@ TEST(LayoutAlignment, FindsWhoIsSwapped) {
   }
 }
 
-// Columns plugged in from right to left, and no order at all.
 TEST(LayoutAlignment, FindsTheOrderOfAll) {
   for (uint64_t seed = 0; seed < 100; seed++) {
     auto at = in_order(16);
@@ -92,7 +91,7 @@ TEST(LayoutAlignment, OneThatStandsElsewhereTurnsNothing) {
 
 TEST(LayoutAlignment, ACameraInTheGapOfOneThatIsMissing) {
   Array array = make(3, 3, 3);
-  array.found[2] = array.found[8];  // camera 2 stands at place 8, and camera 8 was not found
+  array.found[2] = array.found[8];
   array.found.pop_back(), array.own.pop_back();
   const LayoutAlignment found = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
   std::vector<size_t> expected = array.own;
@@ -100,7 +99,7 @@ TEST(LayoutAlignment, ACameraInTheGapOfOneThatIsMissing) {
   EXPECT_EQ(found.place, expected);
 }
 
-// Root of the mean squared turn of the frame against the truth, degrees, over arrays; centres alone beside.
+// Root mean square rotation error of the frame in degrees, over many arrays; with and without orientations.
 TEST(LayoutAlignment, OrientationsHoldTheFrame) {
   for (const int side : {3, 8}) {
     double both = 0, centres = 0;
@@ -124,7 +123,6 @@ TEST(LayoutAlignment, ScaleStaysWhereItIsGiven) {
   EXPECT_EQ(align_to_layout(array.found, array.layout, array.own, 0.7, 0).layout_from_scene.scale, 0.7);
 }
 
-// Orientations of a ring differ from place to place: each says by itself how the frame is turned.
 TEST(LayoutAlignment, RingsToo) {
   const Rig ring = sim::make_rig_around(sim::Around::kRing, 12, 3);
   std::vector<Pose> layout, found;
@@ -140,7 +138,6 @@ TEST(LayoutAlignment, RingsToo) {
 
 class PlacementTest : public testing::Test {
  protected:
-  // A solution without errors, in a frame and a scale of its own.
   void SetUp() override {
     sim::PathOptions path;
     path.bar = 0.3;

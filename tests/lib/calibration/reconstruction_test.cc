@@ -65,7 +65,7 @@ TEST_F(SceneTest, InformationIsTheInverseOfTheCovarianceThatIsGiven) {
   EXPECT_EQ(information(kK1, kK1), 0);
 }
 
-// A board's lens without distortion terms says nothing of them: they are not held at zero.
+// A board calibration without distortion terms gives no prior for them: they are estimated, not fixed at zero.
 TEST_F(SceneTest, TermsThatWereNotMeasuredAreFound) {
   sim::measure_lenses(truth_, {}, 3, options_);
   CameraCovariance covariance{{"f", "cx", "cy"}, {1, 0, 0, 0, 2.25, 0, 0, 0, 2.25}};
@@ -80,12 +80,12 @@ TEST_F(SceneTest, TermsThatWereNotMeasuredAreFound) {
   double off = 0;
   for (size_t i = 0; i < 16; i++)
     off += (solution.scene.cameras[i].lens_terms()[kK1] - truth_.cameras[i].lens.k1()) / 16;
-  EXPECT_LE(std::abs(off), 0.03) << "of -0.15";
+  EXPECT_LE(std::abs(off), 0.03) << "true value -0.15";
 }
 
 constexpr double kPositionSigma = 2e-4, kTurnSigma = 2e-4;  // metres, radians
 
-// Cameras whose places were measured, to within a similarity, and whose lenses were not.
+// Cameras with measured positions, up to a similarity, and unmeasured lenses.
 class PosePriorsTest : public testing::Test {
  protected:
   PosePriorsTest() {
@@ -108,7 +108,7 @@ class PosePriorsTest : public testing::Test {
   }
 
   struct Result {
-    double off = 0, told = 0;  // of the mean focal length, pixels
+    double off = 0, told = 0;  // error of the mean focal length, pixels
     Solution solution;
     std::string findings;
   };

@@ -13,7 +13,7 @@
 namespace lf {
 namespace {
 
-// Two cameras side by side that look along z, and four lights 2 m away; the last was found by nobody.
+// Two cameras side by side that look along z, and four lights 2 m away; the last light was not detected.
 class ReportTest : public testing::Test {
  protected:
   ReportTest() {
@@ -113,7 +113,7 @@ TEST_F(ReportTest, NothingFoundIsNoDivisionByZero) {
   EXPECT_EQ(report["unplaced"], 8);
 }
 
-constexpr double kBar = 0.3;  // metres
+constexpr double kBar = 0.3;
 constexpr uint64_t kArrays = 6;
 
 sim::ArrayOptions small_array() {
@@ -134,7 +134,7 @@ Solved solve(uint64_t seed, double bar) {
   path.bar = bar;
   const Tracks tracks = sim::watch(s.truth, path, seed + 100).tracks;
   SolveOptions options;
-  // What is said of the model's errors holds where the model is right.
+  // The estimated model errors are valid only if the model is correct.
   options.distortion = DistortionModel{2, false};
   s.solution = solve_tracks(tracks, options);
   PlacementOptions placement;
@@ -143,7 +143,7 @@ Solved solve(uint64_t seed, double bar) {
   return s;
 }
 
-// With a bar: solved once for all tests.
+// Arrays solved with a bar, once for all tests.
 const std::vector<Solved>& arrays() {
   static const std::vector<Solved> all = [] {
     std::vector<Solved> list;
@@ -169,7 +169,6 @@ TEST(SoftModes, DepthIsWhatOneLightDoesNotTell) {
   EXPECT_LT(find(firm, "depth")->sigma, 0.5 * find(loose, "depth")->sigma);
   for (const char* code : {"gaze", "toe-in", "bow", "proportions", "places", "directions"})
     EXPECT_TRUE(find(firm, code)) << code;
-  // Softest first.
   for (size_t i = 1; i < loose.size(); i++)
     EXPECT_GE(loose[i - 1].sigma / loose[i - 1].limit, loose[i].sigma / loose[i].limit);
 }
@@ -188,7 +187,7 @@ TEST(SoftModes, TheFocalLengthsErrIsAsLargeAsForetold) {
   EXPECT_LT(std::sqrt(squares), 2);
 }
 
-// Points 1.5 m away, seen without noise by all cameras but one, predicted in that one.
+// Points 1.5 m away, seen without noise by all cameras but one, and predicted in that camera.
 double squared_transfer(const Solved& s) {
   double sum = 0, count = 0;
   for (size_t of = 0; of < 9; of++)

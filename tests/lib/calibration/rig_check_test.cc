@@ -27,7 +27,7 @@ Tracks film(const Rig& rig, double noise = 0.05) {
   return sim::watch(rig, path, 7).tracks;
 }
 
-// By angles about its own axes, and a shift along them.
+// Rotates a camera about its own axes, then shifts the camera along them by `metres`.
 void disturb(Camera& camera, const Vec3& degrees, const Vec3& metres) {
   camera.pose.position += camera.pose.rotation() * metres;
   for (int k = 0; k < 3; k++) {
@@ -56,7 +56,6 @@ TEST(RigCheck, ARigThatIsAsItWasHolds) {
   EXPECT_TRUE(check_report(rig, check, {})["holds"].get<bool>());
 }
 
-// What became of one camera, and what has to be said of it.
 struct Case {
   const char* what;
   Vec3 degrees, metres;
@@ -81,7 +80,7 @@ TEST(RigCheck, WhoMovedAndByHowMuch) {
     EXPECT_EQ(moved(check), std::vector<uint32_t>{4});
     const RigCheck::Camera& camera = check.cameras[4];
     for (int k = 0; k < 3; k++) {
-      // As far apart as both say: the rotations of `disturb` follow each other.
+      // Tolerance: both sigmas; the rotations of `disturb` do not commute.
       EXPECT_NEAR(camera.turn[k] / kDegree, c.degrees[k],
                   0.05 + 5 * camera.turn_sigma[k] / kDegree + 0.04 * glm::length(c.degrees))
           << k;
@@ -90,7 +89,7 @@ TEST(RigCheck, WhoMovedAndByHowMuch) {
     const auto findings = diagnose_check(rig, check, 0.3);
     ASSERT_EQ(findings.size(), 1u);
     EXPECT_EQ(findings[0].code, "moved-camera");
-    EXPECT_THAT(findings[0].text, HasSubstr("camera 4 (" + rig.cameras[4].name + ") has moved, its picture by"));
+    EXPECT_THAT(findings[0].text, HasSubstr("camera 4 (" + rig.cameras[4].name + ") has moved, its image by"));
     for (const char* part : c.said) EXPECT_THAT(findings[0].text, HasSubstr(part));
   }
 }
@@ -138,7 +137,7 @@ TEST(RigCheck, ABentRigIsLost) {
   EXPECT_FALSE(check.holds());
   const auto findings = diagnose_check(rig, check, 0);
   ASSERT_FALSE(findings.empty());
-  EXPECT_THAT(findings[0].text, HasSubstr("anew"));
+  EXPECT_THAT(findings[0].text, HasSubstr("calibrate the rig again"));
 }
 
 TEST(RigCheck, MistakesAreNamed) {

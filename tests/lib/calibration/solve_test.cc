@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How good solutions are is what tests/calibration/accuracy_test.cc and hard_cases_test.cc show.
+// tests/calibration/accuracy_test.cc and hard_cases_test.cc test the accuracy of solutions.
 #include <cstdio>
 #include <random>
 #include <tuple>
@@ -85,13 +85,13 @@ TEST_F(SolveTest, ErrorsNameThePlace) {
   options.prior = truth_;
   options.prior->cameras[2].width = 99;
   EXPECT_THAT(error_of(watched_.tracks, options), HasSubstr("camera 2"));
-  Tracks alone = watched_.tracks;  // no light is seen by two cameras
+  Tracks alone = watched_.tracks;
   std::erase_if(alone.observations, [](const Observation& o) { return o.position % 9 != o.camera; });
   EXPECT_THAT(error_of(alone, {}), HasSubstr("no two cameras see the light"));
 }
 
-// Twenty cameras on a dome whose lenses stand askew, some of which see three tenths of the places, with lenses that
-// somebody measured without that, or with none.
+// Twenty cameras on a dome with tilted lenses; some cameras see three tenths of the positions. Lens measurements lack
+// the tilt, or are missing.
 class PartialVisibility : public testing::TestWithParam<std::tuple<uint64_t, bool>> {
  protected:
   PartialVisibility() {
@@ -150,7 +150,7 @@ TEST_P(PartialVisibility, AllAreFoundAndFewGoodSightsAreOutliers) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, PartialVisibility, testing::Combine(testing::Values(1, 2), testing::Bool()));
 
-// One camera is out of focus: its sights are no outliers, and it is named.
+// The report must name the camera that is out of focus; its observations are not outliers.
 TEST_F(SolveTest, ACameraThatErrsMoreCountsForLess) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal(0, 0.6);
@@ -173,7 +173,7 @@ struct Chosen {
   std::vector<ModelTrial> trials;
 };
 
-// From near the truth, as after a first adjustment.
+// Starts near the truth, as after a first adjustment.
 Chosen choose(double focal_spread, double centre_spread) {
   sim::ArrayOptions array;
   array.rows = array.columns = 4;
@@ -187,7 +187,7 @@ Chosen choose(double focal_spread, double centre_spread) {
   Reconstruction scene = sim::true_scene(truth, watched, none);
   Chosen chosen;
   apply_model({2, true}, chosen.options);
-  choose_alike(scene, watched.tracks, chosen.options, chosen.trials);
+  choose_shared_terms(scene, watched.tracks, chosen.options, chosen.trials);
   return chosen;
 }
 
@@ -211,7 +211,7 @@ TEST(ModelChoice, PrincipalPointsThatDifferAreFree) {
   EXPECT_FALSE(chosen.options.shared[kCx] || chosen.options.shared[kCy]);
 }
 
-// Starts at the truth, but for lens terms: what a model needs is all that can be said against it.
+// Starts at the truth except for lens terms, so that only missing terms contradict a model.
 ModelChoice choose_terms(const sim::ArrayOptions& array, Reconstruction* found = nullptr) {
   const Rig truth = sim::make_array(array, 1);
   sim::PathOptions path;

@@ -95,12 +95,12 @@ TEST(TracksJson, ErrorsNameThePlace) {
   expect_error(file_with("false", R"({"observations": [[7, 900, 2]]})"), "far outside of camera 7's image");
 }
 
-TEST(LightSights, ARoundTripKeepsThem) {
-  LightSights sights;
+TEST(LightDetections, ARoundTripKeepsThem) {
+  LightDetections sights;
   sights.bar = true;
   sights.cameras = {{7, 320, 240, {{0, {}}, {0.0333, {{{12.34567, 200.5}, 0.0123, 801.25}, {{3, 4}, 0.5, 20}}}}},
                     {2, 640, 480, {}}};
-  const auto back = parse_light_sights(light_sights_to_json(sights), "tracks.json");
+  const auto back = parse_light_detections(light_detections_to_json(sights), "tracks.json");
   ASSERT_TRUE(back);
   EXPECT_TRUE(back->bar);
   ASSERT_EQ(back->cameras.size(), 2u);
@@ -108,27 +108,27 @@ TEST(LightSights, ARoundTripKeepsThem) {
   ASSERT_EQ(back->cameras[0].frames.size(), 2u);
   EXPECT_TRUE(back->cameras[0].frames[0].sights.empty());
   EXPECT_EQ(back->cameras[0].frames[1].time, 0.0333);
-  const Sight& sight = back->cameras[0].frames[1].sights[0];
+  const LightDetection& sight = back->cameras[0].frames[1].sights[0];
   EXPECT_NEAR(sight.pixel.x, 12.34567, 1e-4);
   EXPECT_NEAR(sight.sigma, 0.0123, 1e-9);
   EXPECT_NEAR(sight.brightness, 801.25, 0.1);
 }
 
-TEST(LightSights, TracksWithPositionsAreNone) {
+TEST(LightDetections, TracksWithPositionsAreNone) {
   EXPECT_FALSE(
-      parse_light_sights(R"({"format": "lightfield-tracks", "version": 1, "cameras": [], "positions": []})", "t"));
+      parse_light_detections(R"({"format": "lightfield-tracks", "version": 1, "cameras": [], "positions": []})", "t"));
 }
 
-TEST(LightSights, MistakesAreNamedWithTheirPlace) {
+TEST(LightDetections, MistakesAreNamedWithTheirPlace) {
   const auto parse = [](const std::string& cameras) {
-    return parse_light_sights(R"({"format": "lightfield-tracks", "version": 1, "cameras": [)" + cameras + "]}",
-                              "t.json");
+    return parse_light_detections(R"({"format": "lightfield-tracks", "version": 1, "cameras": [)" + cameras + "]}",
+                                  "t.json");
   };
   const std::string size = R"({"id": 1, "width": 320, "height": 240, "frames": )";
   EXPECT_ERROR(parse(size + "[[0, [1, 2, 0.1]]]}"), "t.json: cameras[0].frames[0][1]: ");
   EXPECT_ERROR(parse(size + "[[0, [1, 2, 0, 5]]]}"), "frames[0][1][2]: must be positive");
   EXPECT_ERROR(parse(size + "[[0, [900, 2, 1, 5]]]}"), "is far outside of the camera's image");
-  EXPECT_ERROR(parse(size + "[[1], [1]]}"), "frames[1][0]: must be later than that of the frame before");
+  EXPECT_ERROR(parse(size + "[[1], [1]]}"), "frames[1][0]: must be later than the previous frame");
   EXPECT_ERROR(parse(size + "[[]]}"), "frames[0]: must begin with its time");
   EXPECT_ERROR(parse(size + "[]}, " + size + "[]}"), "cameras[1].id: 1 comes twice");
   EXPECT_ERROR(parse(R"({"id": 1, "width": 320, "height": 240})"), "frames");

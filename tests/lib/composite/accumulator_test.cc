@@ -12,9 +12,8 @@
 namespace lf::test {
 namespace {
 
-constexpr double kLeastWeight = 3 * kLostOne / 255.;
+constexpr double kLeastWeight = 3 * kMissingOne / 255.;
 
-// The rule of the header in double precision, one value at a time.
 class Reference {
  public:
   Reference(PixelFamily family, int width, int height)
@@ -45,7 +44,7 @@ class Reference {
               static_cast<int8_t>(f.pixels[area(r) + (static_cast<size_t>(p) * ch + y) * cw + x]);
   }
 
-  // Before rounding; the result of Accumulator must lie within 0.5 (and the float's last place) of it.
+  // Before rounding; Accumulator must be within 0.5 (and float precision).
   std::vector<double> resolve(const double back[3]) const {
     std::vector<double> out(sum_.size());
     for (int y = 0; y < height_; y++)
@@ -54,7 +53,8 @@ class Reference {
         const int channels = family_ == PixelFamily::kRgb ? 3 : 1;
         for (int c = 0; c < channels; c++)
           out[channels * i + c] =
-              hidden(i) ? back[c] : std::clamp(sum_[channels * i + c] * kLostOne / (kLostOne - lost_[i]), 0., 255.);
+              hidden(i) ? back[c]
+                        : std::clamp(sum_[channels * i + c] * kMissingOne / (kMissingOne - lost_[i]), 0., 255.);
       }
     if (family_ == PixelFamily::kRgb) return out;
     for (int p = 0; p < 2; p++)
@@ -64,20 +64,20 @@ class Reference {
           for (int yy = 2 * y; yy < std::min(2 * y + 2, height_); yy++)
             for (int xx = 2 * x; xx < std::min(2 * x + 2, width_); xx++, n++) {
               const size_t i = static_cast<size_t>(yy) * width_ + xx;
-              lost += std::min<double>(lost_[i], kLostOne);
+              lost += std::min<double>(lost_[i], kMissingOne);
               share += hidden(i);
             }
-          const double left = kLostOne - lost / n;
+          const double left = kMissingOne - lost / n;
           share = left < kLeastWeight ? 1 : share / n;
           const size_t i = chroma_at(p, x, y);
-          const double colour = share == 1 ? 0 : std::clamp(sum_[i] * kLostOne / left, -128., 127.);
+          const double colour = share == 1 ? 0 : std::clamp(sum_[i] * kMissingOne / left, -128., 127.);
           out[i] = std::clamp(128 + colour * (1 - share) + back[1 + p] * share, 0., 255.);
         }
     return out;
   }
 
  private:
-  bool hidden(size_t i) const { return kLostOne - lost_[i] < kLeastWeight; }
+  bool hidden(size_t i) const { return kMissingOne - lost_[i] < kLeastWeight; }
   size_t chroma_at(int plane, int x, int y) const {
     const size_t luma = static_cast<size_t>(width_) * height_;
     const size_t chroma = static_cast<size_t>(chroma_size(width_)) * chroma_size(height_);
@@ -102,8 +102,8 @@ TEST(Accumulator, AddsFragmentsWhereTheyLie) {
 }
 
 TEST(Accumulator, EveryLostLevelGivesTheColourBack) {
-  // A camera with valid weight v shows v * colour; dividing by v returns the colour up to the 8-bit rounding of
-  // v * colour: 0.5 * 255 / v, and 0.5 of its own.
+  // A camera with valid weight v shows v * colour; dividing by v restores the colour within the 8-bit rounding of v *
+  // colour: 0.5 * 255 / v, plus 0.5 for the result.
   for (const PixelFamily family : kFamilies)
     for (int lost = 0; lost <= 255; lost++) {
       const double weight = (255 - lost) / 255.0;
@@ -159,7 +159,6 @@ TEST(Accumulator, OrderDoesNotMatter) {
   for (const PixelFamily family : kFamilies) {
     std::vector<Fragment> fragments;
     for (int i = 0; i < 40; i++) fragments.push_back(random_fragment(family, 37, 21, random, 255, i % 2));
-    // Luma and RGB come to many times white. Chroma has two signs and does not depend on the order within its range.
     if (family == PixelFamily::kI420)
       for (Fragment& f : fragments)
         for (size_t i = area(f.rect); i < f.pixels.size(); i++)
@@ -216,7 +215,7 @@ TEST(Accumulator, PartialSumIsTightAndSaturates) {
   f.lost.assign(9, 200);
   ASSERT_TRUE(sum.add(f));
   ASSERT_TRUE(sum.add(f));
-  ASSERT_TRUE(sum.add_lost_weights({1, 3, 2, 4}, {0.5f}));
+  ASSERT_TRUE(sum.add_missing_weights({1, 3, 2, 4}, {0.5f}));
   const std::optional<Fragment> ycc = test::rounded_sum(sum);
   ASSERT_TRUE(ycc.has_value());
   EXPECT_EQ(ycc->rect, (Rect{0, 2, 5, 5}));
@@ -234,7 +233,7 @@ TEST(Accumulator, HostileInputSaturates) {
     Fragment high = plain(family, {0, 0, 3, 3}, 255, 127, 127), low = plain(family, {0, 0, 3, 3}, 255, -128, -128);
     high.lost.assign(9, 255);
     for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(high));
-    EXPECT_EQ(sum.resolve({4, 4, 4}).data()[0], 4);  // all lost: background
+    EXPECT_EQ(sum.resolve({4, 4, 4}).data()[0], 4);
     sum.reset(family, 3, 3);
     high.lost.clear();
     for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(high));
@@ -254,14 +253,14 @@ TEST(Accumulator, HoldsTheChromaOfTwoWholePictures) {
   for (int i = 0; i < 2; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 255, 127, -128)));
   for (int i = 0; i < 2; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 0, -127, 127)));
   const Image image = sum.resolve();
-  EXPECT_EQ(image.plane(1)[0], 128);  // nothing was cut off on the way up
+  EXPECT_EQ(image.plane(1)[0], 128);
   EXPECT_EQ(image.plane(2)[0], 126);
 }
 
 TEST(Accumulator, RejectsWhatDoesNotFit) {
   Accumulator none;
   EXPECT_FALSE(none.add(plain(PixelFamily::kRgb, {0, 0, 1, 1}, 0, 0, 0)));
-  EXPECT_FALSE(none.add_lost_weights({0, 0, 1, 1}, {1.f}));
+  EXPECT_FALSE(none.add_missing_weights({0, 0, 1, 1}, {1.f}));
   for (const PixelFamily family : kFamilies) {
     Accumulator sum;
     sum.reset(family, 8, 6);
@@ -277,8 +276,8 @@ TEST(Accumulator, RejectsWhatDoesNotFit) {
     EXPECT_EQ(sum.add(blank(family, {1, 0, 4, 4})), family == PixelFamily::kRgb);
     EXPECT_EQ(sum.add(blank(family, {0, 3, 4, 4})), family == PixelFamily::kRgb);
     EXPECT_FALSE(sum.add(blank(family == PixelFamily::kRgb ? PixelFamily::kI420 : PixelFamily::kRgb, {0, 0, 4, 4})));
-    EXPECT_FALSE(sum.add_lost_weights({0, 0, 2, 2}, {1.f, 1.f, 1.f}));
-    EXPECT_FALSE(sum.add_lost_weights({7, 0, 9, 1}, {1.f, 1.f}));
+    EXPECT_FALSE(sum.add_missing_weights({0, 0, 2, 2}, {1.f, 1.f, 1.f}));
+    EXPECT_FALSE(sum.add_missing_weights({7, 0, 9, 1}, {1.f, 1.f}));
     EXPECT_EQ(sum.resolve().data()[0], 0);
   }
 }
@@ -287,12 +286,12 @@ TEST(Accumulator, WeightsOfALostCameraCountLikeLostWeight) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, 4, 1);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 4, 1}, 100, 50, 10)));
-  ASSERT_TRUE(sum.add_lost_weights({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
+  ASSERT_TRUE(sum.add_missing_weights({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
   const Image image = sum.resolve({1, 2, 3});
   EXPECT_EQ(image.pixel(0, 0)[0], 100);
   EXPECT_EQ(image.pixel(1, 0)[0], 200);
-  EXPECT_EQ(image.pixel(2, 0)[0], 100);  // a weight that is no number is none
-  EXPECT_EQ(image.pixel(3, 0)[0], 1);    // everything lost
+  EXPECT_EQ(image.pixel(2, 0)[0], 100);
+  EXPECT_EQ(image.pixel(3, 0)[0], 1);
 }
 
 TEST(Accumulator, ChromaLosesTheMeanOfItsPixels) {
@@ -305,10 +304,10 @@ TEST(Accumulator, ChromaLosesTheMeanOfItsPixels) {
   EXPECT_EQ(image.plane(0)[1], 66);        // 40 * 255 / 155
   EXPECT_EQ(image.plane(1)[0], 128 + 49);  // mean of 0, 100, 100, 200
   EXPECT_EQ(image.plane(2)[0], 128 - 49);
-  EXPECT_EQ(image.plane(1)[1], 128 + 38);  // 51 twice, a little more than a fifth in units of 1/32768: 37.5006
+  EXPECT_EQ(image.plane(1)[1], 128 + 38);  // 51 twice, slightly more than a fifth in units of 1/32768: 37.5006
   EXPECT_EQ(image.plane(2)[1], 128 - 38);
-  EXPECT_EQ(image.plane(1)[2], 128 + 30);  // half of it the background's grey, half 30 * 255 / 127.5
-  EXPECT_EQ(image.plane(0)[7], 255);       // all lost: the background
+  EXPECT_EQ(image.plane(1)[2], 128 + 30);  // half the background's grey, half 30 * 255 / 127.5
+  EXPECT_EQ(image.plane(0)[7], 255);
 }
 
 TEST(Accumulator, BackgroundIsConvertedToYCbCr) {
@@ -349,7 +348,7 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
   view.focus.plane = focal_plane_at(view.pose, 3);
   const ViewPlan plan(rig, mesh, view);
   const Rect whole{0, 0, 15, 9};
-  const OwnerMap owners(plan, whole);
+  const FaceIdMap owners(plan, whole);
 
   for (const PixelFamily family : kFamilies) {
     Accumulator sum;
@@ -361,7 +360,7 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
     const int step = family == PixelFamily::kRgb ? 3 : 1;
     int covered = 0;
     for (int i = 0; i < 15 * 9; i++) {
-      const bool owned = owners.at(i % 15, i / 15) != OwnerMap::kNone;
+      const bool owned = owners.at(i % 15, i / 15) != FaceIdMap::kNone;
       covered += owned;
       EXPECT_EQ(image.data()[i * step], owned ? 90 : 255) << i;
     }
@@ -372,11 +371,11 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
         for (int cx = 0; cx < 8; cx++) {
           int n = 0, hidden = 0;
           for (int y = 2 * cy; y < std::min(2 * cy + 2, 9); y++)
-            for (int x = 2 * cx; x < std::min(2 * cx + 2, 15); x++, n++) hidden += owners.at(x, y) == OwnerMap::kNone;
+            for (int x = 2 * cx; x < std::min(2 * cx + 2, 15); x++, n++) hidden += owners.at(x, y) == FaceIdMap::kNone;
           EXPECT_NEAR(image.plane(1)[cy * 8 + cx], 128 + 50. * (n - hidden) / n, 0.501);
         }
-    EXPECT_THROW(sum.set_uncovered(OwnerMap(plan, {0, 0, 15, 8})), Error);
-    sum.reset(family, 15, 9);  // forgets the map too
+    EXPECT_THROW(sum.set_uncovered(FaceIdMap(plan, {0, 0, 15, 8})), Error);
+    sum.reset(family, 15, 9);
     EXPECT_EQ(sum.resolve(white).data()[0], 0);
   }
 }
@@ -399,7 +398,7 @@ TEST(Accumulator, WritesAnyLayoutAndStride) {
         EXPECT_EQ(p[layout.g], expected.pixel(x, y)[1]);
         EXPECT_EQ(p[layout.b], expected.pixel(x, y)[2]);
         if (layout.pixel_stride == 4) {
-          EXPECT_EQ(p[6 - layout.r - layout.g - layout.b], 255);  // opaque
+          EXPECT_EQ(p[6 - layout.r - layout.g - layout.b], 255);
         }
       }
       EXPECT_EQ(bytes[y * stride[0] + stride[0] - 1], 0x55);
@@ -421,9 +420,6 @@ TEST(Accumulator, ResetForgetsEverything) {
   EXPECT_TRUE(std::all_of(image.plane(1), image.plane(1) + 6, [](uint8_t v) { return v == 128; }));
 }
 
-// What Accumulator does with sums in 16 bits, alone and beside fragments in 8.
-
-// A sum in 16 bits in its own memory.
 struct Sums {
   Sums(PixelFamily family, const Rect& rect, bool with_lost)
       : samples(packed_size(family, rect.width(), rect.height())), lost(with_lost ? area(rect) : 0) {
@@ -448,7 +444,8 @@ Sums random_sums(PixelFamily family, const Rect& rect, std::mt19937& random, int
 }
 
 TEST(AccumulatorSums, SixteenBitsAreExactUntilThePictureIsRounded) {
-  // Contributions in double precision, rounded to 1/128 of a level each: their sum is within n halves of that.
+  // Contributions in double precision, each rounded to 1/128 of a level: the sum of n contributions is within n halves
+  // of that.
   std::mt19937 random(21);
   const int kCount = 8, w = 37, h = 19;
   for (const PixelFamily family : kFamilies) {
@@ -466,7 +463,7 @@ TEST(AccumulatorSums, SixteenBitsAreExactUntilThePictureIsRounded) {
     }
     const std::optional<ConstSumPlanes> sums = sum.sums();
     ASSERT_TRUE(sums.has_value());
-    for (size_t k = 0; k < exact.size(); k++)  // planes of the whole picture lie one after the other
+    for (size_t k = 0; k < exact.size(); k++)  // planes of the whole picture are contiguous
       ASSERT_NEAR(sums->plane[0][k] / 128., exact[k], kCount * 0.5 / 128);
     const Image image = sum.resolve();
     for (int y = 0; y < h; y++)
@@ -526,19 +523,19 @@ TEST(AccumulatorSums, KeptSumsAreTheSamePictureWithoutACopy) {
       const Fragment more = random_fragment(family, 31, 18, random, 60, true);
       Accumulator kept, copied;
       for (Accumulator* sum : {&kept, &copied}) sum->reset(family, 31, 18);
-      ASSERT_TRUE(kept.add_kept(whole.view()));
+      ASSERT_TRUE(kept.add_borrowed(whole.view()));
       ASSERT_TRUE(copied.add(whole.view()));
       EXPECT_EQ(kept.sums()->plane[0], whole.samples.data());
       EXPECT_NE(copied.sums()->plane[0], whole.samples.data());
       EXPECT_EQ(kept.resolve({1, 2, 3}).data(), copied.resolve({1, 2, 3}).data());
       for (Accumulator* sum : {&kept, &copied}) {
         ASSERT_TRUE(sum->add(more));
-        ASSERT_TRUE(sum->add_kept(whole.view()));  // not the only ones any more: added
-        ASSERT_TRUE(sum->add_lost_weights({3, 3, 5, 4}, {0.25f, 1.f}));
+        ASSERT_TRUE(sum->add_borrowed(whole.view()));
+        ASSERT_TRUE(sum->add_missing_weights({3, 3, 5, 4}, {0.25f, 1.f}));
       }
       EXPECT_NE(kept.sums()->plane[0], whole.samples.data());
       EXPECT_EQ(kept.resolve({1, 2, 3}).data(), copied.resolve({1, 2, 3}).data());
-      EXPECT_FALSE(kept.add_kept(random_sums(family, {0, 0, 32, 18}, random, 9, false).view()));
+      EXPECT_FALSE(kept.add_borrowed(random_sums(family, {0, 0, 32, 18}, random, 9, false).view()));
     }
 }
 
@@ -554,7 +551,7 @@ TEST(AccumulatorSums, HostileSumsSaturate) {
       EXPECT_EQ(sum.sums()->plane[0][0], value);
       EXPECT_EQ(sum.sums()->plane[1][0], value);
       EXPECT_EQ(sum.sums()->lost[3], UINT16_MAX);
-      EXPECT_EQ(sum.resolve({9, 9, 9}).data()[0], 9);  // more than everything is lost
+      EXPECT_EQ(sum.resolve({9, 9, 9}).data()[0], 9);
     }
 }
 

@@ -17,7 +17,6 @@
 namespace lf {
 namespace {
 
-// A 3x3 array that sees nothing but one grey; whatever is missing shows as darker or lighter.
 class AssemblyTest : public testing::Test {
  protected:
   AssemblyTest() : rig_(std::make_shared<const Rig>(scene_rig(3, 3, 48, 36))) {
@@ -62,7 +61,7 @@ TEST_F(AssemblyTest, CamerasThatTheRigDoesNotHaveAreRefused) {
   assembly_.begin(request_);
   wire::Answer forged = answer({0});
   forged.cameras.append({9, 9});
-  EXPECT_TRUE(assembly_.is_beyond_rig(forged));
+  EXPECT_TRUE(assembly_.has_unknown_cameras(forged));
   EXPECT_EQ(add_answer(assembly_, forged), Assembly::Verdict::kBadFragment);
   EXPECT_EQ(assembly_.fragments(), 0u);
   EXPECT_TRUE(assembly_.seeing().empty());
@@ -88,7 +87,7 @@ TEST_F(AssemblyTest, OtherRequestsAndRigsAreRefused) {
   EXPECT_EQ(add_answer(assembly_, late), Assembly::Verdict::kOtherRequest);
   EXPECT_EQ(add_answer(assembly_, other_view), Assembly::Verdict::kOtherRequest);
   EXPECT_EQ(add_answer(assembly_, other_size), Assembly::Verdict::kBadFragment);
-  EXPECT_EQ(add_answer(assembly_, answer({0})), Assembly::Verdict::kAdded);  // names the rig of this picture
+  EXPECT_EQ(add_answer(assembly_, answer({0})), Assembly::Verdict::kAdded);
   other_rig.rig_hash ^= 1;
   EXPECT_EQ(add_answer(assembly_, other_rig), Assembly::Verdict::kOtherRig);
   EXPECT_EQ(assembly_.fragments(), answer({0}).fragments.size());
@@ -99,13 +98,12 @@ TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
   assembly_.begin(request_);
   add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));
   assembly_.finish(PixelFamily::kRgb, false);
-  EXPECT_EQ(assembly_.missing(), 1u);  // camera 4, the middle
+  EXPECT_EQ(assembly_.missing(), 1u);  // camera 4, the centre
   const Image picture = assembly_.picture().resolve();
-  // Where the others have half the weight or more, they restore the grey within the rounding that division enlarges.
+  // Cameras with half the weight or more restore the grey within the enlarged rounding error.
   EXPECT_NEAR(picture.pixel(1, 10)[0], 180, 5);
 }
 
-// An answer with grey pixels of cameras, as they are.
 ByteBuffer pixels_of(const wire::AnswerHeader& header, const std::vector<std::pair<CameraIndex, Rect>>& regions) {
   const std::vector<uint8_t> grey(3 * 48 * 36, 180);
   std::vector<wire::AnswerFragment> fragments;
@@ -157,12 +155,11 @@ TEST_F(AssemblyTest, PixelsAndFragmentsOfOneCameraCountOnce) {
   add_answer(assembly_, answer({4}));
   const ByteBuffer bytes = pixels_of(header, {{4, {0, 0, 48, 36}}, {9, {0, 0, 48, 36}}, {3, {0, 0, 48, 36}}});
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kBadFragment);
-  add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));  // 3 comes again
+  add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_LE(range(assembly_.picture().resolve()).second, 182);
 }
 
-// What a node sends that adds its cameras up, `rows` rows a fragment.
 std::vector<wire::AnswerView> parts_of(const wire::AnswerHeader& header, const ConstSumPlanes& sums, int rows,
                                        std::vector<ByteBuffer>& memory) {
   const Rect& all = sums.rect;
@@ -197,7 +194,7 @@ TEST_F(AssemblyTest, SumsComeInPartsInAnyOrderAndOnce) {
     assembly_.begin(request_);
     for (size_t i = 0; i < 4; i++) {
       EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kAdded);
-      EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kBadFragment);  // a duplicate
+      EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kBadFragment);
     }
     assembly_.finish(PixelFamily::kRgb, false);
     EXPECT_EQ(assembly_.missing(), 0u);
@@ -205,7 +202,7 @@ TEST_F(AssemblyTest, SumsComeInPartsInAnyOrderAndOnce) {
   }
 }
 
-// A picture of two nodes' sums, of which one loses a strip or everything: what came of the other fills it.
+// The sum of the second node fills the gap that the first node leaves.
 TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
   const CameraSet few = {4}, others = {0, 1, 2, 3, 5, 6, 7, 8};
   std::vector<ByteBuffer> memory[2];
@@ -235,7 +232,7 @@ TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
   }
 }
 
-// In a sum lost weight stands for a blind camera; where there is no sum nothing does.
+// In a sum, missing weight represents a blind camera; without a sum, nothing does.
 TEST_F(AssemblyTest, BlindCamerasAreLookedForUnlessASumHasThem) {
   wire::Answer raw = answer({0, 1, 2, 3, 5, 6, 7, 8});
   wire::Answer blind = raw;
@@ -272,7 +269,7 @@ TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
   EXPECT_GE(range(assembly_.picture().resolve()).first, 178);
 }
 
-// As the corners of an array that are lost.
+// For example lost corners of an array.
 TEST_F(AssemblyTest, CamerasThatAreKnownToGiveNothingAreMadeUpForAndNotMissing) {
   assembly_.set_rig(rig_);
   assembly_.begin(request_, {1});
@@ -299,17 +296,17 @@ TEST_F(AssemblyTest, NothingAtAllIsTheBackground) {
 
 TEST_F(AssemblyTest, AllIsMissingWhereSomethingIsToBeSeenAndNothingCame) {
   assembly_.begin(request_);
-  EXPECT_FALSE(assembly_.all_is_missing()) << "without a rig nobody knows";
+  EXPECT_FALSE(assembly_.is_empty()) << "unknown without a rig";
   assembly_.set_rig(rig_);
   assembly_.begin(request_);
-  EXPECT_TRUE(assembly_.all_is_missing());
+  EXPECT_TRUE(assembly_.is_empty());
   EXPECT_GT(assembly_.missing(), 0u);
   assembly_.begin(request_);
   add_answer(assembly_, answer({4}));
-  EXPECT_FALSE(assembly_.all_is_missing());
+  EXPECT_FALSE(assembly_.is_empty());
   request_.view.pose.position.x = 100;
   assembly_.begin(request_);
-  EXPECT_FALSE(assembly_.all_is_missing()) << "from there no camera is seen";
+  EXPECT_FALSE(assembly_.is_empty()) << "no camera visible from there";
 }
 
 TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
@@ -362,7 +359,7 @@ TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
     EXPECT_EQ(assembly_.add(view), Assembly::Verdict::kAdded);
     EXPECT_EQ(assembly_.damaged(), 1u);
     EXPECT_EQ(assembly_.fragments(), raw.fragments.size() - 1);
-    if (again) {  // by another way
+    if (again) {
       wire::Answer other = raw;
       other.node = 1;
       other.fragments.resize(1);
@@ -434,7 +431,6 @@ int max_difference(const Image& a, const Image& b) {
 
 class PartialAnswer : public testing::TestWithParam<PixelFamily> {};
 
-// Two racks and a root against one compositor.
 TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
   const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
   std::vector<Fragment> all = wire::patterned_fragments(GetParam(), 30, 60, 44);
@@ -446,10 +442,10 @@ TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
   const std::span<const Fragment> fragments = all;
   const struct {
     Coding coding;
-    int bound;  // levels of 255; what is lost is divided out, which enlarges it by a third at most
+    int bound;  // levels of 255; dividing by the remaining weight enlarges the error by a third at most
   } rows[] = {{{wire::Codec::kRaw16, 0}, 0}, {{wire::Codec::kRaw, 0}, 2}, {{wire::Codec::kJpeg, 100}, 12}};
   for (const auto& row : rows) {
-    // Of RGB, JPEG keeps no colour of single pixels.
+    // JPEG in RGB does not preserve the colour of single pixels.
     if (row.coding.codec == wire::Codec::kJpeg && GetParam() == PixelFamily::kRgb) continue;
     SCOPED_TRACE(static_cast<int>(row.coding.codec));
     Accumulator root;
@@ -469,34 +465,35 @@ TEST_P(PartialAnswer, OfNothingHasNoFragments) {
 INSTANTIATE_TEST_SUITE_P(Families, PartialAnswer, testing::Values(PixelFamily::kRgb, PixelFamily::kI420),
                          [](const auto& info) { return info.param == PixelFamily::kRgb ? "Rgb" : "I420"; });
 
-class TrialAnswersTest : public testing::Test {
+class HypothesisAnswersTest : public testing::Test {
  protected:
-  TrialAnswersTest() {
+  HypothesisAnswersTest() {
     FocalMap map = FocalMap::for_view(16, 8);
     map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 9);
     map.nearest = 1;
     request_.view.width = 16;
     request_.view.height = 8;
     request_.view.focus.map = std::make_shared<FocalMap>(map);
-    request_.trials = {{Trial::Kind::kPlane, 1}, {Trial::Kind::kPlane, 2}};
+    request_.trials = {{DepthHypothesis::Kind::kPlane, 1}, {DepthHypothesis::Kind::kPlane, 2}};
     request_.rig_hash = 5;
   }
-  std::string add(const std::vector<Moments>& trials, std::optional<GainSum> gains = {}, uint64_t rig_hash = 5) {
-    const wire::MomentsHeader header{0, 0, rig_hash, 0, gains};
-    return add_moments(wire::encode_moments(header, trials), header, request_, answers_);
+  std::string add(const std::vector<PhotoConsistency>& trials, std::optional<GainSum> gains = {},
+                  uint64_t rig_hash = 5) {
+    const wire::ConsistencyHeader header{0, 0, rig_hash, 0, gains};
+    return add_consistency(wire::encode_consistency(header, trials), header, request_, answers_);
   }
-  static Moments moments(int columns, int rows, uint16_t luma) {
-    Moments out;
+  static PhotoConsistency moments(int columns, int rows, uint16_t luma) {
+    PhotoConsistency out;
     out.reset(columns, rows);
     for (uint16_t& weight : out.weight) weight = 100;
     for (uint16_t& value : out.luma) value = luma;
     return out;
   }
   ViewRequest request_;
-  ViewFocus::Answers answers_;
+  ViewDepths::Answers answers_;
 };
 
-TEST_F(TrialAnswersTest, MomentsAddUp) {
+TEST_F(HypothesisAnswersTest, MomentsAddUp) {
   EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}), "");
   EXPECT_EQ(add({moments(4, 2, 1), moments(4, 2, 2)}), "");
   ASSERT_EQ(answers_.moments.size(), 2u);
@@ -505,9 +502,9 @@ TEST_F(TrialAnswersTest, MomentsAddUp) {
   EXPECT_EQ(answers_.brightness.columns, 0);
 }
 
-TEST_F(TrialAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
+TEST_F(HypothesisAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
   const GainSum gains{.weight = 3, .log2 = -4};
-  EXPECT_NE(add({moments(2, 1, 10)}, gains), "") << "nobody asked";
+  EXPECT_NE(add({moments(2, 1, 10)}, gains), "") << "not requested";
   request_.gains.ask = true;
   EXPECT_EQ(add({moments(2, 1, 10)}, gains), "");
   EXPECT_EQ(add({moments(2, 1, 5)}, gains), "");
@@ -516,7 +513,7 @@ TEST_F(TrialAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
   EXPECT_TRUE(answers_.moments.empty());
 }
 
-TEST_F(TrialAnswersTest, WhatWasNotAskedForIsLeftOut) {
+TEST_F(HypothesisAnswersTest, WhatWasNotAskedForIsLeftOut) {
   EXPECT_NE(add({moments(4, 2, 10)}), "") << "too few";
   EXPECT_NE(add({moments(5, 2, 10), moments(5, 2, 10)}), "") << "another size";
   EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}, {}, 6), "of another rig");

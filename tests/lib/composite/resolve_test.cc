@@ -12,14 +12,13 @@
 namespace lf {
 namespace {
 
-// Accumulator's tests hold resolving against the rule in double precision; here is what only sums in somebody else's
-// memory can have.
+// accumulator_test.cc compares resolving with the rule in double precision; these tests cover sums in external memory.
 
 TEST(Resolve, StridesMayBeWiderThanThePicture) {
   const int w = 5, h = 3;
   std::vector<int16_t> samples(3 * 8 * h, 77 * 128);
   std::vector<uint16_t> lost(9 * h, 0xffff);
-  ConstSumPlanes sums{.family = PixelFamily::kRgb, .rect = {0, 0, w, h}, .lost = lost.data(), .lost_stride = 9};
+  ConstSumPlanes sums{.family = PixelFamily::kRgb, .rect = {0, 0, w, h}, .lost = lost.data(), .missing_stride = 9};
   for (int c = 0; c < 3; c++) {
     sums.plane[c] = &samples[8 * c];
     sums.stride[c] = 24;
@@ -50,7 +49,6 @@ TEST(Resolve, OneRowMayServeForAll) {
   EXPECT_EQ(out[12 + 3], 128 + 2);
 }
 
-// Odd and even sizes, with whole rows that need no more than rounding and with lost weight and background.
 TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
   for (const auto& [w, h] : {std::pair{9, 5}, {8, 6}, {1, 1}, {2, 4}, {130, 4}}) {
     const size_t pixels = static_cast<size_t>(w) * h, cw = chroma_size(w), ch = chroma_size(h);
@@ -84,7 +82,6 @@ TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
   }
 }
 
-// A picture in kI420 of w x h pixels: rows that are whole, rows that lost some weight in places, uncovered pixels.
 struct Patchy {
   Patchy(int w, int h) : w(w), h(h), samples(packed_size(PixelFamily::kI420, w, h)), lost(w * h), uncovered(w * h) {
     for (size_t i = 0; i < samples.size(); i++) samples[i] = static_cast<int16_t>((i * 7919) % 16000);
@@ -119,7 +116,7 @@ TEST(Resolve, VideoLevelsAreTheOthersWithHeadroom) {
     for (size_t i = 0; i < full.size(); i++) {
       const bool is_luma = i < static_cast<size_t>(w) * h;
       const double expected = is_luma ? 16 + full[i] * 219 / 255. : 128 + (full[i] - 128) * 224 / 255.;
-      ASSERT_NEAR(video[i], expected, 0.95) << w << "x" << h << ": " << i;  // both are rounded
+      ASSERT_NEAR(video[i], expected, 0.95) << w << "x" << h << ": " << i;
       const bool is_plain = is_luma && patchy.lost[i] == 0 && !patchy.uncovered[i];
       if (is_plain) {
         ASSERT_NEAR(video[i], 16 + patchy.samples[i] / 128. * 219 / 255, 0.51) << i;
@@ -128,7 +125,7 @@ TEST(Resolve, VideoLevelsAreTheOthersWithHeadroom) {
   }
 }
 
-// Whatever the pixels beside them need: with headroom but for sums that are halves.
+// A column does not depend on its neighbours; exact ties may round differently with headroom.
 TEST(Resolve, ColumnsAreWhatTheyAreAlone) {
   const Patchy all(300, 14);
   for (const Levels& levels : {kFullLevels, kVideoLevels}) {
@@ -165,7 +162,7 @@ TEST(Resolve, PixelsNobodyCoversAreBackgroundWithAndWithoutLostWeight) {
   resolve(sums, nullptr, {9, 8, 7}, {4, 0, 1, 2}, plane, stride);
   EXPECT_EQ(red(0), 50);
   EXPECT_EQ(red(1), 100);
-  EXPECT_EQ(red(2), 9);  // too little left to be scaled
+  EXPECT_EQ(red(2), 9);
   EXPECT_EQ(out[4 * 3 + 3], 255);
   sums.lost = nullptr;
   resolve(sums, uncovered, {9, 8, 7}, {4, 0, 1, 2}, plane, stride);
@@ -175,7 +172,6 @@ TEST(Resolve, PixelsNobodyCoversAreBackgroundWithAndWithoutLostWeight) {
 
 constexpr int kWidth = 9, kHeight = 5;
 
-// One camera's grey with `left` of the weight, the rest of it lost; odd sizes.
 Accumulator with_weight_left(PixelFamily family, double left, uint8_t grey) {
   Accumulator sum;
   sum.reset(family, kWidth, kHeight);
@@ -184,8 +180,8 @@ Accumulator with_weight_left(PixelFamily family, double left, uint8_t grey) {
   const size_t grey_bytes = family == PixelFamily::kRgb ? fragment.pixels.size() : size_t{kWidth} * kHeight;
   std::fill_n(fragment.pixels.begin(), grey_bytes, static_cast<uint8_t>(grey * left + 0.5));
   EXPECT_TRUE(sum.add(fragment));
-  EXPECT_TRUE(sum.add_lost_weights({0, 0, kWidth, kHeight},
-                                   std::vector<float>(size_t{kWidth} * kHeight, static_cast<float>(1 - left))));
+  EXPECT_TRUE(sum.add_missing_weights({0, 0, kWidth, kHeight},
+                                      std::vector<float>(size_t{kWidth} * kHeight, static_cast<float>(1 - left))));
   return sum;
 }
 

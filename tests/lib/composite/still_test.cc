@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "composite/still.h"
-#include "image/correction.h"
+#include "image/image_filters.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/numerics.h"
 #include "reference/renderer.h"
@@ -19,7 +19,6 @@ namespace {
 
 Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 32, 24, 30, 100); }
 
-// The view of a camera, moved by `by`, with the plane z = 2 in focus.
 View view_like(const Camera& camera, const Vec3& by = {0, 0, 0}) {
   View view{camera.width, camera.height, camera.lens, camera.pose, {plane_through({0, 0, 2}, {0, 0, 1})}};
   view.pose.position += by;
@@ -39,7 +38,7 @@ TEST(RenderStill, AViewAtACameraIsItsImage) {
     return image = picture(static_cast<int>(camera));
   };
   const Still still = render_still(rig, build_mesh(rig), view_like(rig.cameras[4]), images);
-  // Neighbours have weight 0 but for the rounding of the lines of sight.
+  // Neighbours have weight 0 except for rounding of the lines of sight.
   for (size_t i = 0; i < still.picture.data().size(); i++)
     ASSERT_NEAR(still.picture.data()[i], picture(4).data()[i], 1) << "at " << i;
   for (const float c : still.coverage) ASSERT_NEAR(c, 1, 1e-5);
@@ -53,7 +52,7 @@ TEST(RenderStill, AsksOnlyForCamerasThatContributeAndOnce) {
     asked.insert(camera);
     return image = picture(0);
   };
-  View view = view_like(rig.cameras[0], {0.03, 0.03, 0});  // in the plane of the array: one face
+  View view = view_like(rig.cameras[0], {0.03, 0.03, 0});
   const Still still = render_still(rig, build_mesh(rig), view, images);
   EXPECT_EQ(asked, (std::multiset<CameraIndex>{0, 1, 4}));
   EXPECT_EQ(still.cameras, (std::vector<CameraIndex>{0, 1, 4}));
@@ -65,7 +64,7 @@ TEST(RenderStill, LostWeightIsNotCovered) {
     static const Image image = picture(1);
     return image;
   };
-  // One pixel of the camera to the right at 2 m: the last column sees nothing of it.
+  // One pixel of the camera to the right at 2 m: the camera does not see the last column.
   const Still still = render_still(rig, build_mesh(rig), view_like(rig.cameras[0], {2.0 / 30, 0, 0}), images,
                                    Resampling::kBilinear, {200, 0, 0});
   for (int y = 0; y < 24; y++) {
@@ -78,7 +77,7 @@ TEST(RenderStill, LostWeightIsNotCovered) {
 TEST(RenderStill, AViewThatSeesNothingIsBackground) {
   const Rig rig = grid(2, 2);
   const auto images = [](CameraIndex) -> const Image& { throw Error("must not be asked"); };
-  View view = view_like(rig.cameras[0], {0, 0, 5});  // behind the focal plane, looking away from it
+  View view = view_like(rig.cameras[0], {0, 0, 5});  // beyond the focal plane, facing away
   const Still still = render_still(rig, build_mesh(rig), view, images, Resampling::kBilinear, {10, 20, 30});
   EXPECT_TRUE(still.cameras.empty());
   EXPECT_EQ(still.picture.pixel(5, 5)[2], 30);
@@ -95,10 +94,9 @@ TEST(RenderStill, RefusesAMixtureOfFamilies) {
   EXPECT_ERROR(render_still(rig, build_mesh(rig), view, images), "camera 101: another pixel family");
 }
 
-// Stills beside the reference in 80-bit reals, in views that look past the cameras and past their images, too.
 using reference::Random;
 
-// From anywhere about the array, a plane or a focal map in focus; every other view looks over the array's edge.
+// The viewpoint is anywhere near the array, the focus a plane or a map; every second view looks over the array's edge.
 View view_of(Random& random, const Rig& rig, int side, int n) {
   View view = test::view_into(rig, side, 150, 110, random.small_rotation(0.1));
   const double reach = 0.1 * side / 2 * (n % 2 ? 1.5 : 0.6), middle = 0.1 * (side - 1) / 2;
@@ -109,7 +107,6 @@ View view_of(Random& random, const Rig& rig, int side, int n) {
   return view;
 }
 
-// Pixels in which the largest error of a channel is above 1.
 struct Count {
   int64_t pixels = 0, off = 0;
   double worst = 0;
@@ -121,8 +118,8 @@ struct Count {
 };
 struct Counts {
   Count all;
-  Count part;  // of which some cameras lose their weight
-  Count left;  // with more than 3/255 of their weight left: others show the background (composite/resolve.h)
+  Count part;  // pixels with some missing weight
+  Count left;  // at least 3/255 of the weight left; pixels with less show the background (composite/resolve.h)
 };
 
 void measure(int n, PixelFamily family, Resampling resampling, Image (*make)(Random&, int, int), Counts& counts) {
@@ -135,13 +132,13 @@ void measure(int n, PixelFamily family, Resampling resampling, Image (*make)(Ran
   std::vector<Image> images, seen;
   for (const Camera& camera : rig.cameras) {
     Image rgb = make(random, camera.width, camera.height);
-    images.push_back(i420 ? reference::as_i420(rgb) : rgb);  // as luma the red of it, whose rule is known
+    images.push_back(i420 ? reference::as_i420(rgb) : rgb);  // luma is the red channel, with a known conversion
     const bool sharp = resampling == Resampling::kSharpened && shows_detail(view, camera);
     seen.push_back(sharp ? sharpened(rgb) : std::move(rgb));
   }
   const Still still = render_still(
       rig, mesh, view, [&](CameraIndex i) -> const Image& { return images[i]; }, resampling);
-  if (still.cameras.empty()) return;  // nothing to be seen: black
+  if (still.cameras.empty()) return;
   const reference::Picture exact = reference::render(rig, mesh, view, seen);
   for (size_t i = 0; i < exact.pixels.size(); i++) {
     const reference::Pixel& pixel = exact.pixels[i];
@@ -162,8 +159,7 @@ void print(const char* what, PixelFamily family, Resampling resampling, const Co
       counts.all.pixels, counts.part.pixels, 100. * counts.part.off / counts.part.pixels, counts.left.worst);
 }
 
-// Of 1000 pixels, whatever part of their cameras sees them, 999 are within one level of exact arithmetic in all
-// channels.
+// 999 of 1000 pixels are within one level of exact arithmetic in all channels, with any part of their cameras missing.
 TEST(RenderStill, IsWithinALevelOfExactArithmeticEvenWhereWeightIsLost) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const Resampling resampling : {Resampling::kBilinear, Resampling::kSharpened}) {
@@ -177,7 +173,6 @@ TEST(RenderStill, IsWithinALevelOfExactArithmeticEvenWhereWeightIsLost) {
     }
 }
 
-// As well where no pixel of the cameras is like the next.
 TEST(RenderStill, IsWithinALevelOfExactArithmeticInNoise) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Counts counts;

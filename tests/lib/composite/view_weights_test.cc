@@ -13,7 +13,6 @@
 namespace lf {
 namespace {
 
-// Of a view that moves away from the array less and less is seen.
 TEST(ViewCoverage, AViewThatMovesIsLookedAtNowAndThenUnlessItIsToBeExact) {
   const Rig rig = scene_rig(3, 3, 80, 60);
   ViewRequest request;
@@ -29,9 +28,9 @@ TEST(ViewCoverage, AViewThatMovesIsLookedAtNowAndThenUnlessItIsToBeExact) {
   request.view.pose.position.x = 0;
   EXPECT_EQ(coverage.share(rig, request, {}, false, 2 * ViewCoverage::kInterval), inside);
 
-  EXPECT_LT(coverage.share(rig, request, {4}, true, 2 * ViewCoverage::kInterval), 0.5) << "what the middle one gives";
+  EXPECT_LT(coverage.share(rig, request, {4}, true, 2 * ViewCoverage::kInterval), 0.5) << "share of the middle camera";
   for (CameraIndex i = 0; i < rig.cameras.size(); i++) request.out_of_service.push_back(i);
-  EXPECT_EQ(coverage.share(rig, request, {}, true, 2 * ViewCoverage::kInterval), 0) << "nobody is left";
+  EXPECT_EQ(coverage.share(rig, request, {}, true, 2 * ViewCoverage::kInterval), 0) << "no camera left";
   coverage.clear();
   request.out_of_service.clear();
   EXPECT_EQ(coverage.share(rig, request, {}, false, 1), inside);
@@ -43,7 +42,6 @@ CameraRanges all_of(const Rig& rig) {
   return CameraRanges(cameras);
 }
 
-// A view of nine cameras, a part of which none of them sees.
 struct Case {
   Case() {
     request.view = {.width = 101, .height = 77, .lens = Lens::pinhole(90, 50, 38), .pose = {}, .focus = {}};
@@ -52,12 +50,12 @@ struct Case {
     reference::Random random(1);
     picture = reference::smooth_image(random, request.view.width, request.view.height);
   }
-  Image drawn(ShownWeights what, const CameraRanges& seeing) {
+  Image drawn(WeightOverlayMode what, const CameraRanges& seeing) {
     Image image = picture;
     draw(what, seeing, image);
     return image;
   }
-  void draw(ShownWeights what, const CameraRanges& seeing, Image& image, const Levels& levels = kFullLevels) {
+  void draw(WeightOverlayMode what, const CameraRanges& seeing, Image& image, const Levels& levels = kFullLevels) {
     const ImageView of = image.view();
     WeightOverlay::Picture on{.family = of.family, .layout = of.layout, .levels = levels};
     for (int i = 0; i < 3; i++) {
@@ -79,7 +77,6 @@ int difference(const uint8_t* a, const uint8_t* b) {
   return most;
 }
 
-// Whether all pixels up to four away have the value.
 template <typename F>
 bool around(int x, int y, int width, int height, const F& has) {
   for (int j = std::max(y - 4, 0); j <= std::min(y + 4, height - 1); j++)
@@ -92,15 +89,15 @@ TEST(WeightOverlay, ContributionsAreThoseOfTheMap) {
   Case c;
   const int width = c.request.view.width, height = c.request.view.height;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
-  const OwnerMap owners(plan, {0, 0, width, height});
-  const std::vector<float> lost = lost_weights(c.rig, plan, owners);
+  const FaceIdMap owners(plan, {0, 0, width, height});
+  const std::vector<float> lost = missing_weights(c.rig, plan, owners);
   const Image map = contribution_map(c.rig, c.mesh, c.request.view, &c.picture);
-  const Image drawn = c.drawn(ShownWeights::kContributions, all_of(c.rig));
+  const Image drawn = c.drawn(WeightOverlayMode::kContributions, all_of(c.rig));
   int compared = 0, outside = 0, lines = 0;
   for (int y = 0; y < height; y++)
     for (int x = 0; x < width; x++) {
       const int32_t owner = owners.at(x, y);
-      if (owner == OwnerMap::kNone) {
+      if (owner == FaceIdMap::kNone) {
         const uint8_t black[3] = {};
         ASSERT_EQ(difference(drawn.pixel(x, y), black), 0) << x << " " << y;
         outside++;
@@ -123,10 +120,10 @@ TEST(WeightOverlay, CoverageIsThatOfTheHeatMap) {
   Case c;
   const int width = c.request.view.width, height = c.request.view.height;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
-  const OwnerMap owners(plan, {0, 0, width, height});
-  const std::vector<float> lost = lost_weights(c.rig, plan, owners);
+  const FaceIdMap owners(plan, {0, 0, width, height});
+  const std::vector<float> lost = missing_weights(c.rig, plan, owners);
   const Image map = heat_map(lost, width, height, 1, &c.picture);
-  const Image drawn = c.drawn(ShownWeights::kCoverage, all_of(c.rig));
+  const Image drawn = c.drawn(WeightOverlayMode::kCoverage, all_of(c.rig));
   int compared = 0;
   for (int y = 0; y < height; y++)
     for (int x = 0; x < width; x++) {
@@ -142,17 +139,16 @@ TEST(WeightOverlay, CoverageIsThatOfTheHeatMap) {
   EXPECT_GT(compared, 200);
 }
 
-// What a camera would give that gave nothing is lost; what is not the array's any more is made by the others.
 TEST(WeightOverlay, ACameraThatGaveNothingIsDarkUntilItIsOutOfService) {
   Case c;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
-  const OwnerMap owners(plan, {0, 0, c.request.view.width, c.request.view.height});
-  const std::vector<CameraPlace> places = camera_places(c.rig, plan, owners);
-  const auto place = std::ranges::find(places, CameraIndex{4}, &CameraPlace::camera);
+  const FaceIdMap owners(plan, {0, 0, c.request.view.width, c.request.view.height});
+  const std::vector<CameraFootprint> places = camera_footprints(c.rig, plan, owners);
+  const auto place = std::ranges::find(places, CameraIndex{4}, &CameraFootprint::camera);
   ASSERT_NE(place, places.end());
   const int x = static_cast<int>(place->middle.x) / 4 * 4 + 1, y = static_cast<int>(place->middle.y) / 4 * 4 + 1;
   const auto light = [&](const CameraRanges& seeing) {
-    const Image drawn = c.drawn(ShownWeights::kContributions, seeing);
+    const Image drawn = c.drawn(WeightOverlayMode::kContributions, seeing);
     return drawn.pixel(x, y)[0] + drawn.pixel(x, y)[1] + drawn.pixel(x, y)[2];
   };
   CameraRanges others = all_of(c.rig);
@@ -165,10 +161,9 @@ TEST(WeightOverlay, ACameraThatGaveNothingIsDarkUntilItIsOutOfService) {
 
 TEST(WeightOverlay, VideoHasItsLevels) {
   Case c;
-  const Image wanted = to_i420(c.drawn(ShownWeights::kContributions, all_of(c.rig)));
+  const Image wanted = to_i420(c.drawn(WeightOverlayMode::kContributions, all_of(c.rig)));
   Image video = to_i420(c.picture);
   const ImageView planes = video.view();
-  // As video has it, before and after.
   const auto scale = [](uint8_t value, float gain, float offset) {
     return static_cast<int>(std::lround(gain * value + offset));
   };
@@ -177,7 +172,7 @@ TEST(WeightOverlay, VideoHasItsLevels) {
       uint8_t& luma = const_cast<uint8_t*>(planes.plane[0])[y * planes.stride[0] + x];
       luma = static_cast<uint8_t>(scale(luma, kVideoLevels.gain, kVideoLevels.offset));
     }
-  c.draw(ShownWeights::kContributions, all_of(c.rig), video, kVideoLevels);
+  c.draw(WeightOverlayMode::kContributions, all_of(c.rig), video, kVideoLevels);
   const ImageView made = video.view(), as_full = wanted.view();
   double luma = 0, chroma = 0;
   for (int y = 0; y < video.height(); y++)
@@ -187,9 +182,9 @@ TEST(WeightOverlay, VideoHasItsLevels) {
   for (int plane : {1, 2})
     for (int y = 0; y < chroma_size(video.height()); y++)
       for (int x = 0; x < chroma_size(video.width()); x++)
-        chroma = std::max(chroma, std::abs(made.plane[plane][y * made.stride[plane] + x] - 128 -
-                                           kVideoLevels.chroma_gain *
-                                               (as_full.plane[plane][y * as_full.stride[plane] + x] - 128.0)));
+        chroma = std::max(
+            chroma, std::abs(made.plane[plane][y * made.stride[plane] + x] - 128 -
+                             kVideoLevels.chroma_gain * (as_full.plane[plane][y * as_full.stride[plane] + x] - 128.0)));
   EXPECT_LE(luma, 2.5);
   EXPECT_LE(chroma, 2.5);
 }

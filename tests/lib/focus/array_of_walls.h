@@ -6,13 +6,13 @@
 #include <numeric>
 #include <vector>
 
-#include "focus/trial_renderer.h"
+#include "focus/hypothesis_renderer.h"
 #include "scene/scene.h"
 
 namespace lf::test {
 
-// 3 x 3 cameras before a textured wall at 3 m and, in its right half (x > 0), one at 1.5 m; the texture is smooth
-// enough for what is sampled not to matter. Or that many times nearer.
+// 3 x 3 cameras in front of a textured wall at 3 m and, in its right half (x > 0), a wall at 1.5 m; all distances
+// divided by `times_nearer`. The texture is smooth, so sampling errors do not matter.
 struct ArrayOfWalls {
   explicit ArrayOfWalls(bool flat = false, double times_nearer = 1)
       : is_flat(flat), nearer(times_nearer), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {
@@ -33,7 +33,7 @@ struct ArrayOfWalls {
     std::iota(own.begin(), own.end(), 0);
   }
 
-  // From between the cameras, with a focal map of one level. 1.5 m is level 170, 3 m is level 60.
+  // A view between the cameras, with a focal map of one level. 1.5 m is level 170, 3 m is level 60.
   View view(uint8_t level) const {
     View view;
     view.width = 160;
@@ -56,17 +56,18 @@ struct ArrayOfWalls {
     return all;
   }
 
-  std::vector<Moments> moments(const View& view, const std::vector<Trial>& trials,
-                               const std::vector<CameraIndex>& cameras, const CameraSet& out_of_service = {}) const {
+  std::vector<PhotoConsistency> moments(const View& view, const std::vector<DepthHypothesis>& trials,
+                                        const std::vector<CameraIndex>& cameras,
+                                        const CameraSet& out_of_service = {}) const {
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : trials) levels.push_back(trial_levels(view, trial));
-    std::vector<Moments> sums(trials.size());
-    for (Moments& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
+    for (const DepthHypothesis& trial : trials) levels.push_back(hypothesis_levels(view, trial));
+    std::vector<PhotoConsistency> sums(trials.size());
+    for (PhotoConsistency& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
     const Mesh in_service = build_mesh(rig, out_of_service);
-    const RenderJob job(rig, in_service, trial_view(view), cameras);
+    const RenderJob job(rig, in_service, hypothesis_view(view), cameras);
     std::vector<Source> seeing;
     for (const CameraIndex camera : job.cameras()) seeing.push_back(sources()[camera]);
-    add_moments(job, seeing, levels, sums);
+    add_consistency(job, seeing, levels, sums);
     return sums;
   }
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "focus/focus_control.h"
+#include "focus/depth_estimator.h"
 #include "lib/focus/array_of_walls.h"
 
 namespace lf {
@@ -11,9 +11,9 @@ namespace {
 
 using test::ArrayOfWalls;
 
-// What the two stages find at a pixel, from a focus far off.
+// Returns the distance that both stages find at a pixel, starting with a wrong focus.
 double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
-  FocusControl control;
+  DepthEstimator control;
   std::optional<double> found;
   for (int stage = 0; stage < 2; stage++) {
     ViewRequest request;
@@ -21,8 +21,8 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
     request.view.focus.plane = focal_plane_at(request.view.pose, begin);
     add_focus_sweep(request, {{0, 0, 1}, 0}, found, sweep_reach(walls.rig, request.view));
     EXPECT_NO_THROW(validate(request.view));
-    EXPECT_LE(request.trials.size(), kMaxTrials);
-    const FocusControl::Plan plan =
+    EXPECT_LE(request.trials.size(), kMaxHypotheses);
+    const DepthEstimator::Plan plan =
         control.next(request, walls.moments(request.view, request.trials, walls.own), Plane{{0, 0, 1}, 0});
     EXPECT_TRUE(plan.trials.empty());
     found = focus_distance_at(plan.view, {kSweptPixels / 2, kSweptPixels / 2});
@@ -55,7 +55,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
   const Plane from{{0, 0, 1}, 0};
   for (const double begin : {0.7, 1.3, 2.2, 4.0, 20.0})
     for (const auto& [pixel, distance] : {std::pair(Vec2(20, 20), kSceneFar), {Vec2(32, 85), kSceneNear}}) {
-      FocusControl control;
+      DepthEstimator control;
       std::optional<double> found;
       for (int stage = 0; stage < 2; stage++) {
         ViewRequest request;
@@ -67,10 +67,10 @@ TEST(Autofocus, IsNotMisledByPatterns) {
         request.view = view_around(request.view, pixel);
         add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
         std::vector<std::vector<uint8_t>> levels;
-        for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
-        std::vector<Moments> sums(levels.size());
-        for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
-        add_moments(RenderJob(rig, mesh, trial_view(request.view), own), sources, levels, sums);
+        for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+        std::vector<PhotoConsistency> sums(levels.size());
+        for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+        add_consistency(RenderJob(rig, mesh, hypothesis_view(request.view), own), sources, levels, sums);
         found = focus_distance_at(control.next(request, sums, from).view, {kSweptPixels / 2, kSweptPixels / 2});
         ASSERT_TRUE(found.has_value());
       }
@@ -81,7 +81,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
 TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   View view{.width = 160, .height = 120, .lens = Lens::pinhole(100, 79.5, 59.5), .pose = {}, .focus = {}};
-  // 15 planes 2 pixels apart from infinity on; 0.04 m x 100 pixels move by 4 for each 1/m.
+  // 15 planes 2 pixels apart starting at infinity; 0.04 m x 100 pixels move by 4 for each 1/m.
   EXPECT_NEAR(sweep_reach(rig, view), 7.5, 1e-9);
   view.lens = Lens::pinhole(400, 79.5, 59.5);
   EXPECT_NEAR(sweep_reach(rig, view), 7.5 / 4.0, 1e-9);
@@ -115,7 +115,7 @@ TEST(Autofocus, DistancesAreAlongTheAxis) {
   view.pose.position.z = 0.5;
   EXPECT_NEAR(*focus_distance_at(view, {80, 60}), 1, 1e-9);
   view.pose.position.z = 1.6;
-  EXPECT_FALSE(focus_distance_at(view, {80, 60}).has_value()) << "behind the eye";
+  EXPECT_FALSE(focus_distance_at(view, {80, 60}).has_value()) << "behind the viewpoint";
   view.pose.position.z = 0;
   auto far_away = std::make_shared<FocalMap>(*view.focus.map);
   far_away->farthest = 0;

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/surface_choice.h"
+#include "focus/depth_selection.h"
 
 #include <gtest/gtest.h>
 
 namespace lf {
 namespace {
 
-// A thousand nodes between 1 and 4 m (levels 255 and 0), all at `level`.
 FocalMap map_at(uint8_t level) {
   FocalMap map;
   map.from = {{0, 0, 1}, 0};

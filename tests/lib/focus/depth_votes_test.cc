@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/surface_choice.h"
+#include "focus/depth_selection.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ namespace {
 constexpr double kNearest = 10, kBin = kNearest / 1024;
 constexpr int kNodes = 1000;
 
-// Rounds of a map of kNodes nodes, in each of which so many tell that something is at an inverse distance.
+// Rounds of a map of kNodes nodes; each round has a number of votes for an inverse distance.
 struct Votes {
   struct At {
     double inverse;
@@ -27,8 +27,8 @@ struct Votes {
     map.rows = 1;
     map.farthest = 0;
     map.nearest = kNearest;
-    map.levels.assign(kNodes, 255);  // where chance put those that cannot tell
-    SurfaceChoice choice;
+    map.levels.assign(kNodes, 255);  // arbitrary level of nodes without evidence
+    DepthSelection choice;
     choice.informed.assign(kNodes, 0);
     choice.least.assign(kNodes, std::numeric_limits<float>::infinity());
     std::fill_n(choice.least.begin(), seen, 1.f);
@@ -40,7 +40,7 @@ struct Votes {
       }
     votes.add(map, choice);
   }
-  // The range covers from the one to the other, but for levels, and a bin to each side.
+  // Expects a range from `farthest` to `nearest`, up to quantisation and one bin at each end.
   void expect(double farthest, double nearest) const {
     constexpr double kBound = kNearest / 255 / 2 + kBin;
     const std::optional<DepthRange> range = votes.range();
@@ -50,7 +50,7 @@ struct Votes {
     EXPECT_LT(range->farthest, range->nearest);
   }
   DepthVotes votes{kNearest};
-  int seen = kNodes;  // nodes that the cameras see
+  int seen = kNodes;
 };
 
 TEST(DepthVotes, WithoutVotesNothingIsKnown) {
@@ -66,7 +66,7 @@ TEST(DepthVotes, WithoutVotesNothingIsKnown) {
   EXPECT_FALSE(v.votes.range().has_value());
 }
 
-// Most of a view may lie outside of what the cameras cover.
+// Most of a view may lie outside the cameras' coverage.
 TEST(DepthVotes, AreCountedOfTheNodesThatTheCamerasSee) {
   Votes v;
   v.seen = 150;
@@ -76,7 +76,7 @@ TEST(DepthVotes, AreCountedOfTheNodesThatTheCamerasSee) {
   v.expect(2, 2);
 }
 
-// A map in a search, and nodes that vote.
+// A search with nodes that vote.
 struct Search {
   static constexpr int kColumns = 60, kRows = 40;
   Search() {
@@ -102,10 +102,11 @@ struct Search {
     return votes.range();
   }
   FocalMap map;
-  SurfaceChoice choice;
+  DepthSelection choice;
 };
 
-// Chance puts single nodes at any depth. A thing is as large as a cell of the array, and is at one depth.
+// Single nodes get random depths by chance. A real object is at least as large as a cell of the array and has one
+// depth.
 TEST(DepthVotes, NearOnesAllOverTheMapAreChance) {
   Search chance;
   int at = 0;
@@ -138,8 +139,8 @@ TEST(DepthVotes, OutliersHaveNoSay) {
   more.expect(0.5, 9);
 }
 
-// Of what was seen once, and then no more, 0.8^n remain beside (1 - 0.8^n) / 0.2 of what is seen now: 5 % for n = 7,
-// and 3.9 % for n = 8.
+// After n rounds without it, an old observation has weight 0.8^n against (1 - 0.8^n) / 0.2 of the new ones: 5 % for n =
+// 7, and 3.9 % for n = 8.
 TEST(DepthVotes, EarlierOnesFade) {
   Votes v;
   v.add({{8, 500}});
@@ -158,7 +159,7 @@ TEST(DepthVotes, WhatIsNearerThanTheNearestCountsAsThat) {
   EXPECT_DOUBLE_EQ(range->nearest, kNearest / 2);
 }
 
-// What is four times as near is seen sixteen times as large.
+// An object at a quarter of the distance covers sixteen times the area.
 TEST(DepthVotes, WhatIsTooSmallForItsDistanceIsNotThere) {
   constexpr double kSmallest = 4;  // nodes at 1 m
   for (const auto& [nearest, nodes, is_there] :
@@ -170,7 +171,7 @@ TEST(DepthVotes, WhatIsTooSmallForItsDistanceIsNotThere) {
   }
 }
 
-// What is far is as far as it seems, however small.
+// Small objects still extend the far end of the range.
 TEST(DepthVotes, WhatIsFarMayBeSmall) {
   Votes v;
   v.votes = DepthVotes(kNearest, 4);

@@ -28,7 +28,7 @@ TEST(ArrayPlane, OfOppositeCamerasIsTheFirstOnes) {
 
 constexpr int kSide = 4;  // cameras
 
-// An array in the plane z = 0 and a view of it with a focal map, from behind.
+// An array in the plane z = 0 and a view from behind with a focal map.
 struct Array {
   Rig rig = scene_rig(kSide, kSide, 160, 120);
   FocusArray array{rig};
@@ -50,8 +50,8 @@ struct Array {
     return view;
   }
 
-  // 1 - sum w^2 over that of three equal weights, where the line of sight of node i, j meets the cameras' plane. A
-  // camera's weight is a hat of six sides: a cell is split along the diagonal from its second to its third corner.
+  // 1 - sum w^2, relative to three equal weights, where the line of sight of node i, j meets the cameras' plane. A
+  // camera's weight is a six-sided hat: cells are split along the diagonal from the second to the third corner.
   double squared(const View& view, double i, double j) const {
     const Vec3 d(*view.lens.unproject({4 * i + 1.5, 4 * j + 1.5}), 1);
     const Vec3 eye = view.pose.position, p = eye - eye.z / d.z * d;
@@ -80,18 +80,18 @@ TEST(FocusArray, EvidenceIsThatOfTheCamerasWeights) {
         const double is = evidence[static_cast<size_t>(j) * map.columns + i];
         least = std::min(least, is);
         most = std::max(most, is);
-        // Exact, but for weights of 24 bits, at every fourth node, and bilinear in between.
+        // Exact up to 24-bit weights at every fourth node, bilinear in between.
         const int x = i / FocusArray::kApart * FocusArray::kApart, y = j / FocusArray::kApart * FocusArray::kApart;
         const double u = (i - x) / 4., v = (j - y) / 4.;
         const auto at = [&](int k, int l) { return std::sqrt(a.squared(view, k, l)); };
         const double known =
             (1 - v) * ((1 - u) * at(x, y) + u * at(x + 4, y)) + v * ((1 - u) * at(x, y + 4) + u * at(x + 4, y + 4));
         ASSERT_NEAR(is, known, 2e-5) << i << ", " << j << " from " << eye.x;
-        // What that is beside a camera, where there is none, is what there is two nodes away.
+        // A node at a camera, without evidence, takes the evidence of two nodes away.
         ASSERT_NEAR(is * is, a.squared(view, i, j), 0.35) << i << ", " << j;
       }
     if (eye.z < 0) {
-      EXPECT_GT(most - least, 0.2) << "there is something to compare";
+      EXPECT_GT(most - least, 0.2) << "evidence varies";
     }
   }
 }
@@ -118,7 +118,7 @@ TEST(FocusArray, CamerasOutOfServiceTellNothing) {
     if (i != 5) all_but_one.push_back(i);
   for (const float told : a.array.evidence(a.view_from({0.003, 0.004, -0.2}), all_but_one)) EXPECT_NEAR(told, 0, 1e-3);
   EXPECT_THROW(a.array.evidence(a.view_from({}), {99}), Error);
-  // Where the eye was at a camera, its neighbours tell what it did not.
+  // A view from a lost camera's position uses the evidence of its neighbours.
   const View view = a.view_from(a.rig.cameras[5].pose.position);
   for (const float told : a.array.evidence(view, {5})) EXPECT_GT(told, 0.5);
 }
@@ -130,9 +130,9 @@ TEST(FocusArray, KnowsWhatItCanResolve) {
   EXPECT_NEAR(a.array.spacing(), a.pitch, 1e-12);
   EXPECT_DOUBLE_EQ(a.array.focal(), focal);
   EXPECT_NEAR(a.array.disparity(), a.pitch * focal, 1e-9);
-  // There a camera sees as much as four pitches.
+  // At this distance a camera's field of view is four pitches wide.
   EXPECT_NEAR(160 / focal / a.array.nearest(), 4 * a.pitch, 1e-12);
-  // What is there is in the middle of an image and half-way to the end in its neighbour's.
+  // A point is at the centre of one image and half-way to the edge of its neighbour's.
   EXPECT_NEAR(a.array.disparity() * a.array.nearest(), 40, 1e-9);
 }
 
@@ -146,11 +146,11 @@ TEST(FocusArray, TheMedianOfCamerasCounts) {
   EXPECT_NEAR(FocusArray(rig).nearest(), 160 / focal / 4 / pitch, 1e-9);
 }
 
-// Triangles between cameras that stand anywhere reach farther than to the nearest camera.
+// In irregular arrays, triangle edges are longer than the distance to the nearest camera.
 TEST(FocusArray, CamerasThatStandAnywhereDifferByTheEdgesOfTheirTriangles) {
   Rig rig = scene_rig(4, 4, 160, 120);
   const double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
-  for (size_t i = 1; i < rig.cameras.size(); i += 2) rig.cameras[i].pose.position.x -= 0.8 * pitch;  // pairs
+  for (size_t i = 1; i < rig.cameras.size(); i += 2) rig.cameras[i].pose.position.x -= 0.8 * pitch;
   const double spacing = FocusArray(rig).spacing(), focal = rig.cameras[0].lens.fx();
   EXPECT_NEAR(spacing, 0.2 * pitch, 1e-9);
   EXPECT_DOUBLE_EQ(FocusArray(rig).edge(), spacing) << "cells of a grid are alike";
@@ -166,7 +166,7 @@ TEST(FocusArray, CamerasThatStandAnywhereDifferByTheEdgesOfTheirTriangles) {
 
 TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
   const Array a;
-  View view = a.view_from({1, 0, 0});  // no triangle is there
+  View view = a.view_from({1, 0, 0});
   view.blending = {Blending::Kind::kAngle, 0, 4};
   for (const float told : a.array.evidence(view, {})) EXPECT_GT(told, 0.3);
   const Vec3 camera = a.rig.cameras[kSide + 1].pose.position;
@@ -177,7 +177,7 @@ TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
   for (const float told : a.array.evidence(view, {kSide + 1})) EXPECT_GT(told, 0.5);
 }
 
-// The farther an eye is from its cameras, the farther the parts of a blurred picture are apart.
+// A blurred picture has a larger disparity, the farther the viewpoint is from its cameras.
 TEST(FocusArray, CamerasOfAnEyeOutsideOfTheArrayAreFarApart) {
   const Array a;
   View view = a.view_from({a.pitch / 2, a.pitch / 2, -0.3});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/carry_over.h"
+#include "focus/warp_depth_map.h"
 
 #include <gtest/gtest.h>
 
@@ -9,14 +9,13 @@
 namespace lf {
 namespace {
 
-const std::vector<Trial> kFirst{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 10}},
-    kSecond{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 20}},
-    kThird{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 30}};
+const std::vector<DepthHypothesis> kFirst{{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 10}},
+    kSecond{{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 20}},
+    kThird{{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 30}};
 
 constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
-// A view of three nodes.
-ViewRequest request_with(const std::vector<Trial>& trials, std::vector<uint8_t> levels) {
+ViewRequest request_with(const std::vector<DepthHypothesis>& trials, std::vector<uint8_t> levels) {
   ViewRequest request;
   request.view.width = 12;
   request.view.height = 4;
@@ -34,12 +33,12 @@ ViewRequest request_with(const std::vector<Trial>& trials, std::vector<uint8_t> 
 
 class LatestSurfaceTest : public testing::Test {
  protected:
-  // Trials of a surface whose levels were `were` made each node that of `chosen`, at these costs.
-  std::vector<uint8_t> merge(const std::vector<Trial>& trials, const std::vector<uint8_t>& were,
+  // Hypotheses for a surface with levels `were` selected `chosen` at these costs.
+  std::vector<uint8_t> merge(const std::vector<DepthHypothesis>& trials, const std::vector<uint8_t>& were,
                              const std::vector<uint8_t>& chosen, const std::vector<float>& costs,
                              std::pair<double, double> range = {0, 2.55}) {
     ViewRequest request = request_with(trials, were);
-    SurfaceChoice choice;
+    DepthSelection choice;
     choice.chosen = chosen;
     choice.least = costs;
     choice.lead.assign(chosen.size(), 0.5f);
@@ -63,7 +62,7 @@ TEST_F(LatestSurfaceTest, IsWhatWasChosenWhereEachRequestKnowsOfTheOneBefore) {
   latest_.leaves(kFirst, 0);
   EXPECT_EQ(merge(kFirst, {0, 0, 0}, {1, 0, 1}, {1, 1, 1}), (Levels{10, 0, 10}));
   latest_.leaves(kSecond, 0);
-  EXPECT_EQ(merge(kSecond, {10, 0, 10}, {0, 1, 1}, {9, 9, 9}), (Levels{10, 20, 20})) << "whatever it cost before";
+  EXPECT_EQ(merge(kSecond, {10, 0, 10}, {0, 1, 1}, {9, 9, 9}), (Levels{10, 20, 20})) << "at any earlier cost";
   EXPECT_EQ(latest_.underway(), 0u);
 }
 
@@ -72,7 +71,7 @@ TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 0}, {1, 5, 1});
   EXPECT_EQ(latest_.underway(), 1u);
-  // The first node was better at 10, the second is at 20, the third was not moved before.
+  // The first node was better at 10, the second is at 20, the third did not change before.
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {2, 3, 9}), (Levels{10, 20, 20}));
 }
 
@@ -81,7 +80,7 @@ TEST_F(LatestSurfaceTest, WhatIsAsGoodStays) {
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 0, 1}, {0.75f, 0.4f, kUnseen}), (Levels{10, 0, 10}))
-      << "but for a lead of 0.5";
+      << "lead of 0.5";
 }
 
 TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
@@ -89,10 +88,10 @@ TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
   latest_.leaves(kThird, 0);
-  EXPECT_EQ(merge(kThird, {10, 10, 10}, {1, 1, 1}, {2, 2, 2}), (Levels{30, 30, 30})) << "it knew of the first";
+  EXPECT_EQ(merge(kThird, {10, 10, 10}, {1, 1, 1}, {2, 2, 2}), (Levels{30, 30, 30})) << "included the first round";
   EXPECT_EQ(latest_.underway(), 0u);
-  for (size_t i = 0; i < 2 * LatestSurface::kMostUnderway; i++) latest_.leaves(kFirst, 0);
-  EXPECT_EQ(latest_.underway(), LatestSurface::kMostUnderway);
+  for (size_t i = 0; i < 2 * LatestSurface::kMaxInFlight; i++) latest_.leaves(kFirst, 0);
+  EXPECT_EQ(latest_.underway(), LatestSurface::kMaxInFlight);
 }
 
 TEST_F(LatestSurfaceTest, StaysWhereItIsInAnotherRange) {
@@ -103,11 +102,11 @@ TEST_F(LatestSurfaceTest, StaysWhereItIsInAnotherRange) {
 }
 
 TEST_F(LatestSurfaceTest, TellsWhatWasLost) {
-  using Lost = std::vector<std::vector<Trial>>;
+  using Lost = std::vector<std::vector<DepthHypothesis>>;
   latest_.leaves(kFirst, 0xfffffffe);
   latest_.leaves(kSecond, 0xffffffff);
   ViewRequest request = request_with(kSecond, {0, 0, 0});
-  request.sequence = 1;  // two requests later: numbers wrap
+  request.sequence = 1;  // two requests later: sequence numbers wrap around
   latest_.lose(request);
   EXPECT_EQ(latest_.take_lost(1), (Lost{kFirst, kSecond})) << "requests keep their order";
   EXPECT_EQ(latest_.take_lost(1), Lost{}) << "once";

@@ -8,21 +8,21 @@
 #include <vector>
 
 #include "base/maths.h"
-#include "focus/surface_choice.h"
+#include "focus/depth_selection.h"
 
-// choose_surface() a node after the other, as its comments say it.
+// A plain reference implementation of select_depths(), one node at a time.
 namespace lf::test {
 
-inline std::vector<float> plain_cost(std::span<const Moments> moments, size_t trial, int radius) {
-  const Moments& of = moments[trial];
+inline std::vector<float> plain_cost(std::span<const PhotoConsistency> moments, size_t trial, int radius) {
+  const PhotoConsistency& of = moments[trial];
   const int columns = of.columns, rows = of.rows;
   const size_t nodes = of.weight.size();
   std::vector<float> sum(nodes), count(nodes), row_sum(nodes), row_count(nodes), cost(nodes);
   for (size_t i = 0; i < nodes; i++) {
     int most = 0;
-    for (const Moments& m : moments) most = std::max<int>(most, m.weight[i]);
+    for (const PhotoConsistency& m : moments) most = std::max<int>(most, m.weight[i]);
     const float deviation = of.deviation(i);
-    const bool seen = !std::isnan(deviation) && of.weight[i] >= most - Moments::kWeightOne / 16;
+    const bool seen = !std::isnan(deviation) && of.weight[i] >= most - PhotoConsistency::kWeightOne / 16;
     sum[i] = seen ? deviation : 0;
     count[i] = seen ? 1 : 0;
   }
@@ -53,21 +53,21 @@ inline double plain_median(std::vector<float> values) {
   return values.empty() ? NAN : median(std::move(values));
 }
 
-// What the trials of a round cost each node, and all else that its choice is made of.
+// Costs of the hypotheses of a round, and all other inputs of the selection.
 struct PlainRound {
   const FocalMap& surface;
   std::span<const std::vector<uint8_t>> trials;
-  const ChoiceTerms& terms;
+  const DepthSelectionParams& terms;
   std::vector<std::vector<float>> costs;
   double residual = NAN;
 
   bool has_evidence(size_t i) const { return terms.evidence[i] >= kLittleEvidence; }
-  // Only of nodes that are normalised.
+  // Requires a normalised node.
   float lead(size_t i) const { return static_cast<float>(kLead * residual) * terms.evidence[i] + kNoise; }
 };
 
-// The trials whose means are compared: all of them, if they see half of the first one's nodes together. Otherwise those
-// that share most nodes with the first one come first, and are left out where less than that half would remain.
+// Returns the hypotheses with comparable means: all, if together they see half of the first hypothesis's nodes.
+// Otherwise ordered by the overlap with the first, without hypotheses that would reduce the overlap below half.
 inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>& costs) {
   const auto together = [&](const std::vector<size_t>& trials) {
     int count = 0;
@@ -88,7 +88,7 @@ inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>&
   return compared;
 }
 
-// Deviations as three equal cameras would have them.
+// Deviations scaled to three equal cameras.
 inline double plain_residual(const PlainRound& round) {
   std::vector<float> normalised;
   for (size_t i = 0; i < round.costs[0].size(); i++)
@@ -96,7 +96,6 @@ inline double plain_residual(const PlainRound& round) {
   return plain_median(normalised);
 }
 
-// The levels around a node, row by row.
 inline std::vector<int> plain_neighbours(const FocalMap& map, const std::vector<uint8_t>& levels, size_t node) {
   const int x = static_cast<int>(node) % map.columns, y = static_cast<int>(node) / map.columns;
   std::vector<int> around;
@@ -107,8 +106,8 @@ inline std::vector<int> plain_neighbours(const FocalMap& map, const std::vector<
   return around;
 }
 
-// What a trial costs a node beside its neighbours: how far it is from them, up to a pixel each, and what it costs
-// alone, where that says anything.
+// Returns a hypothesis's cost with neighbours: the distance to the neighbours' levels, up to a pixel each, plus the
+// node's own cost if it has evidence.
 inline float plain_cost_beside(const PlainRound& round, size_t node, size_t trial, const std::vector<int>& around) {
   const bool evident = round.has_evidence(node);
   const auto pixel = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
@@ -123,7 +122,7 @@ inline float plain_cost_beside(const PlainRound& round, size_t node, size_t tria
 }
 
 inline bool plain_informed(const PlainRound& round, size_t node, float least) {
-  if (!std::isfinite(least) || !(round.terms.evidence[node] > kToldEvidence)) return false;
+  if (!std::isfinite(least) || !(round.terms.evidence[node] > kMinEvidence)) return false;
   std::vector<float> seen;
   for (const std::vector<float>& cost : round.costs)
     if (std::isfinite(cost[node])) seen.push_back(cost[node]);
@@ -131,7 +130,7 @@ inline bool plain_informed(const PlainRound& round, size_t node, float least) {
   float mean = 0;
   for (const float cost : seen) mean += cost;
   mean /= static_cast<float>(seen.size());
-  if (!(least + kTold < kTelling * (sweep ? mean : std::ranges::max(seen)))) return false;
+  if (!(least + kLumaNoise < kMaxDeviationRatio * (sweep ? mean : std::ranges::max(seen)))) return false;
   if (!sweep) return true;
   std::vector<float> planes;
   for (size_t t = 2; t < round.costs.size(); t++) planes.push_back(round.costs[t][node]);
@@ -139,19 +138,19 @@ inline bool plain_informed(const PlainRound& round, size_t node, float least) {
   const bool any = std::isfinite(planes[static_cast<size_t>(best)]);
   for (std::ptrdiff_t p = 0; p < std::ssize(planes); p++) {
     const bool beside = any && std::abs(p - best) <= 1;
-    if (!beside && !(least + kTold < kUnique * planes[static_cast<size_t>(p)])) return false;
+    if (!beside && !(least + kLumaNoise < kUnique * planes[static_cast<size_t>(p)])) return false;
   }
   return true;
 }
 
-inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
-                                  std::span<const Moments> moments, const ChoiceTerms& terms) {
+inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
+                                   std::span<const PhotoConsistency> moments, const DepthSelectionParams& terms) {
   PlainRound round{surface, trials, terms, {}};
   for (size_t t = 0; t < trials.size(); t++) round.costs.push_back(plain_cost(moments, t, terms.radius));
   const std::vector<std::vector<float>>& costs = round.costs;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const size_t nodes = costs[0].size();
-  SurfaceChoice choice;
+  DepthSelection choice;
   choice.levels = surface.levels;
   choice.chosen.assign(nodes, 0);
   choice.least.assign(nodes, kInfinity);
@@ -160,7 +159,6 @@ inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::
   choice.residual = round.residual = plain_residual(round);
   if (std::isnan(choice.residual)) return choice;
 
-  // Each node alone.
   for (size_t i = 0; i < nodes; i++) {
     if (round.has_evidence(i)) choice.lead[i] = round.lead(i);
     float best = costs[0][i];
@@ -173,7 +171,7 @@ inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::
     choice.least[i] = costs[choice.chosen[i]][i];
     choice.levels[i] = trials[choice.chosen[i]][i];
   }
-  // Twice, one after the other, beside its neighbours.
+  // Two passes with neighbours, one node after another.
   for (size_t step = 0; step < 2 * nodes; step++) {
     const size_t i = step % nodes;
     if (!std::isfinite(choice.least[i])) continue;

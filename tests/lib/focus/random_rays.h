@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "focus/trial_projection.h"
+#include "focus/hypothesis_projection.h"
 #include "reference/generators.h"
 
 namespace lf::test {
@@ -14,11 +14,11 @@ struct Position {
   float x, y;
 };
 
-// A camera of 60 x 40 pixels, and nodes of which it sees some.
+// A camera of 60 x 40 pixels, and nodes that it sees in part.
 struct RandomRays {
   static constexpr int kWidth = 60, kHeight = 40;
   RandomRays(reference::Random& random, int nodes)
-      : count(nodes), u(nodes + kTrialSpare), v(u), weight(u), levels(nodes + kTrialSpare) {
+      : count(nodes), u(nodes + kHypothesisPadding), v(u), weight(u), levels(nodes + kHypothesisPadding) {
     for (int k = 0; k < 9; k++) {
       projection.base[k] = static_cast<float>((k % 4 == 0) + random.uniform(-0.05, 0.05));
       projection.slope[k] = static_cast<float>(random.uniform(-0.3, 0.3));
@@ -42,23 +42,23 @@ struct RandomRays {
       levels[i] = static_cast<uint8_t>(random.uniform(0, 256));
     }
   }
-  TrialRays rays() const { return {u.data(), v.data(), count}; }
+  HypothesisRays rays() const { return {u.data(), v.data(), count}; }
   std::vector<Position> positions() const {
     std::vector<float> x(count), y(count);
     std::vector<uint8_t> seen(count);
-    project_trial(projection, rays(), levels.data(), x.data(), y.data(), seen.data());
+    project_hypothesis(projection, rays(), levels.data(), x.data(), y.data(), seen.data());
     std::vector<Position> out;
     for (int i = 0; i < count; i++) out.push_back({seen[i] != 0, x[i], y[i]});
     return out;
   }
 
   int count;
-  TrialProjection projection{};
+  HypothesisProjection projection{};
   std::vector<float> u, v, weight;
   std::vector<uint8_t> levels;
 };
 
-// A position among `size` values of a BoxedLuma.
+// A position within `size` values of a BoxedLuma.
 inline int in_256ths(float at, int size) {
   return static_cast<int>(std::clamp(at - 0.5f, 0.f, static_cast<float>(size - 1)) * 256);
 }

@@ -18,8 +18,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 struct Case {
   const char* what;
   Lens lens;
-  double max_radius;  // of the lens, by hand
-  double reach;       // undistorted radius up to which the round trip is tested
+  double max_radius;  // largest valid radius, computed by hand
+  double reach;       // undistorted radius limit of the round-trip test
 };
 
 // Radii where 1 + 3 k1 q + 5 k2 q^2 = 0, q = r^2.
@@ -49,27 +49,28 @@ TEST(Lens, FoldRadiusIsWhereRadialDistortionStopsGrowing) {
     EXPECT_NEAR(c.lens.max_radius(), c.max_radius, 1e-12);
     EXPECT_TRUE(c.lens.distort({c.max_radius * (1 - 1e-9), 0}));
     EXPECT_FALSE(c.lens.distort({0, c.max_radius * (1 + 1e-9)}));
-    // Nothing falls beyond the image of the fold either.
+    // No ray projects beyond the image of the fold.
     const double edge = c.lens.distort({c.max_radius * (1 - 1e-12), 0})->x;
     EXPECT_TRUE(c.lens.undistort({edge * (1 - 1e-9), 0}));
     EXPECT_FALSE(c.lens.undistort({edge * (1 + 1e-9), 0}));
   }
 }
 
-// Foreign lenses may have any numbers. What a pixel costs is bounded, and known before all pixels are looked at.
+// Lenses from files or the network may have any parameters. The cost per pixel is bounded and known before any pixel is
+// computed.
 TEST(Lens, StepsAreBoundedAndCounted) {
   using enum LensModel;
   constexpr int kWidth = 4096, kHeight = 2304;
-  const auto steps_of = [](const Lens& lens) { return lens.mean_steps(kWidth, kHeight); };
+  const auto steps_of = [](const Lens& lens) { return lens.mean_iterations(kWidth, kHeight); };
   EXPECT_EQ(steps_of(Lens::from_fov_y(50, kWidth, kHeight)), 0);
   const Lens ordinary[] = {Lens(kRadial, {3300, 2048, 1152, -0.1, 0.02}),
                            Lens(kRadial, {2048, 2048, 1152, -0.25, 0.05}),
                            Lens(kOpenCv, {3300, 3300, 2048, 1152, -0.1, 0.02, 1e-3, -5e-4})};
   for (const Lens& lens : ordinary) {
     EXPECT_GE(steps_of(lens), 2);
-    EXPECT_LE(steps_of(lens), 10) << "rounding does not make an iteration go on and on";
+    EXPECT_LE(steps_of(lens), 10) << "converges despite rounding";
   }
-  // Nothing falls on most pixels of the first two: they are rejected without iterations.
+  // The first two lenses map no ray to most pixels: these are rejected without iterations.
   EXPECT_LT(steps_of(Lens(kRadial, {4915, 2048, 1152, -1e3, 0})), 2);
   EXPECT_LT(steps_of(Lens(kOpenCv, {30, 30, 2048, 1152, -5, 3, 0.7, -0.9})), 2);
   EXPECT_GT(steps_of(Lens(kOpenCv, {1, 1, 2048, 1152, 1e12, -1e12, 1e9, 1e9})), 30);
@@ -100,7 +101,7 @@ TEST(Lens, UndistortInvertsDistort) {
       const auto again = c.lens.distort(*back);
       ASSERT_TRUE(again);
       worst = std::max(worst, glm::length(*again - *d) / (1 + glm::length(*d)));
-      EXPECT_NEAR(back->x, u.x, 1e-7 * (1 + r));  // the inverse itself is only as good as its slope near a fold
+      EXPECT_NEAR(back->x, u.x, 1e-7 * (1 + r));  // near a fold, the inverse is only as precise as its slope
       EXPECT_NEAR(back->y, u.y, 1e-7 * (1 + r));
     }
     EXPECT_LE(worst, 1e-12);
@@ -115,7 +116,7 @@ TEST(Lens, CentreStaysWhereItIs) {
   }
 }
 
-// The values that COLMAP's OpenCVCameraModel and OpenCV's projectPoints give, computed by hand from their formula.
+// Expected values are computed by hand from the formula of COLMAP's OpenCVCameraModel and OpenCV's projectPoints.
 TEST(Lens, FollowsTheFormulaOfOpenCv) {
   const Lens lens(LensModel::kOpenCv, {100, 200, 10, 20, 0.1, 0.01, 0.001, 0.002});
   // u = 0.5, v = -0.25: r2 = 0.3125, radial = 1 + 0.03125 + 0.0009765625 = 1.0322265625

@@ -25,7 +25,6 @@ TEST(Pose, AxesAreRightDownForward) {
   EXPECT_EQ(identity.down(), Vec3(0, 1, 0));
   EXPECT_EQ(identity.forward(), Vec3(0, 0, 1));
 
-  // A quarter turn about y (down) turns the view from forward to the right.
   const Pose turned{{1, 2, 3}, Quat(std::sqrt(0.5), 0, std::sqrt(0.5), 0)};
   expect_near(turned.forward(), {1, 0, 0});
   expect_near(turned.right(), {0, 0, -1});
@@ -64,31 +63,30 @@ double max_difference(const Mat3& a, const Mat3& b) {
   return worst;
 }
 
-TEST(Euler, SignsAreThoseOfTheHeader) {
+TEST(EulerAngles, SignsAreThoseOfTheHeader) {
   const auto axes = [](double yaw, double pitch, double roll) {
     return glm::mat3_cast(quat_from_euler({yaw, pitch, roll}));
   };
   EXPECT_NEAR(axes(90, 0, 0)[2].x, 1, 1e-15);   // forward is now right
   EXPECT_NEAR(axes(0, 90, 0)[2].y, -1, 1e-15);  // forward is now up
   EXPECT_NEAR(axes(0, 0, 90)[0].y, 1, 1e-15);   // right is now down
-  // Yaw first: after a right turn, pitch still looks up.
   const Vec3 forward = axes(90, 30, 0)[2];
   EXPECT_NEAR(forward.x, std::cos(M_PI / 6), 1e-15);
   EXPECT_NEAR(forward.y, -0.5, 1e-15);
 }
 
-TEST(Euler, RoundTripOfAngles) {
+TEST(EulerAngles, RoundTripOfAngles) {
   for (double yaw = -180; yaw <= 180; yaw += 22.5)
     for (double pitch = -85; pitch <= 85; pitch += 17)
       for (double roll = -170; roll <= 180; roll += 35) {
-        const Euler e = euler_from_quat(quat_from_euler({yaw, pitch, roll}));
+        const EulerAngles e = euler_from_quat(quat_from_euler({yaw, pitch, roll}));
         EXPECT_NEAR(std::remainder(e.yaw - yaw, 360), 0, 1e-12);
         EXPECT_NEAR(e.pitch, pitch, 1e-12);
         EXPECT_NEAR(std::remainder(e.roll - roll, 360), 0, 1e-12);
       }
 }
 
-TEST(Euler, PolesKeepTheOrientation) {
+TEST(EulerAngles, PolesKeepTheOrientation) {
   for (double pitch : {90.0, -90.0, 90 - 1e-5, -90 + 1e-7, 90 - 1e-9})
     for (double yaw : {-120.0, 0.0, 30.0}) {
       const Quat q = quat_from_euler({yaw, pitch, 25});
@@ -114,7 +112,7 @@ TEST(FocalMap, HasANodeInTheMiddleOfEachOfItsSquares) {
       EXPECT_NEAR(map.inverse_at(4 * i + 1.5, 4 * j + 1.5), map.inverse_of(map.levels[j * map.columns + i]), 1e-12);
   const double four = map.inverse_of((map.levels[0] + map.levels[1] + map.levels[6] + map.levels[7]) / 4.0);
   EXPECT_NEAR(map.inverse_at(3.5, 3.5), four, 1e-12) << "half-way between four";
-  EXPECT_EQ(map.inverse_at(-100, -100), map.inverse_of(map.levels[0])) << "beyond the outer nodes as at them";
+  EXPECT_EQ(map.inverse_at(-100, -100), map.inverse_of(map.levels[0])) << "clamped to the outer nodes";
 }
 
 TEST(FocalMap, RowsArePositionsOneByOne) {
@@ -146,7 +144,7 @@ TEST(FocalMap, RefinedIsTheSameSurfaceToHalfALevel) {
     map.nearest = 2;
     for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i * 37));
     const FocalMap fine = map.refined(width, height);
-    ASSERT_EQ(fine.step, FocalMap::kFinestStep);
+    ASSERT_EQ(fine.step, FocalMap::kMinStep);
     EXPECT_NO_THROW(validate({Plane{{0, 0, 1}, 0}, std::make_shared<FocalMap>(fine)}, width, height));
     const double half_a_level = (map.nearest - map.farthest) / FocalMap::kLevels / 2;
     for (int j = 0; j < fine.rows; j++)

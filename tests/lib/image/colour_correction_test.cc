@@ -21,7 +21,7 @@ using testing::Optional;
 TEST(ColourModel, TheDefaultLeavesColoursAsTheyAre) {
   for (const Vec3& level : {Vec3(0, 0, 0), Vec3(255, 255, 255), Vec3(1, 128, 254)})
     EXPECT_LE(glm::length(corrected({}, level) - level), 1e-9);
-  EXPECT_EQ(level_factor(light_share({}, 1)), 1);
+  EXPECT_EQ(level_factor(vignetting_factor({}, 1)), 1);
 }
 
 TEST(ColourModel, IsTheFormulaOfItsHeader) {
@@ -44,13 +44,13 @@ TEST(ColourModel, WhatIsBelowBlackIsBelowZeroSoThatNoiseAveragesOut) {
 }
 
 TEST(ColourModel, LightIsAPowerAboveTheToeAndALineBelow) {
-  EXPECT_NEAR(light_of(128), std::pow(128 / 255., 2.2), 1e-12);
-  EXPECT_NEAR(light_of(128, 1.8), std::pow(128 / 255., 1.8), 1e-12);
-  EXPECT_NEAR(light_of(15), std::pow(30 / 255., 2.2) / 2, 1e-12);
-  EXPECT_NEAR(light_of(-8), -light_of(8), 1e-12);
+  EXPECT_NEAR(decode_gamma(128), std::pow(128 / 255., 2.2), 1e-12);
+  EXPECT_NEAR(decode_gamma(128, 1.8), std::pow(128 / 255., 1.8), 1e-12);
+  EXPECT_NEAR(decode_gamma(15), std::pow(30 / 255., 2.2) / 2, 1e-12);
+  EXPECT_NEAR(decode_gamma(-8), -decode_gamma(8), 1e-12);
   for (const double gamma : {1.0, 2.2, 2.6})
     for (const double level : {-300.0, -30.0, -1.0, 0.0, 0.5, 29.99, 30.01, 200.0, 400.0})
-      EXPECT_NEAR(level_of(light_of(level, gamma), gamma), level, 1e-9);
+      EXPECT_NEAR(encode_gamma(decode_gamma(level, gamma), gamma), level, 1e-9);
 }
 
 TEST(ColourModel, VignettingIsAboutThePrincipalPointInHalfDiagonals) {
@@ -61,31 +61,30 @@ TEST(ColourModel, VignettingIsAboutThePrincipalPointInHalfDiagonals) {
   const VignettingField shifted(301, 401, {140, 200});
   EXPECT_EQ(shifted.most(), shifted.square(300, 0)) << "the farthest corner";
   const ColourModel model{.vignetting = {-0.4, 0.1}};
-  EXPECT_NEAR(light_share(model, 1), 0.7, 1e-12);
+  EXPECT_NEAR(vignetting_factor(model, 1), 0.7, 1e-12);
   EXPECT_NEAR(255 * std::pow(0.7, 1 / 2.2) * level_factor(0.7), 255, 1e-9) << "a factor of the levels";
 }
 
 TEST(ColourModel, FaultsNameThePlaceAndTheBounds) {
-  EXPECT_EQ(fault_of({}, 1), std::nullopt);
+  EXPECT_EQ(model_error({}, 1), std::nullopt);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THAT(fault_of({.black = {0, 70, 0}}, 1), Optional(HasSubstr("black[1]: must be -64 to 64")));
-  EXPECT_THAT(fault_of({.black = {0, 0, nan}}, 1), Optional(HasSubstr("black[2]")));
-  EXPECT_THAT(fault_of({.gamma = 0.2}, 1), Optional(HasSubstr("gamma: must be 0.5 to 5")));
-  EXPECT_THAT(fault_of({.gamma = nan}, 1), Optional(HasSubstr("gamma")));
-  EXPECT_THAT(fault_of({.matrix = {1, 0, 0, 0, 1, 0, 0, 0, 4.1}}, 1), Optional(HasSubstr("matrix[8]")));
-  EXPECT_THAT(fault_of({.matrix = {1, 1, 0, 1, 1, 0, 0, 0, 1}}, 1), Optional(HasSubstr("determinant")));
-  EXPECT_THAT(fault_of({.vignetting = {-0.8, 0}}, 1), Optional(HasSubstr("vignetting: must leave 0.25 to 2.5")));
-  EXPECT_EQ(fault_of({.vignetting = {-0.74, 0}}, 1), std::nullopt);
-  EXPECT_THAT(fault_of({.vignetting = {-0.74, 0}}, 1.1), Optional(HasSubstr("vignetting")))
-      << "an image that is larger";
-  EXPECT_THAT(fault_of({.vignetting = {-4, 4}}, 1), Optional(HasSubstr("vignetting")))
+  EXPECT_THAT(model_error({.black = {0, 70, 0}}, 1), Optional(HasSubstr("black[1]: must be -64 to 64")));
+  EXPECT_THAT(model_error({.black = {0, 0, nan}}, 1), Optional(HasSubstr("black[2]")));
+  EXPECT_THAT(model_error({.gamma = 0.2}, 1), Optional(HasSubstr("gamma: must be 0.5 to 5")));
+  EXPECT_THAT(model_error({.gamma = nan}, 1), Optional(HasSubstr("gamma")));
+  EXPECT_THAT(model_error({.matrix = {1, 0, 0, 0, 1, 0, 0, 0, 4.1}}, 1), Optional(HasSubstr("matrix[8]")));
+  EXPECT_THAT(model_error({.matrix = {1, 1, 0, 1, 1, 0, 0, 0, 1}}, 1), Optional(HasSubstr("determinant")));
+  EXPECT_THAT(model_error({.vignetting = {-0.8, 0}}, 1), Optional(HasSubstr("vignetting: must leave 0.25 to 2.5")));
+  EXPECT_EQ(model_error({.vignetting = {-0.74, 0}}, 1), std::nullopt);
+  EXPECT_THAT(model_error({.vignetting = {-0.74, 0}}, 1.1), Optional(HasSubstr("vignetting")))
+      << "larger image";
+  EXPECT_THAT(model_error({.vignetting = {-4, 4}}, 1), Optional(HasSubstr("vignetting")))
       << "dark half-way, not at the end";
-  EXPECT_THAT(fault_of({.vignetting = {nan, 0}}, 1), Optional(HasSubstr("vignetting")));
+  EXPECT_THAT(model_error({.vignetting = {nan, 0}}, 1), Optional(HasSubstr("vignetting")));
 }
 
 constexpr Vec2 kCentre(151.3, 118.2);
 
-// The rule in plain double precision, by itself: of one pixel, with the channels of a 4:2:0 image taken apart.
 Vec3 exact(const ColourModel& m, const Vec3& rgb, double x, double y, int width, int height) {
   const double half_diagonal = std::hypot(width, height) / 2;
   const double r = std::hypot(x - kCentre.x, y - kCentre.y) / half_diagonal;
@@ -109,8 +108,7 @@ Vec3 exact(const ColourModel& m, const Vec3& rgb, double x, double y, int width,
   return out;
 }
 
-// As wrong as cameras of an array are: 8 % of gain, 5 % of white balance, a tenth of gamma, crosstalk, a corner 30 %
-// darker.
+// Typical errors of array cameras: 8 % gain, 5 % white balance, a tenth of gamma, crosstalk, corners 30 % darker.
 ColourModel random_model(std::mt19937& random) {
   std::uniform_real_distribution<double> u(-1, 1);
   ColourModel m;
@@ -123,7 +121,6 @@ ColourModel random_model(std::mt19937& random) {
   return m;
 }
 
-// Smooth colours with noise, most of them as scenes have them and some saturated.
 Image random_image(PixelFamily family, int width, int height, std::mt19937& random) {
   Image rgb(PixelFamily::kRgb, width, height);
   std::uniform_real_distribution<double> u(0, 1);
@@ -167,7 +164,6 @@ void compare_rgb(const ColourModel& m, const Image& in, const Image& out, Errors
     }
 }
 
-// Luma of each pixel with the chroma that it has; chroma with the mean of its pixels' luma.
 void compare_i420(const ColourModel& m, const Image& in, const Image& out, Errors& luma, Errors& chroma) {
   const int w = in.width(), h = in.height(), cw = chroma_size(w);
   const auto rgb_of = [](double y, double cb, double cr) {
@@ -200,7 +196,7 @@ TEST(ColourCorrection, RgbIsNearTheRuleInDoublePrecision) {
   }
   EXPECT_LE(errors.mean(), 0.3) << "rounding to a level alone is 0.25";
   EXPECT_LE(errors.share_above_one(), 0.01);
-  EXPECT_LE(errors.worst, 6) << "where one channel is nearly dark beside others that are bright";
+  EXPECT_LE(errors.worst, 6) << "one channel nearly dark, others bright";
 }
 
 TEST(ColourCorrection, I420IsNearTheRuleInDoublePrecision) {
@@ -225,7 +221,6 @@ TEST(ColourCorrection, WithoutAFaultEveryLevelStaysWhatItIs) {
     const Image image = random_image(family, 50, 40, random);
     EXPECT_TRUE(ColourCorrection({}, family, 50, 40, kCentre).is_identity());
     EXPECT_EQ(corrected(image, {}, kCentre).data(), image.data());
-    // One that is next to none goes all the way.
     const ColourModel next{.vignetting = {1e-9, 0}};
     EXPECT_EQ(corrected(image, next, kCentre).data(), image.data());
   }
@@ -249,7 +244,7 @@ TEST(ColourCorrection, PartsAreThatPartOfTheWholeAndNothingElseIsWritten) {
         for (int y = 0; y < h; y++)
           for (int x = 0; x < w * (rgb ? 3 : 1); x++) {
             const int px = rgb ? x / 3 : x;
-            // In 4:2:0 pairs of rows and columns belong together.
+            // In 4:2:0, pairs of rows and columns share chroma.
             const bool in = px >= part.x0 && px < part.x1 && y >= part.y0 && y < part.y1;
             const bool in_pair = !rgb && c == 0 && px / 2 < (part.x1 + 1) / 2 && y / 2 < (part.y1 + 1) / 2 &&
                                  px >= part.x0 && y >= part.y0;

@@ -44,7 +44,6 @@ std::string little_endian(uint32_t value) {
   return {text.rbegin(), text.rend()};
 }
 
-// Header of a PNG file; there are no pixels.
 std::string png_header(uint32_t width, uint32_t height) {
   return "\x89PNG\r\n\x1a\n"s + big_endian(13) + "IHDR" + big_endian(width) + big_endian(height) + "\x08\x02\0\0\0"s;
 }
@@ -104,7 +103,7 @@ TEST(ImageFile, RefusesHugeSizesBeforeItDecodes) {
   }
 }
 
-// Memory would be touched if the decoder ran.
+// Running the decoder would touch the memory.
 TEST(ImageFile, ASizeThatIsNotExpectedCostsNoMemory) {
   const TempDir dir;
   dir.write("a.png", png_header(12000, 12000));
@@ -150,7 +149,6 @@ Bytes first_part(const Bytes& bytes, size_t size) {
   return {bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(size)};
 }
 
-// A segment behind the SOI marker.
 Bytes with_segment(const Bytes& jpeg, uint8_t marker, const std::string& content) {
   const size_t length = content.size() + 2;
   Bytes segment = {0xff, marker, static_cast<uint8_t>(length >> 8), static_cast<uint8_t>(length)};
@@ -169,16 +167,16 @@ std::string exif(char orientation, bool big_endian) {
 TEST(PictureBytes, DamageIsAnError) {
   for (const Bytes& whole : {noisy_png(), noisy_jpeg(), noisy_jpeg(96, 64, 3, {.progressive = true})}) {
     for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
-      EXPECT_EQ(decode_picture(whole, family).width(), 96);
+      EXPECT_EQ(decode_still(whole, family).width(), 96);
       for (const size_t size : {whole.size() / 3, whole.size() / 2, whole.size() - 40})
-        EXPECT_ERROR(decode_picture(first_part(whole, size), family), "damaged");
+        EXPECT_ERROR(decode_still(first_part(whole, size), family), "damaged");
     }
-    Bytes hole = whole;  // the length kept
+    Bytes hole = whole;
     std::fill_n(hole.begin() + static_cast<ptrdiff_t>(whole.size() / 3), whole.size() / 4, 0);
-    EXPECT_ERROR(decode_picture(hole, PixelFamily::kRgb), "damaged");
-    EXPECT_ERROR(decode_picture(hole, PixelFamily::kI420), "damaged");
+    EXPECT_ERROR(decode_still(hole, PixelFamily::kRgb), "damaged");
+    EXPECT_ERROR(decode_still(hole, PixelFamily::kI420), "damaged");
   }
-  EXPECT_ERROR(decode_picture(Bytes{1, 2, 3, 4}, PixelFamily::kRgb), "neither PNG nor JPEG");
+  EXPECT_ERROR(decode_still(Bytes{1, 2, 3, 4}, PixelFamily::kRgb), "neither PNG nor JPEG");
 }
 
 void put_be(Bytes& bytes, size_t at, uint32_t value, int size) {
@@ -200,29 +198,29 @@ TEST(PictureBytes, TooManyPixelsAreNotDecoded) {
   constexpr size_t kType = 12, kSize = 16, kCrc = 29;
   for (const size_t side : {size_t{0}, size_t{4}}) put_be(png, kSize + side, 16000, 4);
   put_be(png, kCrc, png_crc(std::span(png).subspan(kType, kCrc - kType)), 4);
-  EXPECT_ERROR(decode_picture(png, PixelFamily::kRgb), "too many pixels");
+  EXPECT_ERROR(decode_still(png, PixelFamily::kRgb), "too many pixels");
 
   Bytes jpeg = noisy_jpeg();
   constexpr uint8_t kFrame[] = {0xff, 0xc0, 0x00};
   const auto frame = static_cast<size_t>(std::ranges::search(jpeg, kFrame).begin() - jpeg.begin());
   ASSERT_LT(frame, jpeg.size());
   for (const size_t side : {size_t{5}, size_t{7}}) put_be(jpeg, frame + side, 16000, 2);
-  EXPECT_ERROR(decode_picture(jpeg, PixelFamily::kRgb), "too few bytes");
+  EXPECT_ERROR(decode_still(jpeg, PixelFamily::kRgb), "too few bytes");
   jpeg.resize(1 << 22);
-  EXPECT_ERROR(decode_picture(jpeg, PixelFamily::kRgb), "too many pixels");
+  EXPECT_ERROR(decode_still(jpeg, PixelFamily::kRgb), "too many pixels");
 }
 
 TEST(PictureBytes, PaddingIsNoDamage) {
   Bytes jpeg = noisy_jpeg();
-  jpeg.insert(jpeg.end() - 2, 100, 0);  // in front of the EOI marker, as some cameras write it
-  EXPECT_EQ(decode_picture(jpeg, PixelFamily::kRgb).width(), 96);
+  jpeg.insert(jpeg.end() - 2, 100, 0);  // before the EOI marker, as some cameras write
+  EXPECT_EQ(decode_still(jpeg, PixelFamily::kRgb).width(), 96);
   jpeg.insert(jpeg.end(), 100, 0);
-  EXPECT_EQ(decode_picture(jpeg, PixelFamily::kI420).width(), 96);
+  EXPECT_EQ(decode_still(jpeg, PixelFamily::kI420).width(), 96);
 }
 
 TEST(PictureBytes, EveryKindOfPngGivesItsColours) {
   const auto expect_colour = [](const Bytes& png, int r, int g, int b) {
-    const Image image = decode_picture(png, PixelFamily::kI420);
+    const Image image = decode_still(png, PixelFamily::kI420);
     ASSERT_EQ(image.family(), PixelFamily::kRgb);
     EXPECT_EQ(image.pixel(1, 1)[0], r);
     EXPECT_EQ(image.pixel(1, 1)[1], g);
@@ -241,8 +239,8 @@ TEST(PictureBytes, EveryKindOfJpegGivesItsColours) {
                                   {.h = 2, .v = 1, .arithmetic = true}, {.progressive = true}, {.h = 2, .v = 2}};
   for (const test::JpegKind& kind : kinds) {
     SCOPED_TRACE(std::to_string(&kind - kinds));
-    const Image rgb = decode_picture(noisy_jpeg(96, 64, 3, kind), PixelFamily::kRgb);
-    const Image from_i420 = to_rgb(decode_picture(noisy_jpeg(96, 64, 3, kind), PixelFamily::kI420));
+    const Image rgb = decode_still(noisy_jpeg(96, 64, 3, kind), PixelFamily::kRgb);
+    const Image from_i420 = to_rgb(decode_still(noisy_jpeg(96, 64, 3, kind), PixelFamily::kI420));
     for (const Image* image : {&rgb, &from_i420}) {
       double error = 0;
       for (size_t i = 0; i < truth.data().size(); i++) error += std::abs(image->data()[i] - truth.data()[i]);
@@ -258,7 +256,7 @@ TEST(PictureBytes, ReadsOrientations) {
     EXPECT_EQ(exif_orientation(with_segment(jpeg, 0xe1, exif(3, big_endian))), 3);
     EXPECT_EQ(exif_orientation(with_segment(jpeg, 0xe1, exif(8, big_endian))), 8);
     EXPECT_EQ(exif_orientation(with_segment(jpeg, 0xe1, exif(9, big_endian))), 1) << "not an orientation";
-    for (size_t length = 0; length < 30; length++)  // cut off anywhere
+    for (size_t length = 0; length < 30; length++)
       EXPECT_EQ(exif_orientation(with_segment(jpeg, 0xe1, exif(3, big_endian).substr(0, length))) & ~3, 0);
   }
   EXPECT_EQ(orientation_notice(1), "");

@@ -58,7 +58,7 @@ TEST(Image, ConvertsColoursAsJfif) {
 TEST(Image, ChromaIsTheMeanOfItsPixelsAlsoAtOddEdges) {
   Image rgb(PixelFamily::kRgb, 3, 3);
   for (int y = 0; y < 3; y++)
-    for (int x = 0; x < 3; x++) rgb.pixel(x, y)[2] = static_cast<uint8_t>(10 * x + 60 * y);  // blue alone
+    for (int x = 0; x < 3; x++) rgb.pixel(x, y)[2] = static_cast<uint8_t>(10 * x + 60 * y);
   const Image ycc = to_i420(rgb);
   const int mean[4] = {(0 + 10 + 60 + 70) / 4, (20 + 80) / 2, (120 + 130) / 2, 140};
   for (int i = 0; i < 4; i++) EXPECT_NEAR(ycc.plane(1)[i], 128 + 0.5 * mean[i], 0.51) << i;
@@ -123,8 +123,8 @@ struct Colour {
   double r, g, b;  // 0 to 1
 };
 
-// By the definitions, in double precision.
-Colour colour_of(const YcbcrKind& kind, double y, double cb, double cr) {
+// Computes the definition in double precision.
+Colour colour_of(const YcbcrFormat& kind, double y, double cb, double cr) {
   const double range = kind.full_range ? 255 : 219, chroma = kind.full_range ? 255 : 224;
   y = (y - (kind.full_range ? 0 : 16)) / range;
   cb = (cb - 128) / chroma;
@@ -140,7 +140,7 @@ Levels levels_of(const Colour& c) {
   return {255 * y, 128 + 255 * (c.b - y) / (2 * (1 - 0.114)), 128 + 255 * (c.r - y) / (2 * (1 - 0.299))};
 }
 
-const YcbcrKind kKinds[] = {
+const YcbcrFormat kKinds[] = {
     {},
     {.full_range = false},
     {.kr = 0.2126, .kb = 0.0722, .full_range = true},
@@ -149,7 +149,7 @@ const YcbcrKind kKinds[] = {
     {.full_range = false, .down = -0.5},
 };
 
-Image converted(const YcbcrKind& kind, const Image& in) {
+Image converted(const YcbcrFormat& kind, const Image& in) {
   Image out(PixelFamily::kI420, in.width(), in.height());
   const ImageView to = out.view();
   uint8_t* const planes[3] = {out.plane(0), out.plane(1), out.plane(2)};
@@ -157,10 +157,9 @@ Image converted(const YcbcrKind& kind, const Image& in) {
   return out;
 }
 
-// Every pixel of noise, of sizes that are odd, too.
 TEST(YcbcrConversion, IsExactArithmeticToALevel) {
   reference::Random random(21);
-  for (const YcbcrKind& kind : kKinds)
+  for (const YcbcrFormat& kind : kKinds)
     for (const auto& [width, height] : {std::pair{32, 18}, {17, 9}, {1, 1}, {2, 7}}) {
       Image in(PixelFamily::kI420, width, height);
       for (uint8_t& value : in.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
@@ -191,7 +190,6 @@ TEST(YcbcrConversion, TheOwnKindStaysAsItIs) {
   EXPECT_EQ(converted({}, in).data(), in.data());
 }
 
-// Black, white and what cameras call so: the ends of the range are the ends of ours, and what lies beyond is at them.
 TEST(YcbcrConversion, TheEndsOfTheRange) {
   for (const auto& [from, to] : {std::pair{0, 0}, {16, 0}, {126, 128}, {181, 192}, {235, 255}, {255, 255}}) {
     Image in(PixelFamily::kI420, 4, 4);
@@ -218,7 +216,7 @@ TEST(HeatColour, GrowsBrighterFromBlackToYellow) {
 
 TEST(HeatColour, IsNeverTheGreyOfNoValue) {
   for (int i = 0; i <= 1000; i++)
-    EXPECT_NE(heat_colour(i / 1000.0), (std::array<uint8_t, 3>{kNoHeat, kNoHeat, kNoHeat}));
+    EXPECT_NE(heat_colour(i / 1000.0), (std::array<uint8_t, 3>{kNoValueGrey, kNoValueGrey, kNoValueGrey}));
 }
 
 TEST(HeatMap, ShowsValuesAgainstTheEndOfTheScale) {
@@ -231,7 +229,7 @@ TEST(HeatMap, ShowsValuesAgainstTheEndOfTheScale) {
   EXPECT_EQ(at(1, 0), heat_colour(0.5));
   EXPECT_EQ(at(2, 0), heat_colour(1));
   EXPECT_EQ(at(0, 1), heat_colour(1)) << "beyond the scale";
-  EXPECT_EQ(at(1, 1), (std::array<uint8_t, 3>{kNoHeat, kNoHeat, kNoHeat}));
+  EXPECT_EQ(at(1, 1), (std::array<uint8_t, 3>{kNoValueGrey, kNoValueGrey, kNoValueGrey}));
   EXPECT_EQ(at(2, 1), heat_colour(0.25));
 }
 

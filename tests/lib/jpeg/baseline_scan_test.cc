@@ -10,7 +10,6 @@
 namespace lf::jpeg {
 namespace {
 
-// Writes codes and values of a specification.
 class BitWriter {
  public:
   explicit BitWriter(const HuffmanSpec& spec) {
@@ -25,7 +24,7 @@ class BitWriter {
       bytes_.back() |= static_cast<uint8_t>((value >> i & 1) << (7 - bit_ % 8));
     }
   }
-  // With what a reader needs after it.
+  // Includes the padding that a reader needs.
   std::vector<uint8_t> bytes() const {
     std::vector<uint8_t> out = bytes_;
     out.resize(out.size() + 300);
@@ -39,7 +38,6 @@ class BitWriter {
   uint64_t bit_ = 0;
 };
 
-// A value of exactly `size` bits.
 int random_value(int size, std::mt19937& random) {
   if (size == 0) return 0;
   const int magnitude = (1 << (size - 1)) + static_cast<int>(random() % (1u << (size - 1)));
@@ -71,7 +69,7 @@ TEST(HuffmanTable, DifferencesOfEverySize) {
   }
 }
 
-// Sparse and full blocks with every symbol: reading and passing over end at the same bit.
+// Sparse and full blocks with every symbol: reading and skipping end at the same bit.
 TEST(HuffmanTable, BlocksOfEverySymbol) {
   std::mt19937 random(2);
   uint16_t ones[64];
@@ -87,13 +85,13 @@ TEST(HuffmanTable, BlocksOfEverySymbol) {
         int run = std::min<int>(static_cast<int>(random() % mean_run) * (random() % 8 ? 1 : 3), end - 1 - k);
         for (k += run; run >= 16; run -= 16) writer.symbol(0xf0);
         const int size = 1 + static_cast<int>(random() % largest);
-        expected[kIdctPlace[k++]] = random_value(size, random);
+        expected[kIdctOrder[k++]] = random_value(size, random);
         writer.symbol(run << 4 | size);
-        writer.put(coded(expected[kIdctPlace[k - 1]], size), size);
+        writer.put(coded(expected[kIdctOrder[k - 1]], size), size);
       }
       if (k < 64) writer.symbol(0);
       const uint64_t bits = writer.bits();
-      writer.put(0x5a5a5a, 24);  // whatever comes next
+      writer.put(0x5a5a5a, 24);
       const auto bytes = writer.bytes();
 
       BitReader reader(bytes.data(), 0);
@@ -167,11 +165,11 @@ TEST(HuffmanTable, IsMadeOnce) {
   EXPECT_EQ(kept->entries, ac_table(standard_ac(0))->entries);
 }
 
-// The segments in hex, divided by bars.
+// Returns the segments in hex, separated by bars.
 std::string segments_of(const std::vector<uint8_t>& scan, size_t max_segments) {
   ScanData data(scan, max_segments);
   std::vector<std::string> texts(data.segments());
-  for (size_t k = data.segments(); k-- > 0;) {  // in any order
+  for (size_t k = data.segments(); k-- > 0;) {
     const ScanData::Range s = data.segment(k);
     for (size_t i = s.begin; i < s.end; i++) {
       char hex[4];
@@ -204,7 +202,7 @@ TEST(ScanData, UpToTwoSegmentsMayBeMissing) {
   EXPECT_EQ(segments_of({1, 0xff, 0xd2, 2}, 8), "|||02");
   EXPECT_EQ(segments_of({1, 0xff, 0xd3, 2}, 8), "01");
   EXPECT_EQ(segments_of({1, 0xff, 0xd7, 2}, 8), "01");
-  EXPECT_EQ(segments_of({1, 0xff, 0xd2, 2}, 3), "01") << "they would be beyond the image";
+  EXPECT_EQ(segments_of({1, 0xff, 0xd2, 2}, 3), "01") << "beyond the image";
 }
 
 TEST(ScanData, RestartNumbersCountModuloEight) {

@@ -14,7 +14,6 @@
 namespace lf::jpeg {
 namespace {
 
-// A whole JPEG file of the same samples, by libjpeg's plain interface.
 std::vector<uint8_t> whole_file(const FragmentPlanes& in, int quality) {
   jpeg_compress_struct info;
   jpeg_error_mgr errors;
@@ -62,11 +61,11 @@ TEST(JpegFragmentEncoder, WritesTheScanOfAWholeFileAndNothingElse) {
     for (const int quality : {10, 75, 90, 100}) {
       const Fragment f = patterned(PixelFamily::kI420, {0, 0, w, h});
       const FragmentPlanes in = planes_of(f);
-      ByteBuffer scan = {1, 2, 3};  // what is there stays
+      ByteBuffer scan = {1, 2, 3};
       encoder.encode_pixels(in, quality, scan);
       ASSERT_EQ(scan[2], 3);
       const std::vector<uint8_t> file = whole_file(in, quality);
-      // JFIF, DQT, SOF0, four DHT, SOS in front, EOI behind: 625 bytes that need not travel.
+      // JFIF, DQT, SOF0, four DHT and SOS before the scan, EOI after: 625 bytes that need not be transmitted.
       const size_t markers = 2 + 18 + 2 * 69 + 19 + 2 * (33 + 183) + 14 + 2;
       EXPECT_EQ(scan.size() - 3, file.size() - markers) << w << 'x' << h;
       EXPECT_TRUE(std::equal(scan.begin() + 3, scan.end(), file.end() - 2 - (scan.size() - 3)));
@@ -84,11 +83,11 @@ TEST(JpegFragmentEncoder, NoScanIsShorterThanStated) {
       const FragmentPlanes in = planes_of(f);
       ByteBuffer pixels, lost;
       encoder.encode_pixels(in, 50, pixels);
-      encoder.encode_lost(in, 50, lost);
-      EXPECT_GE(pixels.size(), least_pixel_scan(coded_size(in.rect, kPixelUnit)));
-      EXPECT_LE(pixels.size(), least_pixel_scan(coded_size(in.rect, kPixelUnit)) + 3);
-      EXPECT_GE(lost.size(), least_lost_scan(coded_size(in.rect, kLostUnit)));
-      EXPECT_LE(lost.size(), least_lost_scan(coded_size(in.rect, kLostUnit)) + 3);
+      encoder.encode_missing(in, 50, lost);
+      EXPECT_GE(pixels.size(), min_pixel_scan(coded_size(in.rect, kPixelUnit)));
+      EXPECT_LE(pixels.size(), min_pixel_scan(coded_size(in.rect, kPixelUnit)) + 3);
+      EXPECT_GE(lost.size(), min_missing_scan(coded_size(in.rect, kMissingUnit)));
+      EXPECT_LE(lost.size(), min_missing_scan(coded_size(in.rect, kMissingUnit)) + 3);
     }
 }
 
@@ -107,8 +106,8 @@ TEST(JpegFragmentEncoder, IsReusedWithoutATrace) {
       if (!in.lost) continue;
       one.clear();
       other.clear();
-      reused.encode_lost(in, quality, one);
-      FragmentEncoder().encode_lost(in, quality, other);
+      reused.encode_missing(in, quality, one);
+      FragmentEncoder().encode_missing(in, quality, other);
       EXPECT_EQ(one, other);
     }
 }
@@ -117,8 +116,8 @@ TEST(JpegFragmentEncoder, ErrorsAreThrownAndLeaveNothingBehind) {
   FragmentEncoder encoder;
   const Fragment ycc = patterned(PixelFamily::kI420, {0, 0, 20, 20});
   ByteBuffer out = {7};
-  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG: a fragment of no family");
-  EXPECT_ERROR(encoder.encode_lost(planes_of(ycc), 90, out), "JPEG: a fragment without lost weight");
+  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG: the fragment has no pixel family");
+  EXPECT_ERROR(encoder.encode_missing(planes_of(ycc), 90, out), "JPEG: the fragment has no missing weight");
   const std::vector<uint8_t> rows(3 * 65536);
   const FragmentPlanes wide = packed_planes(PixelFamily::kI420, {0, 0, 65520, 2}, rows.data(), nullptr);
   EXPECT_ERROR(encoder.encode_pixels(wide, 90, out), "JPEG: Maximum supported image dimension is 65500 pixels");
@@ -135,8 +134,7 @@ ByteBuffer pixels_scan(const FragmentPlanes& fragment, int quality) {
   return out;
 }
 
-// Stated bounds: what a picture of the built-in scene loses per quality. Chroma of RGB loses its resolution at every
-// quality.
+// Stated bounds: the loss of a picture of the built-in scene per quality. RGB loses chroma resolution at every quality.
 TEST(JpegFragmentDecoder, LosesNoMoreThanStated) {
   const struct {
     int quality;
@@ -174,13 +172,13 @@ TEST(JpegFragmentDecoder, EverySizeComesBack) {
       const FragmentPlanes in = planes_of(f);
       ByteBuffer pixels, lost;
       encoder.encode_pixels(in, 95, pixels);
-      encoder.encode_lost(in, 95, lost);
+      encoder.encode_missing(in, 95, lost);
       FragmentPlanes out = empty_like(in);
       ASSERT_TRUE(decoder.decode_pixels(pixels, 95, out)) << w << 'x' << h;
-      ASSERT_TRUE(decoder.decode_lost(lost, 95, out)) << w << 'x' << h;
+      ASSERT_TRUE(decoder.decode_missing(lost, 95, out)) << w << 'x' << h;
       Errors8 luma, chroma, weight;
       compare_pixels(in, out, luma, chroma);
-      compare_lost(in, out, weight);
+      compare_missing(in, out, weight);
       EXPECT_LE(luma.worst, family == PixelFamily::kRgb ? 40 : 12) << w << 'x' << h;
       EXPECT_LE(chroma.worst, 14) << w << 'x' << h;
       EXPECT_LE(weight.worst, 24) << w << 'x' << h;
@@ -215,18 +213,18 @@ TEST(JpegFragmentDecoder, RefusesWhatNoEncoderMakes) {
   FragmentDecoder decoder;
   FragmentPlanes none, out = empty_like(planes_of(f));
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, none));
-  EXPECT_FALSE(decoder.decode_lost(scan, 90, none));
+  EXPECT_FALSE(decoder.decode_missing(scan, 90, none));
   EXPECT_FALSE(decoder.decode_pixels(scan, 0, out));
   EXPECT_FALSE(decoder.decode_pixels(scan, 101, out));
   out.rect = {5, 5, 5, 9};
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
-  out.rect = {0, 0, 16384, 16384};  // no memory for what can't be there
+  out.rect = {0, 0, 16384, 16384};
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
   out.rect = {0, 0, 70000, 1};
   EXPECT_FALSE(decoder.decode_pixels(ByteBuffer(70000, 0), 90, out));
 }
 
-// Markers in the scan do nothing: above all they do not leave other tables behind.
+// Markers in the scan have no effect; in particular they leave no other tables behind.
 TEST(JpegFragmentDecoder, BytesMayBeAnything) {
   std::mt19937 random(5);
   for (const PixelFamily family : kFamilies) {
@@ -256,9 +254,9 @@ TEST(JpegFragmentDecoder, BytesMayBeAnything) {
           break;
       }
       accepted += decoder.decode_pixels(bad, 80, out);
-      decoder.decode_lost(bad, 80, out);
+      decoder.decode_missing(bad, 80, out);
     }
-    EXPECT_LT(accepted, 1500);  // a flipped bit may well be another picture
+    EXPECT_LT(accepted, 1500);  // flipped bits often decode to a valid picture
     ASSERT_TRUE(decoder.decode_pixels(scan, 80, out));
     EXPECT_EQ(first, std::vector<uint8_t>(out.plane[0], out.plane[0] + out.stride[0] * 50));
   }

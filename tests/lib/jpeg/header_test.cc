@@ -18,7 +18,6 @@ std::string reason_for(const Bytes& jpeg) {
   return header ? "" : reason;
 }
 
-// The offset of the first segment with this marker: of its FF.
 size_t find_marker(const Bytes& jpeg, int marker) {
   for (size_t at = 2;; at += 2 + (static_cast<size_t>(jpeg[at + 2]) << 8 | jpeg[at + 3]))
     if (jpeg[at + 1] == marker || jpeg[at + 1] == 0xda) return at;
@@ -90,7 +89,6 @@ TEST(JpegHeader, RgbIsDecodedAsAWhole) {
   EXPECT_FALSE(header->one_baseline_scan);
 }
 
-// CMYK: a fourth component in the frame and in the scan.
 TEST(JpegHeader, FourComponentsAreDecodedAsAWhole) {
   Bytes jpeg = jpeg_of({});
   const auto insert = [&jpeg](size_t at, const Bytes& bytes) {
@@ -108,7 +106,6 @@ TEST(JpegHeader, FourComponentsAreDecodedAsAWhole) {
   EXPECT_FALSE(header->one_baseline_scan);
 }
 
-// What is in no scan yet says nothing of its tables, and a frame says nothing about the next one.
 TEST(JpegHeader, EveryFrameStandsForItself) {
   const Bytes own = jpeg_of({.restart_interval = 3, .optimise = true}), later = jpeg_of({.one_by_one = true});
   const auto standard = parse_header(test::without_huffman_tables(jpeg_of({})), nullptr);
@@ -125,7 +122,7 @@ TEST(JpegHeader, EveryFrameStandsForItself) {
     EXPECT_NE(reason_for(Bytes(own.begin(), own.begin() + 40)), "");
   }
   Bytes without_quantisation = jpeg_of({});
-  without_quantisation[find_marker(without_quantisation, 0xdb) + 1] = 0xec;  // some APP segment
+  without_quantisation[find_marker(without_quantisation, 0xdb) + 1] = 0xec;
   EXPECT_EQ(reason_for(without_quantisation), "a quantisation table is missing");
 }
 
@@ -153,7 +150,7 @@ TEST(JpegHeader, WholeFramesAreSmaller) {
   jpeg[sof + 5] = jpeg[sof + 7] = 0x40;
   jpeg[sof + 6] = jpeg[sof + 8] = 0;
   jpeg.resize(1 << 20);
-  EXPECT_EQ(reason_for(jpeg), "too large for a frame that has to be decoded as a whole");
+  EXPECT_EQ(reason_for(jpeg), "too large to be decoded as a whole");
   jpeg[sof + 5] = jpeg[sof + 7] = 0x20;
   EXPECT_EQ(reason_for(jpeg), "");
 }

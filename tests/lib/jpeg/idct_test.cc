@@ -18,7 +18,7 @@ struct Block {
   alignas(32) int16_t coefficient[64] = {};
   unsigned last = 0;
   void set(unsigned k, int value) {  // k in zigzag order
-    coefficient[kIdctPlace[k]] = static_cast<int16_t>(value);
+    coefficient[kIdctOrder[k]] = static_cast<int16_t>(value);
     last = std::max(last, k);
   }
 };
@@ -28,7 +28,7 @@ double exact(const Block& block, int x, int y) {
   double sum = 0;
   for (int v = 0; v < 8; v++)
     for (int u = 0; u < 8; u++)
-      sum += (u ? 1 : M_SQRT1_2) * (v ? 1 : M_SQRT1_2) * block.coefficient[idct_place(v, u)] *
+      sum += (u ? 1 : M_SQRT1_2) * (v ? 1 : M_SQRT1_2) * block.coefficient[idct_index(v, u)] *
              std::cos((2 * x + 1) * u * M_PI / 16) * std::cos((2 * y + 1) * v * M_PI / 16);
   return std::clamp(sum / 4 + 128, 0.0, 255.0);
 }
@@ -38,7 +38,7 @@ class EveryTarget : public testing::Test {
   ~EveryTarget() override { hwy::SetSupportedTargetsForTest(0); }
 };
 
-// That the roundings are libjpeg's as well is what jpeg_frame_test shows.
+// jpeg_frame_test.cc tests that the rounding equals libjpeg's.
 TEST_F(EveryTarget, AllTheSameAndCloseToTheDefinition) {
   std::mt19937 random(5);
   for (int trial = 0; trial < 300; trial++) {

@@ -15,7 +15,7 @@ namespace {
 
 using test::JpegKind;
 
-// Whether the region of the frame is what libjpeg makes of it, chroma samples of all its pixels included.
+// Returns success if the region equals libjpeg's output, including the chroma samples of all its pixels.
 testing::AssertionResult equal_inside(const Rect& region, const ImageView& got, const Image& truth) {
   const ImageView want = truth.view();
   for (int i = 0; i < 3; i++) {
@@ -26,7 +26,7 @@ testing::AssertionResult equal_inside(const Rect& region, const ImageView& got, 
         const int a = got.plane[i][y * got.stride[i] + x], b = want.plane[i][y * want.stride[i] + x];
         if (a != b)
           return testing::AssertionFailure()
-                 << "plane " << i << " (" << x << ", " << y << "): " << a << " in place of " << b;
+                 << "plane " << i << " (" << x << ", " << y << "): " << a << " instead of " << b;
       }
   }
   return testing::AssertionSuccess();
@@ -45,7 +45,6 @@ struct Case {
 
 class EveryKind : public testing::TestWithParam<Case> {};
 
-// On frames that nothing is known of, and one after the other on the same frame.
 TEST_P(EveryKind, RegionsAreWhatLibjpegDecodes) {
   std::mt19937 random(7);
   for (const auto& [width, height] : {std::pair{160, 96}, {161, 97}, {147, 130}, {35, 250}, {9, 7}, {1, 1}})
@@ -75,7 +74,7 @@ TEST_P(EveryKind, RegionsAreWhatLibjpegDecodes) {
 INSTANTIATE_TEST_SUITE_P(JpegFrame, EveryKind,
                          testing::Values(Case{"yuv420", {}}, Case{"yuv422", {.v = 1}}, Case{"yuv440", {.h = 1}},
                                          Case{"yuv444", {.h = 1, .v = 1}},
-                                         // As FFmpeg states 4:2:2.
+                                         // FFmpeg's form of 4:2:2.
                                          Case{"yuv422_as_2212", {.chroma_v = 2}},
                                          Case{"grey", {.grey = true, .h = 1, .v = 1}},
                                          Case{"own_tables", {.optimise = true}}),
@@ -107,7 +106,7 @@ INSTANTIATE_TEST_SUITE_P(JpegFrame, WholeFrames,
                                          Case{"one_by_one", {.one_by_one = true}}),
                          [](const auto& info) { return info.param.name; });
 
-// Whatever the version of its JFIF marker.
+// For every version in the JFIF marker.
 TEST(JpegFrame, RgbIsConverted) {
   const auto jpeg = test::encode_jpeg(test::noisy_picture(40, 24, 5), {.h = 1, .v = 1, .rgb = true});
   const auto frame = test::open_jpeg(jpeg);
@@ -164,7 +163,7 @@ TEST(JpegFrame, PlanesAreThereFromTheFirstRegionOn) {
   EXPECT_EQ(frame->view().plane[0], nullptr);
   EXPECT_TRUE(frame->ensure({5, 5, 5, 9}));
   EXPECT_TRUE(frame->ensure({100, 0, 200, 10}));
-  EXPECT_EQ(frame->view().plane[0], nullptr) << "nothing was asked for";
+  EXPECT_EQ(frame->view().plane[0], nullptr) << "nothing requested";
   EXPECT_TRUE(frame->ensure({-100, -100, 1, 1}));
   const ImageView view = frame->view();
   EXPECT_NE(view.plane[0], nullptr);
@@ -175,7 +174,7 @@ TEST(JpegFrame, PlanesAreThereFromTheFirstRegionOn) {
   EXPECT_EQ(view.height, 61);
 }
 
-// The largest width; the memory of what nobody looks at is not touched.
+// The maximum width; unused parts must not touch memory.
 TEST(JpegFrame, WideFrames) {
   const auto jpeg = test::encode_jpeg(test::noisy_picture(16384, 33, 6), {.restart_interval = 100});
   const Image truth = test::to_i420(test::decode_raw(jpeg));
@@ -205,7 +204,7 @@ TEST(JpegFrame, ViewsMayShareIt) {
   EXPECT_EQ(wrong, 0);
 }
 
-// Frames that arrive damaged: errors, never crashes. Run it under sanitizers (tests/sanitize.sh address jpeg).
+// Damaged frames cause errors, never crashes. Run under sanitizers (tests/sanitize.sh address jpeg).
 
 const JpegKind kKinds[] = {{},
                            {.restart_interval = 5},
@@ -215,7 +214,7 @@ const JpegKind kKinds[] = {{},
                            {.progressive = true},
                            {.one_by_one = true}};
 
-// Asks for a few regions, then for all. Whether all could be had.
+// Requests a few regions, then the whole frame. Returns true if the whole frame could be decoded.
 bool try_all(const std::vector<uint8_t>& jpeg) {
   std::string reason;
   const auto frame = test::open_jpeg(jpeg, &reason);
@@ -265,7 +264,7 @@ TEST(Damage, MissingEndOfImageIsNone) {
     auto jpeg = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = interval});
     jpeg.resize(jpeg.size() - 2);
     EXPECT_TRUE(try_all(jpeg));
-    jpeg.insert(jpeg.end(), 100, 0);  // padding, as of a fixed transfer size
+    jpeg.insert(jpeg.end(), 100, 0);  // padding to a fixed transfer size
     EXPECT_TRUE(try_all(jpeg));
   }
 }
@@ -277,7 +276,7 @@ TEST(Damage, FlippedBits) {
     const size_t headers = end_of_headers(whole);
     for (int i = 0; i < 1500; i++) {
       auto jpeg = whole;
-      // In headers as often as in what they are about, though they are short.
+      // Half of the flips are in the headers, although they are short.
       const size_t begin = i % 2 ? headers : 0, end = i % 2 ? jpeg.size() : headers;
       for (unsigned flips = 1 + random() % 4; flips > 0; flips--)
         jpeg[begin + random() % (end - begin)] ^= static_cast<uint8_t>(1u << random() % 8);
@@ -299,7 +298,7 @@ TEST(Damage, RandomBytesInPlaceOfTheScan) {
   }
 }
 
-// Ones and zeros alone: the longest codes, the shortest ones, no end.
+// Constant bytes give the longest codes, the shortest codes, and no end.
 TEST(Damage, ConstantBytesInPlaceOfTheScan) {
   for (const JpegKind& kind : kKinds)
     for (const int value : {0x00, 0x01, 0x55, 0xaa, 0xfe, 0xff}) {
@@ -309,14 +308,14 @@ TEST(Damage, ConstantBytesInPlaceOfTheScan) {
     }
 }
 
-// The n-th restart marker's number, or a byte between markers.
+// Returns the position of the n-th restart marker's number.
 size_t nth_restart(const std::vector<uint8_t>& jpeg, int n) {
   for (size_t i = end_of_headers(jpeg); i + 1 < jpeg.size(); i++)
     if (jpeg[i] == 0xff && (jpeg[i + 1] & 0xf8) == 0xd0 && n-- == 0) return i + 1;
   return 0;
 }
 
-// 6 MCUs a row, one segment each: 4 segments, 3 markers.
+// 6 MCUs per row, one segment each: 4 segments, 3 markers.
 TEST(Damage, LostSegmentsLoseTheirRowsAlone) {
   const auto whole = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = 6});
   auto jpeg = whole;
@@ -324,7 +323,7 @@ TEST(Damage, LostSegmentsLoseTheirRowsAlone) {
              jpeg.begin() + static_cast<ptrdiff_t>(nth_restart(jpeg, 1)) + 1);
   const auto frame = test::open_jpeg(jpeg);
   ASSERT_TRUE(frame);
-  // Row 2 stands between RST0 and RST2: it could be row 1 as well.
+  // Row 2 is between RST0 and RST2: it could also be row 1.
   EXPECT_TRUE(frame->ensure({0, 0, 96, 16}));
   EXPECT_FALSE(frame->ensure({0, 16, 96, 32}));
   EXPECT_FALSE(frame->ensure({0, 32, 96, 48}));
@@ -350,7 +349,7 @@ TEST(Damage, MarkersAndEmptySegmentsInTheScan) {
   const auto at = static_cast<ptrdiff_t>(nth_restart(whole, 1));
   {
     auto jpeg = whole;
-    jpeg[static_cast<size_t>(at)] = 0xe3;  // another marker
+    jpeg[static_cast<size_t>(at)] = 0xe3;
     EXPECT_FALSE(try_all(jpeg));
   }
   {
@@ -363,13 +362,12 @@ TEST(Damage, MarkersAndEmptySegmentsInTheScan) {
   }
   {
     auto jpeg = whole;
-    jpeg.insert(jpeg.begin() + at - 1, 3, 0xff);  // fill bytes are allowed before markers
+    jpeg.insert(jpeg.begin() + at - 1, 3, 0xff);
     EXPECT_TRUE(try_all(jpeg));
-    jpeg.insert(jpeg.begin() + at - 1, 3, 0x12);  // others are not
+    jpeg.insert(jpeg.begin() + at - 1, 3, 0x12);
     EXPECT_FALSE(try_all(jpeg));
   }
   {
-    // Restart markers without a restart interval.
     auto jpeg = test::encode_jpeg(test::noisy_picture(96, 64, 1), {});
     const uint8_t marker[2] = {0xff, 0xd0};
     jpeg.insert(jpeg.begin() + static_cast<ptrdiff_t>(jpeg.size() / 2), marker, marker + 2);

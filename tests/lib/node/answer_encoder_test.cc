@@ -5,7 +5,7 @@
 
 #include "composite/assembly.h"
 #include "node/request_renderer.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "scene/scene.h"
 #include "wire/answer_codec.h"
 
@@ -42,7 +42,6 @@ TEST(Coding, EmptyPixelsAreSparedWhereBytesCount) {
   EXPECT_LT(jpeg, spare_pixels(view, wire::Codec::kRaw16, true));
 }
 
-// From both ends at once.
 void two_threads(size_t count, const std::function<void(size_t)>& task) {
   std::thread other([&] {
     for (size_t i = count; i-- > count / 2;) task(i);
@@ -63,7 +62,7 @@ class AnswerEncoderTest : public testing::TestWithParam<PixelFamily> {
       sources_.push_back({i, &rig_.cameras[i], images_[i].view()});
     }
     View& view = request_.view;
-    view.width = 333;  // several strips, and sizes that are no multiple of anything
+    view.width = 333;  // several strips, and sizes that are not multiples of the block size
     view.height = 431;
     view.lens = Lens::from_fov_y(36, view.width, view.height);
     view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
@@ -128,23 +127,23 @@ TEST_P(AnswerEncoderTest, ThreadsDoNotShowInTheAnswer) {
 }
 
 TEST_P(AnswerEncoderTest, LostWeightTravelsOnlyWhereThereIsSome) {
-  const auto lost_planes = [](const RenderedAnswer& answer) {
+  const auto missing_planes = [](const RenderedAnswer& answer) {
     size_t count = 0;
-    const auto parsed = wire::parse_answer(answer.bytes);  // not in the loop's head: it would not live through it
-    for (const wire::FragmentView& fragment : parsed->fragments) count += fragment.has_lost;
+    // a separate variable, because a range-for would not keep the temporary alive
+    const auto parsed = wire::parse_answer(answer.bytes);
+    for (const wire::FragmentView& fragment : parsed->fragments) count += fragment.has_missing;
     return count;
   };
   View& view = request_.view;
-  view.lens = Lens::from_fov_y(8, view.width, view.height);  // nothing of it is outside an image
-  for (const RenderOptions& options : kManners) EXPECT_EQ(lost_planes(render(options)), 0u);
+  view.lens = Lens::from_fov_y(8, view.width, view.height);
+  for (const RenderOptions& options : kManners) EXPECT_EQ(missing_planes(render(options)), 0u);
   sources_[4].image = {};
-  EXPECT_EQ(lost_planes(render(kManners[0])), 1u);
-  for (const RenderOptions& options : kManners) EXPECT_GT(lost_planes(render(options)), 0u);
+  EXPECT_EQ(missing_planes(render(kManners[0])), 1u);
+  for (const RenderOptions& options : kManners) EXPECT_GT(missing_planes(render(options)), 0u);
 }
 
-// The random access camera: what nodes of one camera each send adds up to what one node of all of them does.
 TEST_P(AnswerEncoderTest, NodesOfOneCameraMakeThePicture) {
-  request_.view.pose.position.z = -0.3;  // no camera fills the view
+  request_.view.pose.position.z = -0.3;
   for (const RenderOptions& options : kManners) {
     const Image together = picture(render(options));
     Assembly assembly;
@@ -173,7 +172,7 @@ TEST_P(AnswerEncoderTest, NodesOfOneCameraMakeThePicture) {
 }
 
 TEST_P(AnswerEncoderTest, WhoSeesNothingSendsNothing) {
-  EXPECT_EQ(render(kManners[1], false).fragments, 0u) << "no camera has a picture";
+  EXPECT_EQ(render(kManners[1], false).fragments, 0u) << "no camera has a frame";
 }
 
 TEST_P(AnswerEncoderTest, NoImagesGiveAnEmptyAnswer) {

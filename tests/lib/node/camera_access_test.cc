@@ -17,13 +17,12 @@
 namespace lf {
 namespace {
 
-// In any view of any rig, the hard cases of numerical stability included, cameras that are told do what those do that
-// find out: to the last bit. Bound: 0.
+// In any view of any rig, including the numerically hard cases, cameras with explicit homographies give bit-identical
+// results. Bound: 0.
 
 using reference::Random;
 
-// What a node makes of a command that came off the wire.
-ViewPlan told_plan(const Rig& rig, const Mesh& mesh, const View& view) {
+ViewPlan make_homography_plan(const Rig& rig, const Mesh& mesh, const View& view) {
   ViewRequest request;
   request.view = view;
   const auto bytes = wire::encode_any_request(CameraAccess::of(Access::kWarp)->command(rig, mesh, request));
@@ -31,15 +30,16 @@ ViewPlan told_plan(const Rig& rig, const Mesh& mesh, const View& view) {
 }
 
 int expect_same_plan(const Rig& rig, const Mesh& mesh, const View& view) {
-  const ViewPlan plan(rig, mesh, view), told = told_plan(rig, mesh, view);
-  EXPECT_EQ(told.contributors(), plan.contributors());
+  const ViewPlan plan(rig, mesh, view), homography_plan = make_homography_plan(rig, mesh, view);
+  EXPECT_EQ(homography_plan.contributors(), plan.contributors());
   const Rect whole = test::whole(view);
-  const OwnerMap owners(plan, whole), told_owners(told, whole);
+  const FaceIdMap owners(plan, whole), homography_owners(homography_plan, whole);
   const Rig places_unknown = without_places(rig);
   for (const CameraIndex camera : plan.contributors()) {
-    EXPECT_EQ(told.camera_rect(camera), plan.camera_rect(camera));
-    EXPECT_EQ(pixel_weights(told, told_owners, camera, whole), pixel_weights(plan, owners, camera, whole));
-    EXPECT_EQ(CameraProjection(told, camera, places_unknown.cameras[camera]).camera_from_ray(),
+    EXPECT_EQ(homography_plan.camera_rect(camera), plan.camera_rect(camera));
+    EXPECT_EQ(pixel_weights(homography_plan, homography_owners, camera, whole),
+              pixel_weights(plan, owners, camera, whole));
+    EXPECT_EQ(CameraProjection(homography_plan, camera, places_unknown.cameras[camera]).camera_from_ray(),
               CameraProjection(plan, camera, rig.cameras[camera]).camera_from_ray());
   }
   return static_cast<int>(plan.contributors().size());
@@ -64,25 +64,25 @@ TEST(WarpCommand, IsThePlanInTheHardCases) {
       SCOPED_TRACE(std::string(hard.name) + " " + std::to_string(trial));
       Random random(trial);
       auto [rig, view] = hard.make(random);
-      view.focus.map = nullptr;  // commands are of the viewer's plane
+      view.focus.map = nullptr;  // commands contain the viewer's plane
       expect_same_plan(rig, build_mesh(rig), view);
     }
 }
 
-// In double, without the fast renderer.
 TEST(WarpCommand, RendersWhatTheFloatRendererRenders) {
   for (int i = 0; i < 50; i++) {
     SCOPED_TRACE(i);
     Random random(i);
-    const Rig rig = reference::random_rig(random), told_rig = without_places(rig);
+    const Rig rig = reference::random_rig(random), rig_without_poses = without_places(rig);
     const Mesh mesh = build_mesh(rig);
     const View view = reference::random_view(random, rig, 24, 16);
     const std::vector<Image> images = reference::images_of(rig, random, reference::noise_image);
-    const ViewPlan plan(rig, mesh, view), told = told_plan(rig, mesh, view);
-    const OwnerMap owners(plan, test::whole(view)), told_owners(told, test::whole(view));
+    const ViewPlan plan(rig, mesh, view), homography_plan = make_homography_plan(rig, mesh, view);
+    const FaceIdMap owners(plan, test::whole(view)), homography_owners(homography_plan, test::whole(view));
     for (const CameraIndex camera : plan.contributors()) {
       const auto self = render_float(plan, owners, camera, rig.cameras[camera], images[camera].view());
-      const auto warp = render_float(told, told_owners, camera, told_rig.cameras[camera], images[camera].view());
+      const auto warp = render_float(homography_plan, homography_owners, camera, rig_without_poses.cameras[camera],
+                                     images[camera].view());
       ASSERT_EQ(self.has_value(), warp.has_value());
       if (!self) continue;
       EXPECT_EQ(warp->rect, self->rect);
@@ -141,7 +141,6 @@ std::vector<uint8_t> counting(size_t n) {
   return bytes;
 }
 
-// The answer of a node to a request for `rect` of the image of its camera 5.
 RenderedAnswer pixel_answer(const Camera& camera, const ImageView& image, const Rect& rect, int quality = 0) {
   Rig rig;
   rig.cameras.assign(6, camera);

@@ -10,10 +10,10 @@
 namespace lf {
 namespace {
 
-// The one place where streaming threads meet: also run under ThreadSanitizer (tests/sanitize.sh thread).
+// Streaming threads meet only here: also run under ThreadSanitizer (tests/sanitize.sh thread).
 
 using Mode = CameraFrames::Mode;
-using Pushed = CameraFrames::Pushed;
+using PushResult = CameraFrames::PushResult;
 
 CameraFrame frame(uint64_t time) {
   CameraFrame frame;
@@ -23,7 +23,7 @@ CameraFrame frame(uint64_t time) {
 
 TEST(CameraFrames, TakesNothingWhileStopped) {
   CameraFrames frames;
-  EXPECT_EQ(frames.push(frame(0)), Pushed::kStopped);
+  EXPECT_EQ(frames.push(frame(0)), PushResult::kStopped);
   EXPECT_FALSE(frames.find(0, true));
 }
 
@@ -33,7 +33,7 @@ TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
   frames.start_stream(false);
   constexpr uint64_t kCount = 5000;
   std::thread camera([&] {
-    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), Pushed::kTaken);
+    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), PushResult::kTaken);
     frames.end_stream();
   });
   for (uint64_t t = 0; t < kCount; t++) {
@@ -51,7 +51,7 @@ TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
   frames.start_stream(false);
   std::atomic<uint64_t> pushed{0};
   std::thread camera([&] {
-    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), Pushed::kTaken);
+    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), PushResult::kTaken);
   });
   for (uint64_t t = 0; t < 100; t++) frames.advance(t);
   camera.join();
@@ -72,15 +72,15 @@ TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
     CameraFrames frames;
     frames.set_mode(Mode::kRunning);
     frames.start_stream(live);
-    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), Pushed::kTaken);
+    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), PushResult::kTaken);
     frames.lose_stream();
-    EXPECT_EQ(frames.find(19, true)->time, 10u) << "its own time";
-    EXPECT_FALSE(frames.find(20, true)) << "and nobody waits";
+    EXPECT_EQ(frames.find(19, true)->time, 10u) << "own capture time";
+    EXPECT_FALSE(frames.find(20, true)) << "without waiting";
     EXPECT_FALSE(frames.find(kNoTime, true));
     frames.end_stream();
-    EXPECT_FALSE(frames.find(30, true)) << "no end makes it stand for ever";
+    EXPECT_FALSE(frames.find(30, true)) << "not held forever without EOS";
     frames.start_stream(live);
-    EXPECT_EQ(frames.push(frame(40)), Pushed::kTaken);
+    EXPECT_EQ(frames.push(frame(40)), PushResult::kTaken);
     EXPECT_EQ(frames.find(40, true)->time, 40u);
   }
 }
@@ -99,14 +99,14 @@ TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
   EXPECT_FALSE(frames.find(100, false));
 }
 
-// A viewer that gives slow cameras time to deliver needs the frames of fast ones for as long.
+// A viewer that waits for slow cameras needs the frames of fast cameras for as long.
 TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
   constexpr uint64_t kPeriod = 33'000'000, kBack = 515'000'000;
   for (uint64_t k = 0; k < 300; k++) {
-    ASSERT_EQ(frames.push(frame(k * kPeriod)), Pushed::kTaken);
+    ASSERT_EQ(frames.push(frame(k * kPeriod)), PushResult::kTaken);
     if (k * kPeriod < kBack) continue;
     const uint64_t wanted = k * kPeriod - kBack;
     const std::optional<CameraFrame> found = frames.find(wanted, false);
@@ -117,15 +117,15 @@ TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
     ASSERT_LE(frames.held(), kBack / kPeriod + 3);
     ASSERT_EQ(frames.period(), kPeriod);
     if (k != 299) continue;
-    const uint64_t before = wanted - kPeriod;  // as of an answer that is late by a frame
+    const uint64_t before = wanted - kPeriod;  // for an answer that is late by a frame
     EXPECT_LE(time_between(frames.find(before, false)->time, before), kPeriod / 2);
   }
-  for (uint64_t k = 300; k < 1000; k++) {  // it is forgotten when nobody looks back any more
+  for (uint64_t k = 300; k < 1000; k++) {
     frames.push(frame(k * kPeriod));
     frames.find(k * kPeriod, false);
   }
   EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
-  frames.find(0, false);  // farther than is kept
+  frames.find(0, false);
   frames.push(frame(1000 * kPeriod));
   EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
 }
@@ -145,11 +145,11 @@ TEST(CameraFrames, LiveFramesAreKeptForRequestsThatLookTenSecondsBack) {
     if (k > 1300) {
       ASSERT_LE(time_between(found->time, wanted), kPeriod) << k;
     }
-    ASSERT_LE(frames.held(), CameraFrames::kMostLiveFrames);
+    ASSERT_LE(frames.held(), CameraFrames::kMaxLiveFrames);
   }
 }
 
-// All viewers would wait for a camera whose frames seem to be seconds apart.
+// All viewers would wait for a camera with an estimated period of seconds.
 TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
@@ -171,7 +171,7 @@ TEST(CameraFrames, StoppingWakesBothSides) {
     frames.start_stream(false);
     std::thread camera([&] {
       uint64_t t = 0;
-      while (frames.push(frame(t)) == Pushed::kTaken) t++;
+      while (frames.push(frame(t)) == PushResult::kTaken) t++;
     });
     std::thread requester([&] { frames.find(1'000'000'000'000, true); });
     std::thread stopper([&] { frames.set_mode(Mode::kStopped); });
@@ -185,28 +185,27 @@ TEST(CameraFrames, FinishingTellsTheCameraEos) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
-  std::atomic<Pushed> last{Pushed::kTaken};
+  std::atomic<PushResult> last{PushResult::kTaken};
   std::thread camera([&] {
-    for (uint64_t t = 0; last == Pushed::kTaken; t++) last = frames.push(frame(t));
+    for (uint64_t t = 0; last == PushResult::kTaken; t++) last = frames.push(frame(t));
   });
   frames.set_mode(Mode::kFinished);
   camera.join();
-  EXPECT_EQ(last, Pushed::kEnded);
+  EXPECT_EQ(last, PushResult::kEnded);
 }
 
-// The next requester finds a camera that films now, even if all who asked before have ended.
 TEST(CameraFrames, LiveCamerasDoNotFinish) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
   frames.set_mode(Mode::kFinished);
-  for (uint64_t t = 0; t < 10; t++) EXPECT_EQ(frames.push(frame(t)), Pushed::kTaken);
+  for (uint64_t t = 0; t < 10; t++) EXPECT_EQ(frames.push(frame(t)), PushResult::kTaken);
   const auto found = frames.find(9, true);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->time, 9u);
 }
 
-// Frames are told apart, never opened.
+// Frames are distinguished without being decoded.
 struct Compressed : CameraPicture {
   int width() const override { return 8; }
   int height() const override { return 8; }
@@ -230,21 +229,21 @@ TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
     frames.push(compressed(0, one));
     frames.push(compressed(10, two));
     EXPECT_EQ(frames.find(10, true)->picture, two);
-    ASSERT_EQ(frames.push_damaged(20), Pushed::kTaken);
+    ASSERT_EQ(frames.push_damaged(20), PushResult::kTaken);
     const std::optional<CameraFrame> found = frames.find(20, true);
     EXPECT_EQ(found->picture, two);
-    EXPECT_EQ(found->time, 10u) << "it is of another time, and says so";
-    ASSERT_EQ(frames.push(compressed(30, three)), Pushed::kTaken);
+    EXPECT_EQ(found->time, 10u) << "reports its own time";
+    ASSERT_EQ(frames.push(compressed(30, three)), PushResult::kTaken);
     EXPECT_EQ(frames.find(30, true)->picture, three);
     bool first = false;
     const auto replaced = frames.replace_damaged(three.get(), &first);
     ASSERT_TRUE(replaced);
     EXPECT_EQ(replaced->picture, two);
     EXPECT_TRUE(first);
-    EXPECT_EQ(frames.find(30, true)->picture, two) << "for all who ask from now on";
+    EXPECT_EQ(frames.find(30, true)->picture, two) << "for all later requests";
     const auto again = frames.replace_damaged(three.get(), &first);
     ASSERT_TRUE(again);
-    EXPECT_EQ(again->picture, two) << "one that still had it";
+    EXPECT_EQ(again->picture, two) << "request that still holds the frame";
     EXPECT_FALSE(first);
   }
 }
@@ -266,10 +265,10 @@ TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
   frames.push(frame(3));
   frames.end_stream();
   frames.set_flushing(true);
-  EXPECT_EQ(frames.push(frame(4)), Pushed::kStopped);
+  EXPECT_EQ(frames.push(frame(4)), PushResult::kStopped);
   frames.set_flushing(false);
   EXPECT_EQ(frames.held(), 0u);
-  EXPECT_EQ(frames.push(frame(9)), Pushed::kTaken);
+  EXPECT_EQ(frames.push(frame(9)), PushResult::kTaken);
   EXPECT_EQ(frames.find(9, true)->time, 9u);
 }
 
@@ -304,7 +303,7 @@ TEST(CameraInputs, KeepTheIdsOfTheirCamerasFromRigToRig) {
   EXPECT_EQ(inputs.set_rig(rig_with({12, 13})), "it has no camera 10");
   EXPECT_EQ(inputs.array()->cameras.size(), 1u);
   EXPECT_EQ(inputs.array()->cameras.at(0), twelve);
-  EXPECT_EQ(before->cameras.size(), 2u) << "what is being answered stays as it began";
+  EXPECT_EQ(before->cameras.size(), 2u) << "requests in progress are unaffected";
   EXPECT_EQ(inputs.camera(10), nullptr);
   EXPECT_EQ(inputs.set_rig(rig_with({9, 10, 11, 12})), "");
   EXPECT_EQ(inputs.array()->cameras.at(1), ten);

@@ -8,7 +8,7 @@
 namespace lf {
 namespace {
 
-// One that can be had or not, and notes what is asked of it.
+// A picture that may be unavailable and that records its calls.
 struct FakePicture : CameraPicture {
   FakePicture(bool compressed, bool sound) : compressed_(compressed), sound_(sound) {}
   int width() const override { return 80; }
@@ -52,7 +52,7 @@ TEST_F(FrameSourcesTest, OnlyCompressedPicturesAreAskedForARegion) {
   sources_.add(3, std::nullopt);
   EXPECT_EQ(sources_.family(), PixelFamily::kNone);
   decode();
-  EXPECT_EQ(regions_, 1) << "to find it out takes time";
+  EXPECT_EQ(regions_, 1) << "computed once";
   EXPECT_EQ(compressed->asked_, (Rect{0, 0, 16, 16}));
   ASSERT_EQ(sources_.sources().size(), 3u);
   EXPECT_EQ(sources_.sources()[1].rig_camera, &rig_.cameras[2]);
@@ -75,7 +75,7 @@ TEST_F(FrameSourcesTest, WithoutOneThereIsNoImage) {
   add(0, true, false);
   before_ = std::make_shared<FakePicture>(true, false);
   decode();
-  EXPECT_EQ(replaced_, 2) << "the one before is damaged, too";
+  EXPECT_EQ(replaced_, 2) << "the previous frame is damaged, too";
   EXPECT_EQ(sources_.sources()[0].image.family, PixelFamily::kNone);
 }
 

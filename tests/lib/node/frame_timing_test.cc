@@ -11,19 +11,19 @@ using testing::ElementsAre;
 
 constexpr uint64_t kPeriod = 100, kWanted = 10'000;
 
-SkewWatch::Frame frame(CameraIndex camera, int64_t skew, uint64_t period = kPeriod) {
+SkewMonitor::Frame frame(CameraIndex camera, int64_t skew, uint64_t period = kPeriod) {
   return {camera, kWanted + static_cast<uint64_t>(skew), kWanted, period};
 }
 
-TEST(SkewWatch, TellsOnceWhenACameraComesToBeOff) {
-  SkewWatch watch;
-  const SkewWatch::Frame frames[] = {frame(2, 60), frame(5, -130)};
+TEST(SkewMonitor, TellsOnceWhenACameraComesToBeOff) {
+  SkewMonitor watch;
+  const SkewMonitor::Frame frames[] = {frame(2, 60), frame(5, -130)};
   int reports = 0;
   for (int i = 1; i < 50; i++) {
     const auto report = watch.see(frames);
     if (!report) continue;
     reports++;
-    EXPECT_EQ(i, SkewWatch::kRequests);
+    EXPECT_EQ(i, SkewMonitor::kRequests);
     EXPECT_THAT(report->cameras, ElementsAre(5));
     EXPECT_EQ(report->skew, 130u);
     EXPECT_EQ(report->period, kPeriod);
@@ -32,39 +32,39 @@ TEST(SkewWatch, TellsOnceWhenACameraComesToBeOff) {
   EXPECT_EQ(reports, 1);
 }
 
-TEST(SkewWatch, TellsHowMuchLaterThanItCouldTheWorstFrameCame) {
-  SkewWatch watch;
-  SkewWatch::Frame frames[] = {frame(2, -200), frame(5, -300)};
+TEST(SkewMonitor, TellsHowMuchLaterThanItCouldTheWorstFrameCame) {
+  SkewMonitor watch;
+  SkewMonitor::Frame frames[] = {frame(2, -200), frame(5, -300)};
   frames[0].behind = 150;
   frames[1].behind = 250;
-  std::optional<SkewWatch::Report> report;
-  for (int i = 0; i < SkewWatch::kRequests; i++) report = watch.see(frames);
+  std::optional<SkewMonitor::Report> report;
+  for (int i = 0; i < SkewMonitor::kRequests; i++) report = watch.see(frames);
   ASSERT_TRUE(report);
   EXPECT_EQ(report->behind, 250u);
 }
 
-TEST(SkewWatch, LostFramesAreNoReason) {
-  SkewWatch watch;
+TEST(SkewMonitor, LostFramesAreNoReason) {
+  SkewMonitor watch;
   for (int i = 0; i < 100; i++) {
-    const SkewWatch::Frame frames[] = {frame(0, i % SkewWatch::kRequests == 0 ? 20 : 300)};
+    const SkewMonitor::Frame frames[] = {frame(0, i % SkewMonitor::kRequests == 0 ? 20 : 300)};
     EXPECT_FALSE(watch.see(frames)) << i;
   }
 }
 
-TEST(SkewWatch, AFrameTimeIsAllowed) {
-  SkewWatch watch;
+TEST(SkewMonitor, AFrameTimeIsAllowed) {
+  SkewMonitor watch;
   for (int i = 0; i < 20; i++) {
-    const SkewWatch::Frame frames[] = {frame(0, -100), frame(1, 110), frame(2, 100'000, 0)};
+    const SkewMonitor::Frame frames[] = {frame(0, -100), frame(1, 110), frame(2, 100'000, 0)};
     EXPECT_FALSE(watch.see(frames)) << i;
   }
 }
 
-TEST(SkewWatch, TellsAgainOfACameraThatWasWellForAWhile) {
-  SkewWatch watch;
+TEST(SkewMonitor, TellsAgainOfACameraThatWasWellForAWhile) {
+  SkewMonitor watch;
   const auto run = [&](int64_t skew, int requests) {
     int reports = 0;
     for (int i = 0; i < requests; i++) {
-      const SkewWatch::Frame frames[] = {frame(0, skew)};
+      const SkewMonitor::Frame frames[] = {frame(0, skew)};
       const auto report = watch.see(frames);
       if (!report) continue;
       reports++;
@@ -73,43 +73,43 @@ TEST(SkewWatch, TellsAgainOfACameraThatWasWellForAWhile) {
     return reports;
   };
   EXPECT_EQ(run(500, 20), 1);
-  EXPECT_EQ(run(0, SkewWatch::kRequests - 1), 0);
-  EXPECT_EQ(run(500, 20), 0) << "it has not been well long enough";
-  EXPECT_EQ(run(0, SkewWatch::kRequests), 0);
+  EXPECT_EQ(run(0, SkewMonitor::kRequests - 1), 0);
+  EXPECT_EQ(run(500, 20), 0) << "not stable long enough";
+  EXPECT_EQ(run(0, SkewMonitor::kRequests), 0);
   EXPECT_EQ(run(500, 20), 1);
 }
 
 constexpr uint64_t kMs = 1'000'000;
 
-TEST(ArrivalWatch, WhatAllButOneOfAHundredTakeAndHalfAFrame) {
-  ArrivalWatch watch;
-  EXPECT_EQ(watch.needed(40 * kMs, 0), 0u) << "nothing is known";
+TEST(ArrivalMonitor, WhatAllButOneOfAHundredTakeAndHalfAFrame) {
+  ArrivalMonitor watch;
+  EXPECT_EQ(watch.needed(40 * kMs, 0), 0u) << "no measurements";
   for (uint64_t i = 1; i <= 200; i++) watch.arrived(i * 40 * kMs, i * 40 * kMs + (i == 150 ? 500 : 10 + i % 10) * kMs);
   EXPECT_EQ(watch.needed(40 * kMs, 200 * 40 * kMs + 20 * kMs), (19 + 20) * kMs);
   EXPECT_EQ(watch.needed(0, 200 * 40 * kMs + 20 * kMs), 19 * kMs);
 }
 
-TEST(ArrivalWatch, OldFramesAreForgotten) {
-  ArrivalWatch watch;
+TEST(ArrivalMonitor, OldFramesAreForgotten) {
+  ArrivalMonitor watch;
   for (uint64_t i = 1; i <= 200; i++) watch.arrived(i * kMs, i * kMs + 300 * kMs);
   EXPECT_EQ(watch.needed(0, 500 * kMs), 300 * kMs);
-  for (uint64_t i = 201; i <= 201 + ArrivalWatch::kFrames; i++) watch.arrived(i * kMs, i * kMs + 5 * kMs);
+  for (uint64_t i = 201; i <= 201 + ArrivalMonitor::kFrames; i++) watch.arrived(i * kMs, i * kMs + 5 * kMs);
   EXPECT_EQ(watch.needed(0, 500 * kMs), 5 * kMs);
 }
 
-TEST(ArrivalWatch, ACameraThatIsGoneNeedsNothing) {
-  ArrivalWatch watch;
+TEST(ArrivalMonitor, ACameraThatIsGoneNeedsNothing) {
+  ArrivalMonitor watch;
   watch.arrived(100 * kMs, 130 * kMs);
-  EXPECT_EQ(watch.needed(0, 130 * kMs + ArrivalWatch::kSilence), 30 * kMs);
-  EXPECT_EQ(watch.needed(0, 131 * kMs + ArrivalWatch::kSilence), 0u);
+  EXPECT_EQ(watch.needed(0, 130 * kMs + ArrivalMonitor::kSilence), 30 * kMs);
+  EXPECT_EQ(watch.needed(0, 131 * kMs + ArrivalMonitor::kSilence), 0u);
   watch.arrived(10'000 * kMs, 9'990 * kMs);
   EXPECT_EQ(watch.needed(0, 10'000 * kMs), 30 * kMs) << "a stamp from the future counts as no delay";
 }
 
-constexpr uint64_t kSecond = DelayNotice::kSecond, kBegin = 1000 * kSecond;
+constexpr uint64_t kSecond = DelayReporter::kSecond, kBegin = 1000 * kSecond;
 
-TEST(DelayNotice, WhatGrowsIsToldSoon) {
-  DelayNotice notice;
+TEST(DelayReporter, WhatGrowsIsToldSoon) {
+  DelayReporter notice;
   ASSERT_TRUE(notice.is_due(kBegin));
   EXPECT_TRUE(notice.see(30, kBegin));
   EXPECT_FALSE(notice.is_due(kBegin + kSecond / 20));
@@ -117,16 +117,16 @@ TEST(DelayNotice, WhatGrowsIsToldSoon) {
   EXPECT_TRUE(notice.see(31, kBegin + kSecond / 10));
 }
 
-TEST(DelayNotice, TheSameIsToldOnceASecond) {
-  DelayNotice notice;
+TEST(DelayReporter, TheSameIsToldOnceASecond) {
+  DelayReporter notice;
   EXPECT_TRUE(notice.see(30, kBegin));
   EXPECT_FALSE(notice.see(30, kBegin + kSecond / 2));
   EXPECT_FALSE(notice.see(20, kBegin + kSecond - 1));
   EXPECT_TRUE(notice.see(20, kBegin + kSecond));
 }
 
-TEST(DelayNotice, WhileNothingIsKnownItIsLookedAtAgain) {
-  DelayNotice notice;
+TEST(DelayReporter, WhileNothingIsKnownItIsLookedAtAgain) {
+  DelayReporter notice;
   EXPECT_FALSE(notice.see(0, kBegin));
   EXPECT_TRUE(notice.is_due(kBegin + 1));
   EXPECT_TRUE(notice.see(30, kBegin + 1));

@@ -8,7 +8,7 @@
 
 #include "lib/focus/array_of_walls.h"
 #include "node/node.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
 #include "view/view.h"
 
 namespace lf {
@@ -28,12 +28,11 @@ class Picture : public CameraPicture {
   const ImageView image_;
 };
 
-// A node of all cameras, each of which shows its wall at all times.
 class NodeOfViews : public testing::Test {
  protected:
   static constexpr uint64_t kTime = 1'000'000'000;
 
-  // Those of `missing` have ended without a frame.
+  // Cameras in `missing` have ended without a frame.
   void start(bool live, const CameraSet& missing = {}) {
     node_.inputs().set_rig(std::make_shared<const Rig>(walls_.rig));
     for (CameraIndex i = 0; i < walls_.rig.cameras.size(); i++) {
@@ -54,12 +53,12 @@ class NodeOfViews : public testing::Test {
     options_.render.resampling = Resampling::kSharpened;
   }
 
-  // A row of views of which one is too small to show what is sharpened, and one looks away.
+  // A row of views; one is too small to show sharpening, and one looks away.
   std::vector<wire::AnyRequest> set() const {
     std::vector<wire::AnyRequest> requests;
-    const ViewSet set{.layout = SetLayout::kRow, .columns = 6, .eye_distance = 0.01};
+    const ViewSet set{.layout = ViewSetLayout::kRow, .columns = 6, .eye_distance = 0.01};
     const View middle = walls_.view(100);
-    for (const PlaceInSet& place : set.places()) {
+    for (const ViewSetPosition& place : set.places()) {
       ViewRequest request;
       request.view_id = 7;
       request.sequence = static_cast<uint32_t>(requests.size());
@@ -82,7 +81,7 @@ class NodeOfViews : public testing::Test {
     return requests;
   }
 
-  // Whether answers are the same together as alone; how many passes the card took.
+  // Expects the same answers together and alone. Returns the number of GPU passes.
   size_t expect_same(const std::vector<wire::AnyRequest>& requests) {
     std::vector<ByteBuffer> alone;
     for (const wire::AnyRequest& request : requests)
@@ -95,13 +94,13 @@ class NodeOfViews : public testing::Test {
       EXPECT_EQ(together[i].answer.bytes, alone[i]) << i;
       EXPECT_EQ(together[i].warning, "");
     }
-    return options_.render.card ? options_.render.card->passes() : 0;
+    return options_.render.gpu ? options_.render.gpu->passes() : 0;
   }
 
   test::ArrayOfWalls walls_;
   Node node_;
   std::vector<CameraInputs::Frames> frames_;
-  Node::Requester requester_;
+  Node::ClientState requester_;
   Node::Options options_;
 };
 
@@ -114,14 +113,14 @@ TEST_F(NodeOfViews, AnswersSeveralAsEachAlone) {
 
 TEST_F(NodeOfViews, AnswersSeveralOfAnAperture) {
   std::string why;
-  options_.render.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(options_.render.card) << why;
+  options_.render.gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(options_.render.gpu) << why;
   start(true);
   std::vector<wire::AnyRequest> requests = set();
   for (wire::AnyRequest& request : requests)
     std::get<ViewRequest>(request).view.blending = {.kind = Blending::Kind::kAperture, .aperture = 0.1};
-  EXPECT_TRUE(Node::may_go_together(requests[1], requests[2]));
-  EXPECT_EQ(expect_same(requests), 3u) << "one in between is on a plane, by another program";
+  EXPECT_TRUE(Node::can_batch_requests(requests[1], requests[2]));
+  EXPECT_EQ(expect_same(requests), 3u) << "one request uses a plane, with another shader";
   EXPECT_GT(node_.stats().drawn, 6u);
 }
 
@@ -130,13 +129,12 @@ TEST_F(NodeOfViews, AnswersSeveralOfFiles) {
   expect_same(set());
 }
 
-// Live they are lost weight, of files they are left out of the mesh.
 TEST_F(NodeOfViews, AnswersSeveralWithoutSomeCameras) {
   start(true, {2, 4});
   expect_same(set());
   const uint64_t missing = node_.stats().missing_frames;
   EXPECT_GT(missing, 0u);
-  EXPECT_EQ(missing % 2, 0u) << "as many together as alone";
+  EXPECT_EQ(missing % 2, 0u) << "same count as separate requests";
 }
 
 TEST_F(NodeOfViews, AnswersSeveralOfFilesWithoutSomeCameras) {
@@ -150,18 +148,16 @@ TEST_F(NodeOfViews, AnswersSeveralWithoutAnyCamera) {
   expect_same(set());
 }
 
-TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsCard) {
+TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsGpu) {
   start(true);
   std::string why;
-  options_.render.card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(options_.render.card) << why;
-  // One has no map, so that what comes before and after it is in different passes; nothing is in the one that looks
-  // away.
+  options_.render.gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(options_.render.gpu) << why;
+  // One view has no map, so the views before and after it need separate passes; the view that looks away is empty.
   EXPECT_EQ(expect_same(set()), 3u);
   EXPECT_EQ(node_.stats().drawn, 10u);
 }
 
-// What does not fit the rig does so for all of a set.
 TEST_F(NodeOfViews, RefusesSeveral) {
   start(true);
   const auto expect_refused = [&](const auto& change) {
@@ -174,7 +170,7 @@ TEST_F(NodeOfViews, RefusesSeveral) {
     const auto replies = node_.answer(all, requester_, options_, [] { return ByteBuffer(); });
     ASSERT_EQ(replies.size(), 6u);
     EXPECT_NE(replies[0].warning, "");
-    for (size_t i = 1; i < replies.size(); i++) EXPECT_EQ(replies[i].warning, "") << "told once";
+    for (size_t i = 1; i < replies.size(); i++) EXPECT_EQ(replies[i].warning, "") << "warns once";
     for (const auto& reply : replies) EXPECT_FALSE(reply.answer.bytes.empty());
   };
   expect_refused([](ViewRequest& request) { request.rig_hash = 1; });
@@ -185,11 +181,11 @@ TEST_F(NodeOfViews, RefusesSeveral) {
 
 TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
   const std::vector<wire::AnyRequest> requests = set();
-  EXPECT_TRUE(Node::may_go_together(requests[1], requests[2]));
+  EXPECT_TRUE(Node::can_batch_requests(requests[1], requests[2]));
   const auto differs = [&](const auto& change) {
     wire::AnyRequest other = requests[2];
     change(std::get<ViewRequest>(other));
-    return !Node::may_go_together(requests[1], other) && !Node::may_go_together(other, requests[1]);
+    return !Node::can_batch_requests(requests[1], other) && !Node::can_batch_requests(other, requests[1]);
   };
   EXPECT_TRUE(differs([](ViewRequest& request) { request.view_id++; }));
   EXPECT_TRUE(differs([](ViewRequest& request) { request.target_time++; }));
@@ -198,55 +194,55 @@ TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
   EXPECT_TRUE(differs([](ViewRequest& request) { request.gains.ask = true; }));
   EXPECT_TRUE(differs([](ViewRequest& request) { request.gains.use = false; }));
   EXPECT_TRUE(differs([](ViewRequest& request) { request.place = {}; }));
-  EXPECT_FALSE(Node::may_go_together(requests[1], wire::PixelCommand{}));
+  EXPECT_FALSE(Node::can_batch_requests(requests[1], wire::PixelCommand{}));
   wire::AnyRequest any_time = requests[1];
   std::get<ViewRequest>(any_time).target_time = kNoTime;
-  EXPECT_FALSE(Node::may_go_together(any_time, any_time)) << "each is of the newest frames";
+  EXPECT_FALSE(Node::can_batch_requests(any_time, any_time)) << "requests for the newest frames";
 }
 
-using RequesterPtr = std::shared_ptr<Node::Requester>;
+using RequesterPtr = std::shared_ptr<Node::ClientState>;
 
-TEST(ViewRequesters, EachViewKeepsItsOwn) {
-  const Node::Requester common;
-  ViewRequesters views(common);
+TEST(ClientStates, EachViewKeepsItsOwn) {
+  const Node::ClientState common;
+  ClientStates views(common);
   const RequesterPtr three = views.of(3);
   three->warned_of = 33;
   EXPECT_EQ(views.of(4)->warned_of, 0u);
   EXPECT_EQ(views.of(3), three);
-  EXPECT_EQ(three->cancelled, common.cancelled) << "one flag for all of them";
+  EXPECT_EQ(three->cancelled, common.cancelled) << "shared flag";
   EXPECT_EQ(three->images, common.images);
   views.clear();
   EXPECT_EQ(views.of(3)->warned_of, 0u);
 }
 
-TEST(ViewRequesters, TheOneAskedForLongestAgoIsForgotten) {
-  ViewRequesters views{Node::Requester()};
-  for (uint32_t id = 0; id < 2 * ViewRequesters::kMostViews; id++) views.of(id)->warned_of = 1;
+TEST(ClientStates, TheOneAskedForLongestAgoIsForgotten) {
+  ClientStates views{Node::ClientState()};
+  for (uint32_t id = 0; id < 2 * ClientStates::kMaxViews; id++) views.of(id)->warned_of = 1;
   views.of(0);
   views.of(1000);
   EXPECT_EQ(views.of(0)->warned_of, 1u);
   EXPECT_EQ(views.of(1)->warned_of, 0u);
 }
 
-TEST(ViewRequesters, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
-  ViewRequesters views{Node::Requester()};
+TEST(ClientStates, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
+  ClientStates views{Node::ClientState()};
   views.of(1)->estimate.done(1000, 5000);
   EXPECT_EQ(views.nanoseconds(1, 100), 500u);
-  EXPECT_EQ(views.nanoseconds(2, 100), 0u) << "not known";
+  EXPECT_EQ(views.nanoseconds(2, 100), 0u) << "unknown";
   views.of(2);
   EXPECT_EQ(views.nanoseconds(2, 100), 0u);
 }
 
-// An answer may be left for those of any number of other views, and is taken up again.
-TEST(ViewRequesters, WhatIsInUseStaysWhenItIsForgotten) {
-  ViewRequesters views{Node::Requester()};
+// An answer may be suspended for any number of other views and resumed.
+TEST(ClientStates, WhatIsInUseStaysWhenItIsForgotten) {
+  ClientStates views{Node::ClientState()};
   RequesterPtr held = views.of(1);
-  const std::weak_ptr<Node::Requester> watched = held;
+  const std::weak_ptr<Node::ClientState> watched = held;
   held->warned_of = 11;
-  for (uint32_t id = 2; id < 2 + 3 * ViewRequesters::kMostViews; id++) views.of(id)->warned_of = id;
+  for (uint32_t id = 2; id < 2 + 3 * ClientStates::kMaxViews; id++) views.of(id)->warned_of = id;
   ASSERT_FALSE(watched.expired());
   EXPECT_EQ(held->warned_of, 11u);
-  EXPECT_NE(views.of(1), held) << "forgotten all the same";
+  EXPECT_NE(views.of(1), held) << "still forgotten";
   held.reset();
   EXPECT_TRUE(watched.expired());
 }

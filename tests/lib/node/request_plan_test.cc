@@ -3,11 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "scene/scene.h"
 #include "support/access_pictures.h"
 #include "support/expect_error.h"
-#include "wire/moments_codec.h"
+#include "wire/consistency_codec.h"
 
 namespace lf {
 namespace {
@@ -55,7 +55,6 @@ TEST_P(RequestPlanTest, WarpCommandsAreAnsweredAsRequestsAre) {
     EXPECT_EQ(pictures.answer(Access::kWarp, all_, options), pictures.answer(Access::kSelf, all_, options));
 }
 
-// A request for gains is answered with the same picture, and with what the cameras see of it.
 TEST_P(RequestPlanTest, TellsHowBrightItsCamerasAre) {
   View& view = request_.view;
   FocalMap map = FocalMap::for_view(view.width, view.height);
@@ -83,13 +82,12 @@ TEST_P(RequestPlanTest, TellsHowBrightItsCamerasAre) {
   ImageMemory scratch;
   const RenderedAnswer answer = renderer.render({&plan, header}, sources, near_, scratch);
   const auto unit =
-      wire::decode_moments(answer.brightness, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
+      wire::decode_consistency(answer.brightness, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
   ASSERT_TRUE(unit && unit->gains);
   EXPECT_GT(answer.fragments, 0u);
   EXPECT_TRUE(renderer.render({&plain, header}, sources, near_, scratch).brightness.empty());
 }
 
-// Weights reach beyond the images, of two cameras nothing is seen at all, one is out of service, one has no image.
 TEST_P(RequestPlanTest, WhatIsLostIsTheSame) {
   request_.view.lens = Lens::from_fov_y(75, 133, 91);
   for (const CameraIndex turned : {0, 4}) rig_.cameras[turned].pose.orientation = glm::angleAxis(3.0, Vec3(0, 1, 0));
@@ -98,7 +96,7 @@ TEST_P(RequestPlanTest, WhatIsLostIsTheSame) {
   AccessPictures pictures(rig_, request_, images_);
   const Image self = pictures.picture(Access::kSelf, near_);
   EXPECT_EQ(pictures.picture(Access::kWarp, near_).data(), self.data());
-  // A camera that is missing and one that says it is blind are given up with and without a rounding.
+  // A missing camera and a blind camera are removed with and without a rounding step.
   EXPECT_LE(compare_with(pictures.picture(Access::kPixels, near_), self).max_error, 3);
 }
 
@@ -123,10 +121,11 @@ TEST_P(RequestPlanTest, DistortedViewsAreTheSame) {
 TEST_P(RequestPlanTest, RefusesWhatDoesNotFitTheRig) {
   wire::PixelCommand pixels{request_, 10, 10, {{3, {60, 0, 82, 10}}}};
   MeshCache mesh;
-  EXPECT_ERROR(plan_request(rig_, mesh, pixels, all_), "camera 3: pixels outside of its image are asked for");
-  EXPECT_TRUE(plan_request(rig_, mesh, pixels, {all_.data(), 2})->cameras().empty()) << "another node's";
+  EXPECT_ERROR(plan_request(rig_, mesh, pixels, all_), "camera 3: requested pixels are outside the image");
+  EXPECT_TRUE(plan_request(rig_, mesh, pixels, {all_.data(), 2})->cameras().empty()) << "cameras of another node";
   const wire::AnyRequest warp = CameraAccess::of(Access::kWarp)->command(rig_, build_mesh(rig_), request_);
-  EXPECT_ERROR(plan_request(sub_rig(rig_, {0, 1, 2}), mesh, warp, {all_.data(), 3}), "is not one of the 3 of the rig");
+  EXPECT_ERROR(plan_request(rig_subset(rig_, {0, 1, 2}), mesh, warp, {all_.data(), 3}),
+               "is not one of the 3 of the rig");
 }
 
 INSTANTIATE_TEST_SUITE_P(Families, RequestPlanTest, testing::Values(PixelFamily::kRgb, PixelFamily::kI420));

@@ -8,12 +8,12 @@
 
 #include <gtest/gtest.h>
 
-#include "focus/camera_gains.h"
-#include "image/correction.h"
+#include "focus/exposure_compensation.h"
 #include "image/image.h"
+#include "image/image_filters.h"
 #include "lib/focus/array_of_walls.h"
 #include "node/request_renderer.h"
-#include "wire/moments_codec.h"
+#include "wire/consistency_codec.h"
 
 namespace lf {
 namespace {
@@ -31,29 +31,30 @@ GainRequest mean_of(uint32_t sequence, uint8_t luma) {
 TEST(GainMatcher, ComparesWithTheMeanOfTheSameRequest) {
   GainMatcher matcher;
   matcher.keep(1, 7, {seen(3, 110)});
-  EXPECT_EQ(matcher.gains_for(1, mean_of(6, 100)).of(3), 1) << "of another request";
-  EXPECT_EQ(matcher.gains_for(2, mean_of(7, 100)).of(3), 1) << "of another view";
+  EXPECT_EQ(matcher.gains_for(1, mean_of(6, 100)).of(3), 1) << "mean of another request";
+  EXPECT_EQ(matcher.gains_for(2, mean_of(7, 100)).of(3), 1) << "mean of another view";
   const float first = matcher.gains_for(1, mean_of(7, 100)).likely(3);
   EXPECT_GT(first, 1.05);
   EXPECT_EQ(matcher.gains_for(1, mean_of(7, 100)).likely(3), first) << "once";
-  EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1) << "of a mean that all have made";
+  EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1) << "too few means";
   for (const uint32_t sequence : {8, 9}) {
     matcher.keep(1, sequence, {seen(3, 100)});
     matcher.gains_for(1, mean_of(sequence, 100));
   }
   const float gain = matcher.gains_for(1, {}).of(3);
   EXPECT_EQ(gain, first);
-  EXPECT_EQ(matcher.gains_for(9, {}).of(3), gain) << "a view that is new begins there";
+  EXPECT_EQ(matcher.gains_for(9, {}).of(3), gain) << "a new view starts with these gains";
   matcher.clear();
   EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1);
 }
 
-// A camera is 20 % too bright, and each request comes `underway` requests before what came of it is sent.
+// A camera is 20 % too bright, and results take `underway` requests to arrive.
 TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
   for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
     GainMatcher matcher;
-    MeanTurns turns;
-    std::deque<std::pair<bool, GainRequest>> requests(underway);  // whether each asks for the mean, and its gains
+    ExposureSchedule turns;
+    // true if the request asks for the mean, and its gains
+    std::deque<std::pair<bool, GainRequest>> requests(underway);
     float largest = 0;
     for (uint32_t i = 0; i < 16 * (underway + 3); i++) {
       const auto [asks, brings] = requests.front();
@@ -73,8 +74,8 @@ TEST(GainMatcher, DividesImages) {
   std::ranges::fill(grey.data(), 110);
   const Camera camera{.width = 8, .height = 8};
   const std::vector<Source> sources{{0, &camera, grey.view()}, {1, &camera, grey.view()}, {2, &camera, {}}};
-  CameraGains gains;
-  for (unsigned i = 0; i < CameraGains::kMeans; i++)
+  ExposureCompensation gains;
+  for (unsigned i = 0; i < ExposureCompensation::kMeans; i++)
     gains.take({{0, {std::log(1.5f / gains.likely(0)), 0}}, {2, {std::log(1.5f / gains.likely(2)), 0}}});
   ASSERT_NEAR(gains.of(0), 1.5, 0.001);
   std::vector<ByteBuffer> memory;
@@ -85,7 +86,7 @@ TEST(GainMatcher, DividesImages) {
       },
       memory);
   EXPECT_NEAR(out[0].image.plane[0][100], 110 / gains.of(0), 1);
-  EXPECT_EQ(out[1].image.plane[0], grey.view().plane[0]) << "costs nothing";
+  EXPECT_EQ(out[1].image.plane[0], grey.view().plane[0]) << "no copy";
   EXPECT_EQ(out[2].image.family, PixelFamily::kNone);
 }
 
@@ -148,18 +149,17 @@ TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   }
   std::vector<Source> sources = walls_.sources();
   for (size_t i = 0; i < sources.size(); i++) sources[i].image = images[i].view();
-  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   const RenderedAnswer want = render(sources), plain = render(walls_.sources());
-  const CameraColours colours(rig);
+  const RigColourCorrections colours(rig);
   options_.colours = &colours;
   const RenderedAnswer answer = render(walls_.sources());
   EXPECT_EQ(answer.bytes, want.bytes);
   EXPECT_EQ(answer.trials.unit, want.trials.unit);
   EXPECT_EQ(answer.brightness, want.brightness);
   EXPECT_NE(answer.bytes, plain.bytes);
-  // A rig without colours costs nothing.
-  const CameraColours none(walls_.rig);
+  const RigColourCorrections none(walls_.rig);
   EXPECT_FALSE(none.any());
   options_.colours = &none;
   EXPECT_EQ(render(walls_.sources()).bytes, plain.bytes);
@@ -170,18 +170,18 @@ TEST_F(RequestRendererTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   EXPECT_TRUE(answer.trials.unit.empty());
   EXPECT_TRUE(answer.brightness.empty());
   EXPECT_EQ(answer.gains, nullptr);
-  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   answer = render(walls_.sources());
-  EXPECT_FALSE(wire::parse_moments_header(answer.trials.unit)->gains);
-  EXPECT_TRUE(wire::parse_moments_header(answer.brightness)->gains);
+  EXPECT_FALSE(wire::parse_consistency_header(answer.trials.unit)->gains);
+  EXPECT_TRUE(wire::parse_consistency_header(answer.brightness)->gains);
   ASSERT_NE(answer.gains, nullptr);
   EXPECT_EQ(answer.gains->of(4), 1);
 
-  // The means say that all cameras are too bright, and so their images are divided once there are enough.
+  // The means say that all cameras are too bright, so their images are divided once there are enough means.
   const ByteBuffer before = std::move(answer.bytes);
   request_.gains.mean.assign(20 * 15, 100);
-  for (unsigned i = 1; i < CameraGains::kMeans; i++) EXPECT_EQ(render(walls_.sources()).bytes, before);
+  for (unsigned i = 1; i < ExposureCompensation::kMeans; i++) EXPECT_EQ(render(walls_.sources()).bytes, before);
   answer = render(walls_.sources());
   EXPECT_NE(answer.gains->of(4), 1);
   EXPECT_NE(answer.bytes, before);
@@ -189,8 +189,8 @@ TEST_F(RequestRendererTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   EXPECT_EQ(render(walls_.sources()).gains->of(4), 1);
 }
 
-// An image that is said to be on a card; without one all of it is fetched.
-class FarImage : public CardImage {
+// An image that claims to be on a GPU; without one, it is fetched completely.
+class FarImage : public GpuImage {
  public:
   explicit FarImage(const Image& image) : image_(image) {}
   Texture plane(int) const override { return {}; }
@@ -198,7 +198,7 @@ class FarImage : public CardImage {
   ImageView fetch() const override { return is_gone_ ? ImageView{} : image_.view(); }
   bool is_fetched() const override { return true; }
   ImageView view() const {
-    return {.family = image_.family(), .width = image_.width(), .height = image_.height(), .on_card = {this}};
+    return {.family = image_.family(), .width = image_.width(), .height = image_.height(), .on_gpu = {this}};
   }
   void lose() { is_gone_ = true; }
 
@@ -207,23 +207,24 @@ class FarImage : public CardImage {
   bool is_gone_ = false;
 };
 
-// What is made of them, colours, gains, moments and brightness included, is to the bit what it is of images here.
-TEST_F(RequestRendererTest, ImagesMayBeOnACard) {
+// All results, including colours, gains, photo-consistency sums and brightness, are bit-identical to results of images
+// in main memory.
+TEST_F(RequestRendererTest, ImagesMayBeOnAGpu) {
   Rig rig = walls_.rig;
   for (size_t i = 0; i < rig.cameras.size(); i += 2)
     rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
-  const CameraColours some(rig);
+  const RigColourCorrections some(rig);
   std::list<FarImage> images;
   std::vector<Source> far = walls_.sources();
   for (size_t i = 0; i < far.size(); i++) far[i].image = images.emplace_back(walls_.images[i]).view();
   options_.resampling = Resampling::kSharpened;
-  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
-  for (const CameraColours* const colours : {static_cast<const CameraColours*>(nullptr), &some}) {
+  for (const RigColourCorrections* const colours : {static_cast<const RigColourCorrections*>(nullptr), &some}) {
     options_.colours = colours;
     RequestRenderer of_near, of_far;
     request_.gains.mean.clear();
-    for (unsigned i = 0; i < 2 + CameraGains::kMeans; i++) {
+    for (unsigned i = 0; i < 2 + ExposureCompensation::kMeans; i++) {
       const RequestPlan plan = this->plan();
       const RenderedAnswer near = of_near.render({&plan, header_}, walls_.sources(), options_, scratch_);
       ImageMemory other;
@@ -233,13 +234,12 @@ TEST_F(RequestRendererTest, ImagesMayBeOnACard) {
       EXPECT_EQ(answer.brightness, near.brightness);
       ASSERT_TRUE(answer.gains && near.gains);
       EXPECT_EQ(answer.gains->of(4), near.gains->of(4));
-      if (i == 1 + CameraGains::kMeans) {
+      if (i == 1 + ExposureCompensation::kMeans) {
         EXPECT_NE(answer.gains->of(4), 1);
       }
       request_.gains.mean.assign(20 * 15, 100);
     }
   }
-  // Those that can't be had are as none.
   for (size_t i = 0; i < far.size(); i += 2) std::next(images.begin(), static_cast<ptrdiff_t>(i))->lose();
   std::vector<Source> some_sources = walls_.sources();
   for (size_t i = 0; i < some_sources.size(); i += 2) some_sources[i].image = {.family = PixelFamily::kNone};
@@ -252,7 +252,7 @@ TEST_F(RequestRendererTest, ImagesMayBeOnACard) {
   EXPECT_EQ(answer.trials.unit, near.trials.unit);
 }
 
-// Megabytes are not kept for each view that ever was.
+// Views that no longer exist must not hold megabytes.
 TEST_F(RequestRendererTest, ImagesOfOneViewAreMadeInAnothersMemory) {
   KeptImages kept;
   options_.resampling = Resampling::kSharpened;
@@ -271,14 +271,14 @@ TEST_F(RequestRendererTest, ImagesOfOneViewAreMadeInAnothersMemory) {
   };
   const auto [first, picture] = answer(1, renderer_);
   EXPECT_FALSE(first.empty());
-  const size_t needed = kept.kept_bytes();
+  const size_t needed = kept.pooled_bytes();
   EXPECT_GT(needed, 0u);
   for (uint32_t view = 2; view < 20; view++) {
     RequestRenderer other;
     EXPECT_EQ(answer(view, other).first, first);
   }
   EXPECT_EQ(answer(1, renderer_).second, picture);
-  EXPECT_EQ(kept.kept_bytes(), needed);
+  EXPECT_EQ(kept.pooled_bytes(), needed);
 }
 
 }  // namespace

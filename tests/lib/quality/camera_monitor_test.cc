@@ -10,7 +10,7 @@
 
 #include "composite/still.h"
 #include "quality/camera_monitor.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "scene/scene.h"
 
 namespace lf {
@@ -20,7 +20,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using Fault = CameraMonitor::Fault;
 
-// An array some of whose cameras are bad: those that are predicted from a bad one are half as far off.
+// An array with some bad cameras: predictions from a bad camera are half as far off.
 class MonitoredArray : public testing::Test {
  protected:
   static constexpr int kSide = 5;
@@ -81,16 +81,16 @@ TEST_F(MonitoredArray, BadOnesAreFoundAndNoneOfTheirNeighbours) {
 
 TEST_F(MonitoredArray, SettlesOnItsSuspectsAfterATurnOfEachAndAnotherOfTheOdd) {
   turns(24);
-  EXPECT_FALSE(monitor_.settled());
+  EXPECT_FALSE(monitor_.is_settled());
   turns(1);
-  EXPECT_TRUE(monitor_.settled());
+  EXPECT_TRUE(monitor_.is_settled());
   monitor_ = CameraMonitor(scene_rig(kSide, kSide, 32, 24));
   bad_ = {7, 18};
   off = [](CameraIndex camera) {
     return camera == 7 || camera == 18 ? PredictionError{18, 1, {0.9, 0}}
                                        : PredictionError{25 + 0.1 * (camera % 3), 1, {0, 0}};
   };
-  while (!monitor_.settled() && monitor_.turns() < 200) turns(1);
+  while (!monitor_.is_settled() && monitor_.turns() < 200) turns(1);
   EXPECT_GT(monitor_.turns(), 25u);
   EXPECT_LT(monitor_.turns(), 75u);
   EXPECT_THAT(monitor_.suspected(), ElementsAre(7, 18));
@@ -120,7 +120,7 @@ TEST_F(MonitoredArray, CamerasOutOfServiceHaveNoTurn) {
 }
 
 TEST_F(MonitoredArray, WithoutFiguresNobodyIsJudged) {
-  off = [](CameraIndex camera) { return camera < 4 ? PredictionError{camera ? 30.0 : 5.0, 1, {0, 0}} : kNotPredicted; };
+  off = [](CameraIndex camera) { return camera < 4 ? PredictionError{camera ? 30.0 : 5.0, 1, {0, 0}} : kNoPrediction; };
   turns(100);
   EXPECT_THAT(monitor_.suspects(), IsEmpty());
 }
@@ -163,7 +163,7 @@ TEST(CameraProbe, IsNeverLargerThanItsCamera) {
   EXPECT_EQ(make_probe(rig, 0, focused, {0}).predicted.out_of_service, CameraSet{0});
 }
 
-using Came = CameraTurns::Came;
+using TurnResult = ProbeScheduler::TurnResult;
 
 class CameraTurnsTest : public testing::Test {
  protected:
@@ -171,29 +171,29 @@ class CameraTurnsTest : public testing::Test {
     shown_.view = {.width = 64, .height = 48, .lens = Lens::pinhole(50, 31.5, 23.5), .pose = {}, .focus = {}};
     shown_.view.focus.plane = focal_plane_at(shown_.view.pose, kSceneMiddle);
   }
-  CoveredPicture picture(const ViewRequest& probe, double gain = 1) const {
+  CoverageImage picture(const ViewRequest& probe, double gain = 1) const {
     const View& view = probe.view;
-    CoveredPicture picture{render_scene({view.width, view.height, view.lens, view.pose}, 0), {}};
+    CoverageImage picture{render_scene({view.width, view.height, view.lens, view.pose}, 0), {}};
     for (uint8_t& value : picture.rgb.data()) value = static_cast<uint8_t>(std::min(255., std::round(gain * value)));
     picture.coverage.assign(static_cast<size_t>(view.width) * view.height, 1);
     return picture;
   }
-  // One turn of the next camera, whose own picture is that many times as bright.
-  Came turn(const CameraProbe& probe, double gain = 1) {
+  // One turn of the next camera, with its own picture `gain` times as bright.
+  TurnResult turn(const CameraProbe& probe, double gain = 1) {
     EXPECT_TRUE(turns_.expects(probe.seen));
-    EXPECT_EQ(turns_.take(probe.seen, picture(probe.seen, gain)), Came::kHalf);
+    EXPECT_EQ(turns_.take(probe.seen, picture(probe.seen, gain)), TurnResult::kFirstProbe);
     EXPECT_TRUE(turns_.expects(probe.predicted));
     return turns_.take(probe.predicted, picture(probe.predicted));
   }
 
   const Rig rig_ = scene_rig(3, 3, 80, 60);
   ViewRequest shown_;
-  CameraTurns turns_;
+  ProbeScheduler turns_;
 };
 
 TEST_F(CameraTurnsTest, LostProbesAreWaitedForAWhile) {
   ASSERT_TRUE(turns_.next(rig_, shown_, 1));
-  for (unsigned i = 0; i < CameraTurns::kPatience; i++) EXPECT_FALSE(turns_.next(rig_, shown_, 1)) << i;
+  for (unsigned i = 0; i < ProbeScheduler::kProbeTimeout; i++) EXPECT_FALSE(turns_.next(rig_, shown_, 1)) << i;
   EXPECT_TRUE(turns_.next(rig_, shown_, 1));
   turns_.lose();
   EXPECT_TRUE(turns_.next(rig_, shown_, 1));
@@ -201,15 +201,15 @@ TEST_F(CameraTurnsTest, LostProbesAreWaitedForAWhile) {
 
 TEST_F(CameraTurnsTest, ProbesThatAreNotOfTheTurn) {
   ViewRequest other;
-  EXPECT_FALSE(turns_.expects(other)) << "nothing is asked";
+  EXPECT_FALSE(turns_.expects(other)) << "no probe pending";
   const auto probe = turns_.next(rig_, shown_, 1);
   ASSERT_TRUE(probe);
   other = probe->seen;
   other.view.pose.position.x += 1;
-  EXPECT_FALSE(turns_.expects(other)) << "somebody else's";
-  EXPECT_TRUE(turns_.expects(probe->seen)) << "that changes nothing";
-  EXPECT_FALSE(turns_.expects(probe->predicted)) << "there is nothing to compare it with";
-  EXPECT_FALSE(turns_.expects(probe->seen)) << "the turn is over";
+  EXPECT_FALSE(turns_.expects(other)) << "not a probe";
+  EXPECT_TRUE(turns_.expects(probe->seen)) << "the probe is unaffected";
+  EXPECT_FALSE(turns_.expects(probe->predicted)) << "nothing to compare with";
+  EXPECT_FALSE(turns_.expects(probe->seen)) << "the probe is over";
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
@@ -221,16 +221,16 @@ TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
-// The scene is known to the last bit here, so that all other cameras are predicted without any error.
+// Predictions are free of error, because the scene is known exactly.
 TEST_F(CameraTurnsTest, ADarkerCameraComesToBeSuspected) {
   constexpr CameraIndex kDark = 4;
-  Came latest = Came::kTurn;
-  for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != Came::kOtherSuspects; i++) {
+  TurnResult latest = TurnResult::kBothProbes;
+  for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != TurnResult::kSuspectsChanged; i++) {
     const auto probe = turns_.next(rig_, shown_, 1);
     ASSERT_TRUE(probe);
     latest = turn(*probe, probe->camera == kDark ? 0.8 : 1);
   }
-  EXPECT_EQ(latest, Came::kOtherSuspects);
+  EXPECT_EQ(latest, TurnResult::kSuspectsChanged);
   EXPECT_EQ(turns_.monitor()->suspects(),
             std::vector<CameraMonitor::Suspect>({{kDark, CameraMonitor::Fault::kColour}}));
 }
@@ -241,8 +241,8 @@ std::vector<double> even(double first, double period, int count) {
   return times;
 }
 
-TEST(FrameTimes, EvenFramesHaveARateAndNothingElse) {
-  const FrameTimes times = measure_frame_times(even(1e5, 1 / 30.0, 90));
+TEST(FrameTimeStats, EvenFramesHaveARateAndNothingElse) {
+  const FrameTimeStats times = frame_time_stats(even(1e5, 1 / 30.0, 90));
   EXPECT_EQ(times.frames, 90u);
   EXPECT_NEAR(times.rate(), 30, 1e-6);
   EXPECT_NEAR(times.first, 1e5, 1e-8);
@@ -251,46 +251,46 @@ TEST(FrameTimes, EvenFramesHaveARateAndNothingElse) {
   EXPECT_EQ(times.backwards, 0u);
 }
 
-TEST(FrameTimes, MissingFramesAreCountedAndDoNotChangeTheRate) {
+TEST(FrameTimeStats, MissingFramesAreCountedAndDoNotChangeTheRate) {
   std::vector<double> times = even(3, 0.04, 100);
   times.erase(times.begin() + 60, times.begin() + 63);
   times.erase(times.begin() + 10);
-  const FrameTimes measured = measure_frame_times(times);
+  const FrameTimeStats measured = frame_time_stats(times);
   EXPECT_EQ(measured.missing, 4u);
   EXPECT_NEAR(measured.period, 0.04, 1e-9);
 }
 
-TEST(FrameTimes, JitterIsThatOfTheStamps) {
+TEST(FrameTimeStats, JitterIsThatOfTheStamps) {
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, 0.002);
   std::vector<double> times = even(0, 1 / 15.0, 300);
   for (double& time : times) time += noise(random);
-  const FrameTimes measured = measure_frame_times(times);
+  const FrameTimeStats measured = frame_time_stats(times);
   EXPECT_NEAR(measured.jitter, 0.002, 0.0003);
   EXPECT_NEAR(measured.rate(), 15, 0.01);
   EXPECT_EQ(measured.missing, 0u);
 }
 
-TEST(FrameTimes, TimesThatGoBackAreCountedAndLeftOut) {
+TEST(FrameTimeStats, TimesThatGoBackAreCountedAndLeftOut) {
   std::vector<double> times = even(0, 0.1, 20);
   times[10] = times[8];
-  const FrameTimes measured = measure_frame_times(times);
+  const FrameTimeStats measured = frame_time_stats(times);
   EXPECT_EQ(measured.backwards, 1u);
   EXPECT_NEAR(measured.period, 0.1, 1e-9);
-  EXPECT_EQ(measured.missing, 1u) << "the frame came, but nobody knows when it was taken";
+  EXPECT_EQ(measured.missing, 1u) << "frame without a known capture time";
 }
 
-TEST(FrameTimes, FewFramesTellNothing) {
-  for (int count = 0; count < 3; count++) EXPECT_EQ(measure_frame_times(even(0, 0.1, count)).period, 0) << count;
+TEST(FrameTimeStats, FewFramesTellNothing) {
+  for (int count = 0; count < 3; count++) EXPECT_EQ(frame_time_stats(even(0, 0.1, count)).period, 0) << count;
 }
 
 TEST(Skew, IsThatOfTheCamerasWhereverTheirPhasesWrap) {
   const double period = 0.04;
   for (const double shift : {0.0, 0.013, 0.0199, 0.039}) {
-    const std::vector<FrameTimes> cameras = {measure_frame_times(even(shift, period, 50)),
-                                             measure_frame_times(even(shift + 0.004 + period, period, 50)),
-                                             measure_frame_times(even(shift - 0.004, period, 50))};
-    const Skew skew = measure_skew(cameras);
+    const std::vector<FrameTimeStats> cameras = {frame_time_stats(even(shift, period, 50)),
+                                                 frame_time_stats(even(shift + 0.004 + period, period, 50)),
+                                                 frame_time_stats(even(shift - 0.004, period, 50))};
+    const Skew skew = camera_skew(cameras);
     EXPECT_NEAR(skew.phase[0], 0, 1e-9) << shift;
     EXPECT_NEAR(skew.phase[1], 0.004, 1e-9) << shift;
     EXPECT_NEAR(skew.phase[2], -0.004, 1e-9) << shift;
@@ -300,21 +300,19 @@ TEST(Skew, IsThatOfTheCamerasWhereverTheirPhasesWrap) {
 }
 
 TEST(Skew, LeavesOutOtherRatesAndTellsDrift) {
-  const std::vector<FrameTimes> cameras = {
-      measure_frame_times(even(0, 0.04, 50)), measure_frame_times(even(0, 0.040004, 50)), FrameTimes{},
-      measure_frame_times(even(0, 0.1, 50)), measure_frame_times(even(0.01, 0.04, 50))};
-  const Skew skew = measure_skew(cameras);
+  const std::vector<FrameTimeStats> cameras = {
+      frame_time_stats(even(0, 0.04, 50)), frame_time_stats(even(0, 0.040004, 50)), FrameTimeStats{},
+      frame_time_stats(even(0, 0.1, 50)), frame_time_stats(even(0.01, 0.04, 50))};
+  const Skew skew = camera_skew(cameras);
   EXPECT_TRUE(std::isnan(skew.phase[2]));
   EXPECT_TRUE(std::isnan(skew.phase[3]));
   EXPECT_NEAR(skew.drift, 1e-4, 1e-9);
   EXPECT_NEAR(skew.phase[4] - skew.phase[0], 0.01, 1e-4);
-  EXPECT_TRUE(measure_skew({}).phase.empty());
+  EXPECT_TRUE(camera_skew({}).phase.empty());
 }
 
-// Four cameras that look at one scene, with noise; parts are bright and dark in turn.
 class WaveTest : public testing::Test {
  protected:
-  // What changes a camera's parts, for so many seconds.
   template <typename Change>
   void pass(double seconds, Change change) {
     for (const double end = time_ + seconds; time_ < end; time_ += 0.2)
@@ -329,7 +327,7 @@ class WaveTest : public testing::Test {
   std::mt19937 random_{1};
   std::normal_distribution<float> noise_{0, 0.01f};
   double time_ = 100;
-  WaveFinder finder_{4};
+  HandWaveDetector finder_{4};
 };
 
 TEST_F(WaveTest, FindsTheCameraBehindTheHandUntilItGoes) {
@@ -349,12 +347,12 @@ TEST_F(WaveTest, FindsTheCameraBehindTheHandUntilItGoes) {
 TEST_F(WaveTest, IsNotFooledByWhatAllSeeOrByLight) {
   pass(2, nothing);
   pass(1, [](size_t, std::vector<float>& parts) { std::fill(parts.begin(), parts.begin() + 24, 0.1f); });
-  EXPECT_EQ(finder_.found(), std::nullopt) << "somebody walks past";
+  EXPECT_EQ(finder_.found(), std::nullopt) << "a person walks past";
   pass(30, nothing);
   pass(1, [](size_t camera, std::vector<float>& parts) {
     for (float& part : parts) part += camera == 1 ? 0.1f : 0.f;
   });
-  EXPECT_EQ(finder_.found(), std::nullopt) << "a camera's exposure";
+  EXPECT_EQ(finder_.found(), std::nullopt) << "exposure change of a camera";
 }
 
 TEST_F(WaveTest, WhatStaysBecomesUsual) {
@@ -369,8 +367,8 @@ TEST_F(WaveTest, WhatStaysBecomesUsual) {
 }
 
 TEST(Wave, NobodyIsFoundWhereNobodyIs) {
-  EXPECT_EQ(WaveFinder(0).found(), std::nullopt);
-  EXPECT_EQ(WaveFinder(1).found(), std::nullopt);
+  EXPECT_EQ(HandWaveDetector(0).found(), std::nullopt);
+  EXPECT_EQ(HandWaveDetector(1).found(), std::nullopt);
 }
 
 }  // namespace

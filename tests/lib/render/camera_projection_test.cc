@@ -50,7 +50,7 @@ TEST(CameraProjection, IsTheFocalPointSeenByTheCamera) {
 
 TEST(CameraProjection, BehindTheCameraIsLost) {
   Rig rig = scene_rig(2, 2, 64, 48);
-  const View view = view_at({0, 0, -5}, 2);  // the focal plane lies 3 m behind the cameras
+  const View view = view_at({0, 0, -5}, 2);  // the focal plane is 3 m behind the cameras
   const ViewPlan plan(rig, build_mesh(rig), view);
   Vec2 pixel;
   EXPECT_FALSE(CameraProjection(plan, 0, rig.cameras[0]).project(Vec2(0, 0), 0, pixel));
@@ -58,7 +58,7 @@ TEST(CameraProjection, BehindTheCameraIsLost) {
 
 TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
   Rig rig = scene_rig(2, 2, 64, 48);
-  View view;  // camera 0 itself
+  View view;
   view.width = 64;
   view.height = 48;
   view.lens = rig.cameras[0].lens;
@@ -87,7 +87,7 @@ namespace {
 
 int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
 
-// All that sampling the camera for the rectangle touches, its chroma included.
+// Returns all pixels that sampling the camera for the rectangle reads, including chroma.
 Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
   const CameraProjection projection(plan, index, camera);
   Rect all;
@@ -109,10 +109,10 @@ Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Ca
   return intersect(all, {0, 0, camera.width, camera.height});
 }
 
-// Somewhere around the view's plane, a band of levels of a wide range.
+// Near the view's plane: a band of levels within a wide range.
 std::shared_ptr<const FocalMap> random_map(reference::Random& random, const View& view) {
   FocalMap map = FocalMap::for_view(view.width, view.height);
-  // Counted towards where the view looks, from somewhere before the plane.
+  // Measured in the viewing direction, from a point before the plane.
   const Plane& plane = view.focus.plane;
   const double side = glm::dot(plane.normal, view.pose.forward()) < 0 ? -1 : 1;
   map.from = {side * plane.normal, side * plane.d + random.uniform(0.5, 3)};

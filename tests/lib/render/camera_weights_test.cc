@@ -16,16 +16,16 @@ using reference::Random;
 
 constexpr int kGridWidth = 45, kGridHeight = 33;
 
-TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
+TEST(WeightGrid, SumsToOneToTheBitAndIsBilinear) {
   constexpr CameraIndex kCameras = 100;
   Random random(1);
-  BlendGrid grid(kGridWidth, kGridHeight, kCameras);
-  std::vector<std::vector<double>> points;  // of all cameras, normalised
+  WeightGrid grid(kGridWidth, kGridHeight, kCameras);
+  std::vector<std::vector<double>> points;  // normalised weights of all cameras
   while (points.size() < static_cast<size_t>(grid.columns()) * grid.rows()) {
     std::vector<double> weights(kCameras);
-    std::vector<BlendGrid::Share> shares;
+    std::vector<WeightGrid::Share> shares;
     double sum = 0;
-    for (CameraIndex i = 0; i < kCameras && shares.size() < BlendGrid::kMaxShares; i++) {
+    for (CameraIndex i = 0; i < kCameras && shares.size() < WeightGrid::kMaxShares; i++) {
       if (random.one_in(3)) continue;
       shares.push_back({i, random.uniform(0, 1) / (i + 1)});
       sum += weights[i] = shares.back().weight;
@@ -41,46 +41,44 @@ TEST(BlendGrid, SumsToOneToTheBitAndIsBilinear) {
         const int weight = grid.weight(i, x, y);
         ASSERT_GE(weight, 0);
         sum += weight;
-        const size_t at = static_cast<size_t>(y / BlendGrid::kStep) * grid.columns() + x / BlendGrid::kStep;
-        const double right = x % BlendGrid::kStep / 16., down = y % BlendGrid::kStep / 16.;
+        const size_t at = static_cast<size_t>(y / WeightGrid::kStep) * grid.columns() + x / WeightGrid::kStep;
+        const double right = x % WeightGrid::kStep / 16., down = y % WeightGrid::kStep / 16.;
         const double expected =
             (1 - down) * ((1 - right) * points[at][i] + right * points[at + 1][i]) +
             down * ((1 - right) * points[at + grid.columns()][i] + right * points[at + grid.columns() + 1][i]);
         // Two running sums, each rounded at the points and once more.
-        ASSERT_NEAR(weight, expected * BlendGrid::kOne, 2);
+        ASSERT_NEAR(weight, expected * WeightGrid::kOne, 2);
         if (weight > 0) {
           const Rect rect = grid.camera_rect(i);
           ASSERT_TRUE(x >= rect.x0 && x < rect.x1 && y >= rect.y0 && y < rect.y1);
         }
       }
-      ASSERT_EQ(sum, BlendGrid::kOne);
+      ASSERT_EQ(sum, WeightGrid::kOne);
     }
 }
 
-TEST(BlendGrid, OneCameraHasItAll) {
-  BlendGrid grid(1, 1, 3);
-  const BlendGrid::Share share{2, 1e-300};
+TEST(WeightGrid, OneCameraHasItAll) {
+  WeightGrid grid(1, 1, 3);
+  const WeightGrid::Share share{2, 1e-300};
   for (int i = 0; i < grid.columns() * grid.rows(); i++) grid.add_point({&share, 1});
-  EXPECT_EQ(grid.weight(2, 0, 0), BlendGrid::kOne);
+  EXPECT_EQ(grid.weight(2, 0, 0), WeightGrid::kOne);
   EXPECT_EQ(grid.camera_rect(2), (Rect{0, 0, 1, 1}));
   EXPECT_TRUE(grid.camera_rect(0).empty());
 }
 
-TEST(BlendGrid, ACameraIsBoundedByThePointsBesideItsOwn) {
-  BlendGrid grid(100, 50, 2);
+TEST(WeightGrid, ACameraIsBoundedByThePointsBesideItsOwn) {
+  WeightGrid grid(100, 50, 2);
   for (int j = 0; j < grid.rows(); j++)
     for (int i = 0; i < grid.columns(); i++) {
-      const BlendGrid::Share shares[] = {{0, 1}, {1, i == 3 && j == 1 ? 0.5 : 0}};
+      const WeightGrid::Share shares[] = {{0, 1}, {1, i == 3 && j == 1 ? 0.5 : 0}};
       grid.add_point(shares);
     }
   EXPECT_EQ(grid.camera_rect(1), (Rect{33, 1, 64, 32}));
-  EXPECT_EQ(grid.weight(1, 48, 16), (BlendGrid::kOne + 2) / 3);
+  EXPECT_EQ(grid.weight(1, 48, 16), (WeightGrid::kOne + 2) / 3);
   EXPECT_EQ(grid.weight(1, 32, 16), 0);
-  BlendGrid::Cell cell;
+  WeightGrid::Cell cell;
   EXPECT_FALSE(grid.find(1, 0, 0, cell));
 }
-
-// Weights by aperture and by angle, beside the reference: in random and in hard arrays and views.
 
 constexpr int kWidth = 40, kHeight = 24;
 
@@ -94,19 +92,19 @@ struct Largest {
   int64_t pixels = 0, in_focus = 0;
 };
 
-// Sums to 1 wherever anything has a focus, to the bit; each camera alone finds what all find together; as the reference
-// says but for rounding to 1 / BlendGrid::kOne.
+// Weights add up to exactly 1 wherever there is a focus; single-camera plans equal the combined plan; the reference
+// agrees within rounding to 1 / WeightGrid::kOne.
 void compare(const Rig& rig, const CameraSet& out, const View& view, Random& random, Largest& largest) {
   const Mesh mesh = build_mesh(rig, out);
   const test::Production production(rig, mesh, view);
-  if (!production.plan.blend()) return;  // the eye is in the focal plane
-  const reference::ReferenceBlending expected(rig, mesh, view, BlendGrid::kStep);
+  if (!production.plan.blend()) return;
+  const reference::ReferenceBlending expected(rig, mesh, view, WeightGrid::kStep);
   const auto own_weights = production.own_weights();
   for (int y = 0; y < view.height; y++)
     for (int x = 0; x < view.width; x++) {
       const size_t p = static_cast<size_t>(y) * view.width + x;
       largest.pixels++;
-      const bool in_focus = production.owners.at(x, y) != OwnerMap::kNone;
+      const bool in_focus = production.owners.at(x, y) != FaceIdMap::kNone;
       largest.in_focus += in_focus;
       float sum = 0;
       for (const auto& own : own_weights) sum += own.weight[p];
@@ -126,7 +124,7 @@ void compare(const Rig& rig, const CameraSet& out, const View& view, Random& ran
     if (!random.one_in(4)) continue;
     const Rect rect = production.plan.camera_rect(own.camera);
     const ViewPlan alone(rig, mesh, view);
-    ASSERT_EQ(pixel_weights(alone, OwnerMap(alone, rect), own.camera, rect),
+    ASSERT_EQ(pixel_weights(alone, FaceIdMap(alone, rect), own.camera, rect),
               pixel_weights(production.plan, production.owners, own.camera, rect));
   }
 }
@@ -145,8 +143,8 @@ TEST(CameraWeights, AreAsStatedInRandomArrays) {
   }
   std::printf("random arrays: %lld of %lld pixels in focus, largest weight error %.2g of 1/32768\n",
               static_cast<long long>(largest.in_focus), static_cast<long long>(largest.pixels),
-              largest.weight * BlendGrid::kOne);
-  EXPECT_LE(largest.weight, 2.01 / BlendGrid::kOne);
+              largest.weight * WeightGrid::kOne);
+  EXPECT_LE(largest.weight, 2.01 / WeightGrid::kOne);
   EXPECT_GT(largest.in_focus, largest.pixels / 2);
 }
 
@@ -164,16 +162,16 @@ TEST(CameraWeights, AreAsStatedInTheHardCases) {
         if (HasFatalFailure()) return;
       }
     }
-    std::printf("%-40s %.2g of 1/32768\n", hard.name, largest.weight * BlendGrid::kOne);
-    EXPECT_LE(largest.weight, 2.01 / BlendGrid::kOne);
+    std::printf("%-40s %.2g of 1/32768\n", hard.name, largest.weight * WeightGrid::kOne);
+    EXPECT_LE(largest.weight, 2.01 / WeightGrid::kOne);
   }
 }
 
-// Shares of a line of sight, by camera of the rig.
+// Returns the camera shares of a line of sight, indexed by the rig.
 std::vector<double> shares_at(const Rig& rig, const View& view, const Vec2& ray) {
   const Mesh mesh = build_mesh(rig);
   CameraWeights weights(rig, mesh, view);
-  std::vector<BlendGrid::Share> shares;
+  std::vector<WeightGrid::Share> shares;
   const ViewPlan plan(rig, mesh, view);
   weights.at(ray, plan.focal_offset() / glm::dot(plan.focal_normal(), Vec3(ray, 1)), shares);
   std::vector<double> out(rig.cameras.size());
@@ -189,7 +187,7 @@ double difference(const std::vector<double>& a, const std::vector<double>& b) {
   return largest;
 }
 
-// A hundred thousandth of a pitch moves no weight by much more than that, where an eye is no nearer to a camera.
+// Moving the viewpoint by 1e-5 of a pitch changes no weight by much more, if it is no nearer to a camera.
 TEST(CameraWeights, AreContinuousInTheEye) {
   double largest = 0;
   for (int i = 0; i < 3000; i++) {
@@ -236,12 +234,12 @@ TEST(CameraWeights, AnApertureHoldsMoreCamerasTheWiderItIs) {
     const int cameras = static_cast<int>(std::ranges::count_if(shares, [](double w) { return w > 0; }));
     EXPECT_GT(cameras, before);
     before = cameras;
-    EXPECT_EQ(std::ranges::max_element(shares) - shares.begin(), 40);  // the nearest, in the middle
+    EXPECT_EQ(std::ranges::max_element(shares) - shares.begin(), 40);
   }
   EXPECT_GT(before, 40);
 }
 
-// At most BlendGrid::kMaxShares cameras: nothing jumps where the 65th comes in.
+// At most WeightGrid::kMaxShares cameras: adding the 65th causes no jump.
 TEST(CameraWeights, OfVeryManyCamerasTheNearestCount) {
   const Rig rig = reference::planar_grid(20, 20, 0.1);
   View view = reference::view_at({0.02, -0.03, -1});
@@ -258,7 +256,7 @@ TEST(CameraWeights, OfVeryManyCamerasTheNearestCount) {
   }
 }
 
-// Finite numbers that overflow: a request may have them.
+// Requests may contain finite numbers that overflow.
 TEST(CameraWeights, AnyNumbersHaveWeights) {
   const Rig rig = reference::planar_grid(9, 9, 0.1);
   for (const double far : {1e160, 1e300})
@@ -272,7 +270,7 @@ TEST(CameraWeights, AnyNumbersHaveWeights) {
         for (int x = 0; x < view.width && production.plan.blend(); x += 7) {
           int sum = 0;
           for (CameraIndex i = 0; i < rig.cameras.size(); i++) sum += production.plan.blend()->weight(i, x, 3);
-          ASSERT_EQ(sum, BlendGrid::kOne);
+          ASSERT_EQ(sum, WeightGrid::kOne);
         }
       }
 }

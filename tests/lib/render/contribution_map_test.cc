@@ -18,7 +18,7 @@ namespace {
 
 Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 64, 64, 60); }
 
-// From behind the array: all faces are in sight, seen by 64x64 pixels.
+// A 64x64 view of all faces, from the back of the array.
 View from_behind(const Rig& rig, double distance) {
   View view{64, 64, Lens::pinhole(64, 31.5, 31.5), {}, {plane_through({0, 0, 3}, {0, 0, 1})}};
   const Vec3 far_corner = rig.cameras.back().pose.position;
@@ -26,7 +26,7 @@ View from_behind(const Rig& rig, double distance) {
   return view;
 }
 
-TEST(CameraColours, NeighboursDiffer) {
+TEST(RigColourCorrections, NeighboursDiffer) {
   const Rig rig = grid(8, 8);
   const Mesh mesh = build_mesh(rig);
   const std::vector<CameraColour> colours = camera_colours(mesh, 64);
@@ -42,10 +42,10 @@ TEST(ValidWeights, AreTheHatLessWhatIsLost) {
   const Rig rig = grid(2, 2);
   const View view = from_behind(rig, 0.5);
   const ViewPlan plan(rig, build_mesh(rig), view);
-  const OwnerMap owners(plan, {0, 0, 64, 64});
+  const FaceIdMap owners(plan, {0, 0, 64, 64});
   const Rect rect = plan.camera_rect(0);
   ASSERT_FALSE(rect.empty());
-  // All in sight of a camera that sees everything; nothing of one that looks the other way.
+  // The full weight of a camera that sees everything; no weight of a camera that looks away.
   EXPECT_EQ(valid_weights(plan, owners, 0, rig.cameras[0], rect), pixel_weights(plan, owners, 0, rect));
   Camera away = rig.cameras[0];
   away.pose.orientation = Quat(0, 0, 1, 0);
@@ -57,7 +57,7 @@ TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
   const View view = from_behind(rig, 0.4);
   const ViewPlan plan(rig, build_mesh(rig), view);
   double sum = 0;
-  for (const float c : view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 64}))) sum += c;
+  for (const float c : view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 64}))) sum += c;
   EXPECT_NEAR(mean_coverage(rig, plan, 64, 64), sum / (64 * 64), 1e-9);
   EXPECT_NEAR(mean_coverage(rig, plan, 24, 12), sum / (64 * 64), 0.02);
   EXPECT_GT(sum, 0);
@@ -65,12 +65,12 @@ TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
 
 TEST(PixelShares, NameWhoMakesThePixel) {
   Rig rig = grid(3, 3);
-  rig.cameras[1].pose.orientation = Quat(0.995, 0, 0.0998, 0);  // looks aside
+  rig.cameras[1].pose.orientation = Quat(0.995, 0, 0.0998, 0);
   rig.cameras[1].lens = Lens::pinhole(600, 31.5, 31.5);
   const View view = from_behind(rig, 0.4);
   const ViewPlan plan(rig, build_mesh(rig), view);
   EXPECT_TRUE(pixel_shares(rig, plan, 0, 0).empty()) << "beside the array";
-  // 0.03 m left of the middle camera and 0.02 m above it: on the triangle (1, 4, 3).
+  // 0.03 m left of the centre camera and 0.02 m above: on the triangle (1, 4, 3).
   const int x = static_cast<int>(31.5 - 0.03 / 0.4 * 64), y = static_cast<int>(31.5 - 0.02 / 0.4 * 64);
   const std::vector<PixelShare> shares = pixel_shares(rig, plan, x, y);
   ASSERT_EQ(shares.size(), 3u);
@@ -89,12 +89,12 @@ TEST(ContributionMap, EveryCameraShowsItsColourWhereItIsSeen) {
   const View view = from_behind(rig, 0.3);
   const Image map = contribution_map(rig, mesh, view);
   const std::vector<CameraColour> colours = camera_colours(mesh, 9);
-  // The line of sight through camera 4 is the middle of the view; beside the faces' outlines it is that camera's alone.
+  // The line of sight through camera 4 is at the view's centre; next to the outlines of the faces, only that camera
+  // contributes.
   const uint8_t* p = map.pixel(32 + 3, 32 + 1);
   EXPECT_NEAR(p[0], colours[4].r, 45);
   EXPECT_NEAR(p[1], colours[4].g, 45);
   EXPECT_NEAR(p[2], colours[4].b, 45);
-  // Outside the array there is nobody.
   EXPECT_EQ(map.pixel(1, 1)[0] + map.pixel(1, 1)[1] + map.pixel(1, 1)[2], 0);
 }
 
@@ -102,7 +102,7 @@ TEST(ContributionMap, OutlinesTheFaces) {
   const Rig rig = grid(2, 2);
   const View view = from_behind(rig, 0.15);
   const Image map = contribution_map(rig, build_mesh(rig), view);
-  // The diagonal of the cell runs from camera 1 (above right) to camera 2 (below left), through the middle.
+  // The cell's diagonal runs from camera 1 (upper right) to camera 2 (lower left), through the centre.
   const auto light = [&](int x, int y) {
     const uint8_t* p = map.pixel(x, y);
     return p[0] + p[1] + p[2];
@@ -146,54 +146,53 @@ Viewpoint moved(const Rig& rig, const Vec3& by) {
   return v;
 }
 
-TEST(VisibleShare, IsOneInsideOfTheArrayAndZeroBesideIt) {
+TEST(VisibleFraction, IsOneInsideOfTheArrayAndZeroBesideIt) {
   const Rig rig = array(4, 6);
-  const VisibleShare share(rig);
+  const VisibleFraction share(rig);
   EXPECT_NEAR(share(moved(rig, {0.02, 0.03, 0}), kAspect), 1, 1e-6);
   EXPECT_NEAR(share(moved(rig, {0.24, 0.14, 0}), kAspect), 1, 1e-6);
   EXPECT_EQ(share(moved(rig, {0.26, 0, 0}), kAspect), 0);
   EXPECT_EQ(share(moved(rig, {0, -0.16, 0}), kAspect), 0);
 }
 
-TEST(VisibleShare, FromBehindTheArrayIsAWindow) {
+TEST(VisibleFraction, FromBehindTheArrayIsAWindow) {
   const Rig rig = array(4, 6);
-  const VisibleShare share(rig);
-  // 1 m behind: 0.5 m of the 2 tan(20) m x 4/3 that the view spans there, times 0.3 m of 2 tan(20) m.
+  const VisibleFraction share(rig);
+  // 1 m behind the array: 0.5 m of the view's width of 2 tan(20) m x 4/3, times 0.3 m of its height of 2 tan(20) m.
   const double height = 2 * std::tan(20 * M_PI / 180);
   EXPECT_NEAR(share(moved(rig, {0, 0, -1}), kAspect), 0.5 / (height * kAspect) * 0.3 / height, 0.05);
   EXPECT_LT(share(moved(rig, {0, 0, -3}), kAspect), share(moved(rig, {0, 0, -1}), kAspect));
 }
 
-TEST(VisibleShare, CountsWhatNoCameraSees) {
+TEST(VisibleFraction, CountsWhatNoCameraSees) {
   const Rig rig = array(4, 6);
-  const VisibleShare share(rig);
+  const VisibleFraction share(rig);
   Viewpoint wide = default_viewpoint(rig);
-  wide.fov_y_deg = 2 * std::atan(2 * std::tan(20 * M_PI / 180)) * 180 / M_PI;  // twice the cameras'
+  wide.fov_y_deg = 2 * std::atan(2 * std::tan(20 * M_PI / 180)) * 180 / M_PI;
   EXPECT_NEAR(share(wide, kAspect), 0.25, 0.06);
   EXPECT_NEAR(share(default_viewpoint(rig), 2 * kAspect), 0.5, 0.06);
 }
 
-TEST(VisibleShare, DoesNotDependOnTheFocus) {
+TEST(VisibleFraction, DoesNotDependOnTheFocus) {
   const Rig rig = array(4, 6);
-  const VisibleShare share(rig);
+  const VisibleFraction share(rig);
   Viewpoint near = moved(rig, {0.1, 0.05, 0.1});
   near.focus_distance = 0.01;
   EXPECT_EQ(share(near, kAspect), share(moved(rig, {0.1, 0.05, 0.1}), kAspect));
 }
 
-TEST(VisibleShare, OneCameraAndARow) {
+TEST(VisibleFraction, OneCameraAndARow) {
   const Rig one = array(1, 1);
   Viewpoint turned = default_viewpoint(one);
-  EXPECT_NEAR(VisibleShare(one)(turned, kAspect), 1, 1e-6);
+  EXPECT_NEAR(VisibleFraction(one)(turned, kAspect), 1, 1e-6);
   turned.pose.orientation = glm::angleAxis(M_PI / 2, Vec3(0, 1, 0));
-  EXPECT_EQ(VisibleShare(one)(turned, kAspect), 0);
+  EXPECT_EQ(VisibleFraction(one)(turned, kAspect), 0);
   const Rig row = array(1, 5);
-  EXPECT_NEAR(VisibleShare(row)(moved(row, {0.1, 0.05, 0}), kAspect), 1, 1e-6);
-  EXPECT_EQ(VisibleShare(row)(moved(row, {0.3, 0, 0}), kAspect), 0);
+  EXPECT_NEAR(VisibleFraction(row)(moved(row, {0.1, 0.05, 0}), kAspect), 1, 1e-6);
+  EXPECT_EQ(VisibleFraction(row)(moved(row, {0.3, 0, 0}), kAspect), 0);
 }
 
-// Of all shapes, as much as the cameras have, and not a dark pixel.
-TEST(VisibleShare, HomeFitsTheShapeOfTheView) {
+TEST(VisibleFraction, HomeFitsTheShapeOfTheView) {
   for (const double error : {0.0, 2.0}) {
     Rig rig = array(4, 6);
     std::mt19937 random(3);
@@ -201,7 +200,7 @@ TEST(VisibleShare, HomeFitsTheShapeOfTheView) {
     for (Camera& camera : rig.cameras)
       camera.pose.orientation = quat_from_euler({degrees(random), degrees(random), degrees(random)});
     const Mesh mesh = build_mesh(rig);
-    const VisibleShare share(rig);
+    const VisibleFraction share(rig);
     for (const double aspect : {0.15, 0.5, 0.75, 1.0, kAspect, 16.0 / 9, 21.0 / 9, 4.8, 8.0}) {
       const Viewpoint home = share.home(aspect);
       const double high = std::tan(home.fov_y_deg * M_PI / 360), camera = std::tan(20 * M_PI / 180);
@@ -211,26 +210,26 @@ TEST(VisibleShare, HomeFitsTheShapeOfTheView) {
       EXPECT_GT(std::max(high, high * aspect / kAspect), 0.85 * camera) << aspect;
       const int height = 240, width = static_cast<int>(std::lround(height * aspect));
       const ViewPlan plan(rig, mesh, make_view(home, width, height));
-      const std::vector<float> seen = view_coverage(rig, plan, OwnerMap(plan, {0, 0, width, height}));
-      // The rasters' own pixels are smaller than those of the one that home was found with.
+      const std::vector<float> seen = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, width, height}));
+      // These pixels are smaller than the pixels that determined the home view.
       EXPECT_EQ(std::ranges::count_if(seen, [](float s) { return s <= 0; }), 0) << aspect;
-      EXPECT_LT(glm::length(home.pose.position - default_viewpoint(rig).pose.position), 0.06) << "of a pitch of 0.1 m";
+      EXPECT_LT(glm::length(home.pose.position - default_viewpoint(rig).pose.position), 0.06) << "pitch 0.1 m";
     }
   }
 }
 
-TEST(VisibleShare, HomeOfASetHasNoDarkEye) {
+TEST(VisibleFraction, HomeOfASetHasNoDarkEye) {
   const Rig rig = array(4, 6);
   const Mesh mesh = build_mesh(rig);
-  const VisibleShare share(rig);
-  for (const SetLayout layout : {SetLayout::kStereo, SetLayout::kRow, SetLayout::kQuilt})
+  const VisibleFraction share(rig);
+  for (const ViewSetLayout layout : {ViewSetLayout::kStereo, ViewSetLayout::kRow, ViewSetLayout::kQuilt})
     for (const bool converged : {false, true})
       for (const double aspect : {0.75, kAspect}) {
         ViewSet set;
         set.layout = layout;
         set.columns = 5;
         set.rows = 2;
-        set.eye_distance = layout == SetLayout::kStereo ? 0.2 : 0.04;
+        set.eye_distance = layout == ViewSetLayout::kStereo ? 0.2 : 0.04;
         set.converged = converged;
         const Viewpoint home = share.home(aspect, 0, set);
         EXPECT_LE(home.fov_y_deg, share.home(aspect).fov_y_deg);
@@ -238,35 +237,35 @@ TEST(VisibleShare, HomeOfASetHasNoDarkEye) {
         const int height = 120, width = static_cast<int>(std::lround(height * aspect));
         for (int eye = 0; eye < set.place(0).count(); eye++) {
           const ViewPlan plan(rig, mesh, set.view(make_view(home, width, height), set.place(eye)));
-          const std::vector<float> seen = view_coverage(rig, plan, OwnerMap(plan, {0, 0, width, height}));
+          const std::vector<float> seen = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, width, height}));
           EXPECT_EQ(std::ranges::count_if(seen, [](float s) { return s <= 0; }), 0) << eye << " " << aspect;
         }
       }
 }
 
-// Where home looks into the dark nothing is gained by a narrow view.
-TEST(VisibleShare, HomeOfARingIsTheDefault) {
+// If the home view shows uncovered areas, a narrower view does not help.
+TEST(VisibleFraction, HomeOfARingIsTheDefault) {
   Rig ring = array(1, 4);
   for (size_t i = 0; i < 4; i++) {
     ring.cameras[i].pose.orientation = glm::angleAxis(i * M_PI / 2, Vec3(0, 1, 0));
     ring.cameras[i].pose.position = ring.cameras[i].pose.forward();
   }
-  EXPECT_EQ(VisibleShare(ring).home(kAspect, 3).fov_y_deg, default_viewpoint(ring, 3).fov_y_deg);
-  EXPECT_EQ(VisibleShare(ring).home(kAspect, 3).focus_distance, 3);
+  EXPECT_EQ(VisibleFraction(ring).home(kAspect, 3).fov_y_deg, default_viewpoint(ring, 3).fov_y_deg);
+  EXPECT_EQ(VisibleFraction(ring).home(kAspect, 3).focus_distance, 3);
 }
 
 TEST(LostWeights, AreWhatIsMissingOfTheCoverage) {
   Rig rig = grid(3, 3);
-  rig.cameras[4].pose.orientation = Quat(0, 0, 1, 0);  // looks back: what it is to give is lost
+  rig.cameras[4].pose.orientation = Quat(0, 0, 1, 0);  // looks back: its weight is lost
   const View view = from_behind(rig, 0.3);
   const ViewPlan plan(rig, build_mesh(rig), view);
-  const OwnerMap owners(plan, {0, 0, 64, 64});
-  const std::vector<float> lost = lost_weights(rig, plan, owners), seen = view_coverage(rig, plan, owners);
+  const FaceIdMap owners(plan, {0, 0, 64, 64});
+  const std::vector<float> lost = missing_weights(rig, plan, owners), seen = view_coverage(rig, plan, owners);
   int outside = 0, some = 0;
   for (int y = 0; y < 64; y++)
     for (int x = 0; x < 64; x++) {
       const size_t i = static_cast<size_t>(y) * 64 + x;
-      if (owners.at(x, y) == OwnerMap::kNone) {
+      if (owners.at(x, y) == FaceIdMap::kNone) {
         EXPECT_TRUE(std::isnan(lost[i]));
         outside++;
       } else {
@@ -282,15 +281,15 @@ TEST(CameraPlaces, AreWhereCamerasAreSeenFromBehind) {
   const Rig rig = grid(3, 3);
   const View view = from_behind(rig, 0.5);
   const ViewPlan plan(rig, build_mesh(rig), view);
-  const OwnerMap owners(plan, {0, 0, 64, 64});
-  const std::vector<CameraPlace> places = camera_places(rig, plan, owners);
+  const FaceIdMap owners(plan, {0, 0, 64, 64});
+  const std::vector<CameraFootprint> places = camera_footprints(rig, plan, owners);
   ASSERT_EQ(places.size(), 9u);
   double sum = 0;
-  for (const CameraPlace& place : places) sum += place.weight;
+  for (const CameraFootprint& place : places) sum += place.weight;
   double coverage = 0;
   for (const float c : view_coverage(rig, plan, owners)) coverage += c;
   EXPECT_NEAR(sum, coverage, 1e-2);
-  // The middle one's hat is symmetric about it.
+  // The centre camera's hat is symmetric.
   const Vec2 middle = *view.lens.project(view.pose.camera_from_world(rig.cameras[4].pose.position));
   EXPECT_NEAR(glm::length(places[4].middle - middle), 0, 0.2);
   EXPECT_LT(places[3].middle.x, places[4].middle.x);

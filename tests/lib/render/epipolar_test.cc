@@ -19,7 +19,6 @@ std::vector<Image> filmed(const Rig& rig) {
   return images;
 }
 
-// Each camera's image is a wave of the world's x, on a plane at `depth` from cameras that look along z.
 std::vector<Image> waves(const Rig& rig, double depth, double length) {
   std::vector<Image> images;
   for (const Camera& camera : rig.cameras) {
@@ -39,7 +38,7 @@ CameraImages of(const std::vector<Image>& images) {
   return [&images](CameraIndex camera) -> const Image& { return images[camera]; };
 }
 
-// The column at which a row has the wave's phase 0, in pixels, by its first harmonic.
+// Returns the column with phase 0 of a row's wave, in pixels, from the first harmonic.
 double phase(const Image& picture, int y, double pixels) {
   double a = 0, b = 0;
   const int whole = static_cast<int>(std::floor(picture.width() / pixels) * pixels);
@@ -59,14 +58,13 @@ TEST(EpipolarImage, LeansByTheDepth) {
     const double length = 25 * depth / f;  // 25 pixels of a camera's image
     const std::vector<Image> images = waves(rig, depth, length);
     const Image epi = epipolar_image(rig, line, of(images), {.distance = kFocus, .width = 100, .height = 60});
-    // Between neighbours what is at `depth` moves by f b (1 / focus - 1 / depth) pixels.
+    // From camera to camera, a point at `depth` moves by f b (1 / focus - 1 / depth) pixels.
     const double step = f * 0.02 * (1 / kFocus - 1 / depth);
     const double moved = phase(epi, 35, 25) - phase(epi, 25, 25);  // cameras 3 and 2
     EXPECT_NEAR(std::remainder(moved - step, 25), 0, 0.05) << depth;
   }
 }
 
-// Against the definition in plain double precision, of cameras that are not quite where they should be.
 TEST(EpipolarImage, IsWhatEachCameraSeesOfOneLine) {
   Rig rig = scene_rig(3, 4, 96, 72);
   std::mt19937 random(5);
@@ -88,12 +86,12 @@ TEST(EpipolarImage, IsWhatEachCameraSeesOfOneLine) {
     for (const CameraIndex i : line) ahead += rig.cameras[i].pose.forward();
     ahead -= glm::dot(ahead, u) * u;
     ahead /= glm::length(ahead);
-    const Vec3 aside = is_row ? glm::cross(ahead, u) : -glm::cross(ahead, u);  // down, and to the right
+    const Vec3 aside = is_row ? glm::cross(ahead, u) : -glm::cross(ahead, u);
     EXPECT_GT(is_row ? aside.y : aside.x, 0.9);
     int compared = 0, dark = 0;
     for (size_t k = 0; k < line.size(); k++) {
       const Camera& camera = rig.cameras[line[k]];
-      const int y = static_cast<int>(k) * stripe + 1;  // the middle of its stripe, whatever its place is off by
+      const int y = static_cast<int>(k) * stripe + 1;  // the centre of its stripe, regardless of position errors
       for (int x = 0; x < width; x++) {
         const double along = (x - (width - 1) / 2.0) * distance / rig.cameras[line[line.size() / 2]].lens.fx();
         const Vec3 at = camera.pose.camera_from_world((a + b) / 2.0 + distance * ahead + across * aside + along * u);
@@ -115,13 +113,13 @@ TEST(EpipolarImage, IsWhatEachCameraSeesOfOneLine) {
       }
     }
     EXPECT_GT(compared, 200);
-    EXPECT_GT(dark, 20) << "what a camera does not see is black";
+    EXPECT_GT(dark, 20) << "invisible pixels are black";
   }
 }
 
 TEST(EpipolarImage, CamerasStandInItWhereTheyStandInTheLine) {
   Rig rig = make_grid_rig({.rows = 1, .columns = 3, .pitch = 0.1, .fov_y_deg = 40, .width = 40, .height = 30});
-  rig.cameras[1].pose.position.x = -0.08;  // near the first
+  rig.cameras[1].pose.position.x = -0.08;
   std::vector<Image> images;
   for (int i = 0; i < 3; i++) {
     images.emplace_back(PixelFamily::kRgb, 40, 30);
@@ -156,7 +154,7 @@ TEST(EpipolarImage, RefusesNonsense) {
   for (Camera& camera : rig.cameras) camera.pose.orientation = quat_from_euler({90, 0, 0});
   EXPECT_ERROR(epipolar_image(rig, line, of(images), good), "along their line");
   rig.topology = {};
-  EXPECT_ERROR(row_of_cameras(rig, 0), "the rig is no grid");
+  EXPECT_ERROR(row_of_cameras(rig, 0), "the rig is not a grid");
 }
 
 }  // namespace

@@ -9,7 +9,7 @@ namespace focus_range_test {
 
 Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.05, 160, 120, 150); }
 
-// Random squares of 2 cm on two walls: z = 0.8 on the left, z = 2 on the right of x = 0.
+// Random squares of 2 cm on two walls: z = 0.8 for x < 0, z = 2 for x > 0.
 uint8_t wall(double x, double y) {
   const auto cell = [](double v) { return static_cast<uint32_t>(static_cast<int64_t>(std::floor(v / 0.02))); };
   uint32_t h = cell(x) * 2654435761u ^ cell(y) * 40503u * 65537u;

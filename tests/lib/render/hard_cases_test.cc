@@ -11,7 +11,7 @@
 #include "base/text.h"
 #include "image/image.h"
 #include "lib/render/production.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "reference/generators.h"
 #include "reference/numerics.h"
 #include "reference/renderer.h"
@@ -28,8 +28,7 @@ using reference::view_at;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// The hard cases of numerical stability, each beside the reference in 80-bit reals: a table of what was measured and of
-// what is allowed.
+// Compares the hard cases with the reference in 80-bit floating point; prints measured and allowed errors.
 void expect_within_bounds(const reference::HardCase& hard, const std::vector<reference::Subject>& subjects) {
   SCOPED_TRACE(hard.name);
   const std::vector<reference::Measured> measured = reference::measure(hard, subjects);
@@ -56,9 +55,9 @@ TEST(HardCases, AreWithinTheirBoundsInLargePictures) {
     expect_within_bounds(reference::enlarged(hard, reference::kEnlarged), subjects);
 }
 
-// The eye on the array's border, as that of a viewer who takes the place of a border camera that fails: what positions
-// in doubles say of the side it is on is rounding. By the rule the border belongs to the array (weights >= 0), so the
-// whole picture must be there, with the weights of the border's two ends.
+// A viewer may be at a failed border camera, where rounding decides on which side of the border the viewpoint is. The
+// border belongs to the array (weights >= 0), so the whole picture must be visible, with the weights of the border's
+// two ends.
 TEST(EyeOnTheBorder, SeesTheWholePicture) {
   double largest = 0;
   for (int trial = 0; trial < 200; trial++) {
@@ -127,9 +126,9 @@ TEST(NotANumber, IsAnErrorThatNamesTheField) {
 
 // --- the production path (8-bit fragments, compositor) on rendered data with known truth -----------------------------
 
-// How far 8-bit fragments may be from the reference in a pixel: each valid sample is rounded (0.5), and so is each lost
-// weight; the division by the weight that is left enlarges both; the two pictures are rounded (1). Where all weight is
-// valid that is 1: three rounded samples add up to an integer that is less than 1.5 from their exact sum.
+// Maximum error of 8-bit fragments in a pixel: each valid sample and each lost weight is rounded (0.5); the division by
+// the remaining weight enlarges these errors; the two pictures are rounded (1). If all weight is valid, the bound is 1:
+// three rounded samples add up to an integer less than 1.5 from their exact sum.
 double rounding_bound(const reference::Pixel& pixel, double colour) {
   int valid = 0, lost = 0;
   for (int k = 0; k < pixel.corners; k++) (pixel.valid[k] > 0 ? valid : lost) += pixel.weight[k] > 0;
@@ -137,7 +136,7 @@ double rounding_bound(const reference::Pixel& pixel, double colour) {
   const double left = pixel.coverage - 0.5 * lost / 255;
   return (0.5 * valid + colour * 0.5 * lost / 255) / left + 1;
 }
-constexpr double kLeastCompared = 0.05;  // valid weight
+constexpr double kLeastCompared = 0.05;
 
 class Chess : public testing::Test {
  protected:
@@ -182,7 +181,7 @@ TEST_F(Chess, EveryViewIsAsGoodAsTheReference) {
         }
       }
       within += error <= 1;
-      if (coverage[i] <= kCovered) continue;
+      if (coverage[i] <= kMinCoverage) continue;
       covered++;
       covered_within += error <= 1;
       luma_within += std::abs(0.299 * q[0] + 0.587 * q[1] + 0.114 * q[2] - yuv.plane(0)[i]) <= 2;
@@ -195,7 +194,7 @@ TEST_F(Chess, EveryViewIsAsGoodAsTheReference) {
                 by_i420.psnr_db, fraction(luma_within, covered));
     EXPECT_NEAR(by_rgb.psnr_db, by_reference.psnr_db, 0.05) << view.name;
     EXPECT_GE(fraction(covered_within, covered), 0.999) << view.name;
-    // Chroma at half resolution costs what it costs; luma is rounded once more in the cameras.
+    // The bound allows for chroma at half resolution; luma is rounded once more in the cameras.
     EXPECT_NEAR(by_i420.psnr_db, by_reference.psnr_db, 0.75) << view.name;
     EXPECT_GE(fraction(luma_within, covered), 0.999) << view.name;
   }

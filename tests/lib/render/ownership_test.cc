@@ -20,7 +20,7 @@ using reference::Random;
 
 constexpr int32_t kNone = -1;
 
-// The owner of a pixel as the rule says it, from the same numbers.
+// The rule for the owner of a pixel, from the same inputs.
 int32_t owner_of(const ViewPlan& plan, int x, int y) {
   const Vec2 ray = plan.rays().at(x, y);
   const double along = glm::dot(plan.focal_normal(), Vec3(ray, 1));
@@ -40,12 +40,12 @@ int32_t owner_of(const ViewPlan& plan, int x, int y) {
 int64_t count_owned(const Rig& rig, const View& view) {
   const Mesh mesh = build_mesh(rig);
   const ViewPlan plan(rig, mesh, view);
-  const OwnerRuns runs(plan, test::whole(view));
+  const FaceRuns runs(plan, test::whole(view));
   int64_t owned = 0;
   for (int y = 0; y < view.height; y++) {
     std::vector<int32_t> owner(view.width, kNone);
     int end = 0;
-    for (const OwnerRun& run : runs.row(y)) {
+    for (const FaceRun& run : runs.row(y)) {
       EXPECT_GE(run.x0, end);
       EXPECT_LT(run.x0, run.x1);
       EXPECT_LE(run.x1, view.width);
@@ -58,7 +58,7 @@ int64_t count_owned(const Rig& rig, const View& view) {
   return owned;
 }
 
-TEST(OwnerRuns, AreWhatEveryPixelSays) {
+TEST(FaceRuns, AreWhatEveryPixelSays) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
       SCOPED_TRACE(hard.name);
@@ -70,8 +70,8 @@ TEST(OwnerRuns, AreWhatEveryPixelSays) {
     }
 }
 
-// Edges of faces through pixel centres, upright, level and slanted: who owns those is decided by the last bit.
-TEST(OwnerRuns, AreExactWhereEdgesMeetPixels) {
+// Vertical, horizontal and slanted face edges through pixel centres: the last bit decides the owner.
+TEST(FaceRuns, AreExactWhereEdgesMeetPixels) {
   const Rig rig = make_grid_rig({5, 5, 0.25, 60, 64, 48});
   View view;
   view.width = view.height = 65;
@@ -84,7 +84,7 @@ TEST(OwnerRuns, AreExactWhereEdgesMeetPixels) {
   }
 }
 
-// Arrays that go all around: a line of sight meets them twice, and still no pixel is counted twice.
+// Surrounding arrays: a line of sight intersects them twice, but no pixel may count twice.
 
 constexpr int kWidth = 40, kHeight = 30;
 
@@ -92,8 +92,6 @@ struct Counted {
   int owned = 0, pixels = 0;
 };
 
-// Of each pixel the weights of all cameras add up to 1, or to 0 where none of the array's triangles is; each is what
-// the rule in double precision gives it.
 Counted count(const Rig& rig, const Viewpoint& viewpoint) {
   const Mesh mesh = build_mesh(rig);
   const View view = make_view(viewpoint, kWidth, kHeight);
@@ -126,7 +124,6 @@ Viewpoint at(const Vec3& eye, double yaw, double pitch, double focus) {
   return v;
 }
 
-// From anywhere inside of the cylinder, on it and outside of it.
 TEST(RingArrays, NoPixelIsCountedTwiceAroundACylinder) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> place(-2.2, 2.2), height(-0.15, 0.15), yaw(-180, 180), pitch(-10, 10);
@@ -140,7 +137,7 @@ TEST(RingArrays, NoPixelIsCountedTwiceAroundACylinder) {
       owned += count(rig, at(eye, yaw(random), pitch(random), 2)).owned;
     }
     EXPECT_GT(owned, 60 * kWidth * kHeight / 4);
-    // An eye in the middle looks at cameras all around, of which those make the picture that look its way.
+    // Cameras that face away from the viewing direction do not contribute.
     const Counted all = count(rig, at(middle, 77, 0, 3));
     EXPECT_GT(all.owned, all.pixels / 4);
   }

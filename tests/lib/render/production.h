@@ -15,22 +15,19 @@ namespace lf::test {
 
 Rect whole(const View& view);
 
-// Everything a node computes for a view, by one process for all cameras of the rig.
+// Everything that a node with all cameras of the rig computes for a view.
 struct Production {
   Production(const Rig& rig, const Mesh& mesh, const View& view)
       : rig(rig), mesh(mesh), plan(rig, mesh, view), owners(plan, whole(view)) {}
 
-  // The parts of all contributing cameras, in 8 bits.
   std::vector<Fragment> fragments(const std::vector<Image>& images) const;
-  // The picture that they add up to.
   Image picture_of_parts(const std::vector<Image>& images) const;
-  // The picture of one node of all cameras, of 16-bit sums.
+  // Returns the picture of one node with all cameras, from 16-bit sums.
   Image picture(const std::vector<Image>& images) const;
 
-  // Without rounding to 8 bits.
   FloatStill sums(const std::vector<Image>& images) const;
 
-  // The weights of all contributing cameras, each over the whole view (0 outside its rectangle).
+  // The weights of all contributing cameras over the whole view (0 outside their rectangles).
   struct OwnWeights {
     CameraIndex camera;
     std::vector<float> weight;
@@ -40,14 +37,13 @@ struct Production {
   const Rig& rig;
   Mesh mesh;
   ViewPlan plan;
-  OwnerMap owners;
+  FaceIdMap owners;
 };
 
 std::vector<Image> i420_of(const std::vector<Image>& images);
 
-// The folder of real data beside the repository, or "" where it is absent.
+// Returns the folder of real data beside the repository, or "" if absent.
 std::string data_folder(const std::string& name);
-// The still of every camera.
 std::vector<Image> load_images(const Rig& rig);
 
 }  // namespace lf::test

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// In no view is a pixel counted twice or missed: 10,000 random rigs, views and out-of-service sets beside the
+// No pixel of a view is counted twice or missed: 10,000 random rigs, views and out-of-service sets, compared with the
 // reference.
 #include <gtest/gtest.h>
 
@@ -20,13 +20,13 @@ using reference::Random;
 constexpr int kRigs = 10000;
 constexpr int kWidth = 24, kHeight = 16;
 
-// Bound on the difference of one camera's weight in one pixel. Rounding of the edge functions is amplified where a
-// triangle is thin as seen along the line of sight, by less than 1 / kMargin.
+// Bound on the error of one camera's weight in one pixel. Triangles that are thin along the line of sight amplify the
+// rounding of the edge functions by less than 1 / kMargin.
 constexpr double kWeightBound = 1e-6;
-// Pixels nearer than this (relative) to another owner may have another owner than the reference's, with equal weights.
+// Pixels closer than this (relative) to another face may have another owner than in the reference, with equal weights.
 constexpr double kMargin = 1e-9;
 
-// The sum of all own_weights is 0 or 1, whatever the reference says.
+// The sum of all weights is 0 or 1, independent of the reference.
 TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
   int64_t pixels = 0, owned = 0, folded_views = 0, rigs_of_view = 0;
   double largest_weight_error = 0, largest_sum_error = 0;
@@ -53,7 +53,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
         if (sum != 0) largest_sum_error = std::max(largest_sum_error, std::abs(sum - 1));
         const int32_t owner = production.owners.at(x, y);
         const int face =
-            owner == OwnerMap::kNone ? reference::Pixel::kNone : static_cast<int>(production.plan.faces()[owner].face);
+            owner == FaceIdMap::kNone ? reference::Pixel::kNone : static_cast<int>(production.plan.faces()[owner].face);
         ASSERT_EQ(sum != 0, face != reference::Pixel::kNone) << "rig " << i << " pixel " << x << ", " << y;
         double error = 0, met = 0;  // met: reference weight of cameras that production uses
         for (const auto& own : own_weights) {
@@ -64,7 +64,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
         if (expected.at(x, y).owner != reference::Pixel::kNone) error = std::max(error, 1 - met);
         ASSERT_LE(error, kWeightBound) << "rig " << i << " pixel " << x << ", " << y;
         largest_weight_error = std::max(largest_weight_error, error);
-        // On an edge either face may own it, with the same weights.
+        // On an edge, either face may own the pixel, with equal weights.
         if (expected.at(x, y).owner_margin < kMargin) continue;
         ASSERT_EQ(face, expected.at(x, y).owner) << "rig " << i << " pixel " << x << ", " << y;
       }
@@ -73,14 +73,13 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
           << "rig " << i << ": out of service, yet used";
     rigs_of_view += any;
 
-    // The same from two processes, each of which knows no more of the view than its cameras need.
     std::vector<bool> in_second(rig.cameras.size());
     for (size_t c = 0; c < in_second.size(); c++) in_second[c] = random.one_in(2);
     for (const bool second : {false, true}) {
       Rect region;
       for (const auto& own : own_weights)
         if (in_second[own.camera] == second) region = unite(region, production.plan.camera_rect(own.camera));
-      const OwnerMap owners(production.plan, region);
+      const FaceIdMap owners(production.plan, region);
       for (const auto& own : own_weights) {
         if (in_second[own.camera] != second) continue;
         const Rect& rect = production.plan.camera_rect(own.camera);
@@ -89,7 +88,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
       }
     }
 
-    // Does the mesh fold as this eye sees it? Looked at in the middle of the view.
+    // Detects folds of the mesh as seen from this viewpoint, at the centre of the view.
     const reference::V3 d = reference::rotate(view.pose.orientation, {0, 0, 1});
     int containing = 0;
     for (size_t f = 0; f < mesh.faces.size(); f++) {
@@ -109,7 +108,6 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
   EXPECT_GT(folded_views, kRigs / 20);
 }
 
-// Valid and lost weight, beside the reference's.
 TEST(RandomRigs, LostWeightIsTheReferences) {
   int64_t compared = 0, lost = 0;
   double largest = 0;
@@ -130,7 +128,7 @@ TEST(RandomRigs, LostWeightIsTheReferences) {
       largest = std::max(largest, error);
     }
   }
-  std::printf("%lld pixels (%lld with lost weight): largest error of valid and lost weight %.2g (bound %.0g)\n",
+  std::printf("%lld pixels (%lld with missing weight): largest error of valid and missing weight %.2g (bound %.0g)\n",
               static_cast<long long>(compared), static_cast<long long>(lost), largest, kWeightBound);
   EXPECT_LE(largest, kWeightBound);
   EXPECT_GT(lost, compared / 20);
@@ -143,7 +141,7 @@ class SubPixels {
   SubPixels(const Rig& rig, const Mesh& mesh, const View& view)
       : view_(view), lens_(view.lens), sight_(rig, mesh, reference::to_v3(view.pose.position)) {}
 
-  // Whether a point (in pixels) of [x0, x1] x [y0, y1], looked at every sixth of a pixel, is in the face.
+  // Returns true if a point of [x0, x1] x [y0, y1] (pixels), sampled every sixth of a pixel, is in the face.
   bool any(size_t face, double x0, double y0, double x1, double y1) const {
     constexpr double kStep = 1.0 / 6;
     for (double y = y0; y <= y1 + 1e-9; y += kStep)
@@ -176,8 +174,8 @@ bool has_area(const Rig& rig, const MeshFace& face) {
   return glm::length(glm::cross(a, b)) > 1e-9 * glm::length(a) * glm::length(b);
 }
 
-// With a pinhole every side of a face's rectangle comes within a pixel of the face, or is there for a sliver of it that
-// lies between all points looked at: that is rare.
+// Every side of a face's rectangle is within a pixel of the face for a pinhole. Rare exceptions are slivers between all
+// sampled points.
 TEST(RandomRigs, RectanglesAreTight) {
   int64_t sides = 0, touched = 0, area = 0, least = 0;
   for (int i = 0; i < 600; i++) {
@@ -197,7 +195,6 @@ TEST(RandomRigs, RectanglesAreTight) {
       touched += points.any(face.face, x1 - 1, y0 - 0.5, x1 + 0.5, y1 + 0.5);
       touched += points.any(face.face, x0 - 0.5, y0 - 0.5, x1 + 0.5, y0 + 1);
       touched += points.any(face.face, x0 - 0.5, y1 - 1, x1 + 0.5, y1 + 0.5);
-      // The smallest rectangle of the pixels whose centres are in the face.
       Rect smallest;
       for (int y = r.y0; y < r.y1; y++)
         for (int x = r.x0; x < r.x1; x++)
@@ -215,7 +212,7 @@ TEST(RandomRigs, RectanglesAreTight) {
   EXPECT_LE(factor, 1.1);
 }
 
-// Whatever the lens and however the mesh folds, a fragment ends where its camera's faces end.
+// Holds for any lens and any fold of the mesh.
 TEST(RandomRigs, FragmentsAreNoLargerThanTheirWeights) {
   int fragments = 0;
   for (int i = 0; i < 500; i++) {
@@ -245,7 +242,7 @@ TEST(RandomRigs, FragmentsAreNoLargerThanTheirWeights) {
   EXPECT_GT(fragments, 1000);
 }
 
-// What is planned without looking at pixels is made of whole tiles for distorted lenses: larger, yet not by any amount.
+// Rectangles planned without pixel tests consist of whole tiles for distorted lenses, which bounds the excess.
 TEST(RandomRigs, RectanglesOfDistortedViewsAreNotMuchLarger) {
   int64_t area = 0, least = 0;
   for (int i = 0; i < 40; i++) {
@@ -255,7 +252,7 @@ TEST(RandomRigs, RectanglesOfDistortedViewsAreNotMuchLarger) {
     View view = reference::random_view(random, rig, 160, 120);
     view.lens = Lens(LensModel::kRadial, {130, 79.5, 59.5, random.uniform(-0.2, 0.1), 0.02});
     const ViewPlan plan(rig, mesh, view);
-    const OwnerMap owners(plan, test::whole(view));
+    const FaceIdMap owners(plan, test::whole(view));
     for (const CameraIndex camera : plan.contributors()) {
       const Rect& r = plan.camera_rect(camera);
       area += static_cast<int64_t>(r.width()) * r.height();

@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-// The built-in scene, 1.2 to 6 m away, with its images shifted so that points at `focus` metres stand still.
+// Exports the built-in scene, 1.2 to 6 m away, with images shifted so that points at `focus` metres have no disparity.
 StanfordOptions export_scene(const TempDir& dir, double focus) {
   Rig rig = make_grid_rig({3, 3, 0.06, 40, 320, 240});
   const double f = rig.cameras[0].lens.fx();
@@ -32,13 +32,13 @@ TEST(StanfordFocus, IsFoundInThePictures) {
   const TempDir dir;
   const StanfordOptions truth = export_scene(dir, 2.2);
   const RigImport found = import_stanford_pictures(dir / "named", {.f = truth.f, .focus_distance = -1});
-  // Where points stand still depends on how deep the scene is taken to be, but the pictures' own shift does not.
+  // The assumed depth of the scene changes where points have no disparity, but not the shift of the pictures.
   const Camera &a = found.rig.cameras[0], &b = found.rig.cameras[1];
   const double shift = (b.lens.cx() - a.lens.cx()) / (b.pose.position.x - a.pose.position.x);
   EXPECT_GT(shift, 0.5 * truth.f / truth.focus_distance);
   EXPECT_LT(shift, 2 * truth.f / truth.focus_distance);
   ASSERT_EQ(found.notes.size(), 1u);
-  EXPECT_THAT(found.notes[0], testing::HasSubstr("from the pictures"));
+  EXPECT_THAT(found.notes[0], testing::HasSubstr("from the images"));
 }
 
 TEST(StanfordFocus, PicturesThatAreNotShiftedStayAsTheyAre) {

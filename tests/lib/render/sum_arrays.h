@@ -10,10 +10,8 @@
 #include "reference/generators.h"
 #include "render/sum_renderer.h"
 
-// Arrays, views and memory that sums are tested with.
 namespace lf::test {
 
-// Memory for a sum over a rectangle.
 struct Sum {
   Sum(PixelFamily family, const Rect& rect) {
     planes.family = family;
@@ -28,10 +26,10 @@ struct Sum {
     }
     lost.assign(static_cast<size_t>(rect.width()) * rect.height(), 12345);
     planes.lost = lost.data();
-    planes.lost_stride = rect.width();
+    planes.missing_stride = rect.width();
   }
-  double lost_weight(int x, int y) const {
-    return planes.lost[(y - planes.rect.y0) * planes.lost_stride + (x - planes.rect.x0)] / double{kLostOne};
+  double missing_weight(int x, int y) const {
+    return planes.lost[(y - planes.rect.y0) * planes.missing_stride + (x - planes.rect.x0)] / double{kMissingOne};
   }
   bool operator==(const Sum& o) const {
     return memory[0] == o.memory[0] && memory[1] == o.memory[1] && memory[2] == o.memory[2] && lost == o.lost;
@@ -47,7 +45,6 @@ inline std::vector<Source> sources_of(const Rig& rig, const ViewPlan& plan, cons
   return sources;
 }
 
-// An array of cameras as they are mounted: jitter, lenses that differ and distort.
 inline Rig jittered_array(reference::Random& random, int side, int width, int height, double k1) {
   Rig rig;
   for (int i = 0; i < side * side; i++) {
@@ -73,7 +70,7 @@ inline View view_into(const Rig& rig, int side, int width, int height, const Qua
   return view;
 }
 
-// Depths with slopes, steps and, where `rough`, with nothing in common from node to node.
+// Depths with slopes and steps; with `rough`, random from node to node.
 inline std::shared_ptr<const FocalMap> depths(reference::Random& random, const View& view, int step, bool rough) {
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.step = step;
@@ -91,13 +88,12 @@ inline std::shared_ptr<const FocalMap> depths(reference::Random& random, const V
   return std::make_shared<FocalMap>(std::move(map));
 }
 
-// A view of an array, its images, and their sum.
 struct Eye {
   Eye(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images, PixelFamily family)
       : production(rig, mesh, view), sources(sources_of(rig, production.plan, images)), family(family) {}
-  std::unique_ptr<SumRenderer> renderer(gl::SumDrawer* card = nullptr, bool may_stay = false) const {
+  std::unique_ptr<SumRenderer> renderer(gl::GlesRenderer* gpu = nullptr, bool keep_on_gpu = false) const {
     return std::make_unique<SumRenderer>(production.plan, production.owners.runs(), sources, family,
-                                         Coordinates::kExact, card, serial_for, may_stay);
+                                         Coordinates::kExact, gpu, serial_for, keep_on_gpu);
   }
   Sum sum_of(const SumRenderer& renderer) const {
     const View& view = production.plan.view();
@@ -111,7 +107,7 @@ struct Eye {
   PixelFamily family;
 };
 
-// What two sums of a view differ by: the largest of all samples, levels of 255, and of all pixels' lost weight.
+// Maximum differences between two sums of a view: of samples, in levels of 255, and of missing weight.
 struct SumDifference {
   double level = 0, lost = 0;
   void add(const SumDifference& other) {
@@ -125,7 +121,7 @@ inline SumDifference difference_of(const Sum& a, const Sum& b) {
     for (size_t i = 0; i < a.memory[c].size(); i++)
       worst.level = std::max(worst.level, std::abs(a.memory[c][i] - b.memory[c][i]) / 128.0);
   for (size_t i = 0; i < a.lost.size(); i++)
-    worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kLostOne});
+    worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kMissingOne});
   return worst;
 }
 

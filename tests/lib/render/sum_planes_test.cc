@@ -15,9 +15,9 @@ TEST(SumRounding, LostWeightIsWidenedExactly) {
   for (int n = 0; n < 256; n++) {
     const auto lost = static_cast<uint8_t>(n);
     uint16_t wide = 0;
-    add_lost_row(&wide, &lost, 1);
+    add_missing_row(&wide, &lost, 1);
     EXPECT_EQ(wide, std::lround(n * 32768 / 255.)) << n;
-    EXPECT_EQ(round_lost(wide), n);
+    EXPECT_EQ(round_missing(wide), n);
   }
 }
 
@@ -36,7 +36,7 @@ TEST(SumRounding, EverySumToTheNearestLevelHalvesUp) {
 }
 
 TEST(SumRounding, FragmentsComeBackFromTheirSums) {
-  const Rect rect{2, 4, 5, 7};  // 3 x 3
+  const Rect rect{2, 4, 5, 7};
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     std::vector<int16_t> samples(packed_size(family, 3, 3));
     std::vector<uint16_t> lost(9, 0);
@@ -44,7 +44,7 @@ TEST(SumRounding, FragmentsComeBackFromTheirSums) {
     const auto sums = packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), lost.data());
     Fragment f = rounded_fragment(sums);
     EXPECT_EQ(f.rect, rect);
-    EXPECT_TRUE(f.lost.empty());  // none of it is anything
+    EXPECT_TRUE(f.lost.empty());
     for (size_t i = 0; i < f.pixels.size(); i++)
       EXPECT_EQ(f.pixels[i], family == PixelFamily::kRgb ? i / 3 + 9 * (i % 3) : i);
     lost[5] = 32768;

@@ -31,8 +31,6 @@ namespace {
 using reference::Random;
 using test::depths, test::jittered_array, test::sources_of, test::Sum, test::view_into;
 
-// How far SumRenderer's sums are from those in exact arithmetic.
-
 Image checkerboard(Random& random, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
   for (int y = 0; y < height; y++)
@@ -80,29 +78,29 @@ struct FloatSum {
   std::vector<double> plane[3], lost;
 };
 
-// Beside render_float(), in sums that are not divided by what was lost.
+// Compares with render_float(), in sums without division by the valid weight.
 void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
              Coordinates coordinates, Worst& worst) {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
   const FloatSum expected(rig, production, images);
-  const OwnerRuns runs(production.plan, test::whole(view));
+  const FaceRuns runs(production.plan, test::whole(view));
   auto sources = sources_of(rig, production.plan, images);
   const SumRenderer renderer(production.plan, runs, sources, family, coordinates);
   const Rect& rect = renderer.rect();
   if (rect.empty()) return;
   Sum sum(family, rect);
-  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, sum.planes);
+  const bool any_missing = renderer.render_rows(rect.y0, rect.y1, sum.planes);
   bool expect_lost = false;
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) {
       worst.pixels++;
       const double lost = expected.lost[y * view.width + x];
       expect_lost = expect_lost || lost > 1e-4;
-      worst.lost = std::max(worst.lost, std::abs(sum.lost_weight(x, y) - lost));
+      worst.lost = std::max(worst.lost, std::abs(sum.missing_weight(x, y) - lost));
     }
-  EXPECT_TRUE(any_lost || !expect_lost);
+  EXPECT_TRUE(any_missing || !expect_lost);
   for (int c = 0; c < 3; c++) {
     const int shift = family == PixelFamily::kI420 && c > 0 ? 1 : 0;
     for (int y = rect.y0 >> shift; y < (rect.y1 + shift) >> shift; y++)
@@ -119,7 +117,7 @@ void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, Pi
 constexpr Blending kNarrow{Blending::Kind::kAperture, 0.25, 0}, kWide{Blending::Kind::kAperture, 0.8, 0},
     kByAngle{Blending::Kind::kAngle, 0, 4};
 
-// The largest errors of four views, of pictures that are `hard` or smooth, are within the bound.
+// Checks the largest errors of four views, with smooth or (`hard`) noisy pictures.
 void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard, bool mapped) {
   Worst worst;
   for (int trial = 0; trial < 4; trial++) {
@@ -127,7 +125,7 @@ void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard,
     const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
     const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
     View view = view_into(rig, side, width, height, random.small_rotation(0.2));
-    if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+    if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kMinStep, trial == 2);
     const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
     compare(rig, view, images, family, coordinates, worst);
   }
@@ -157,12 +155,11 @@ TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
   });
 }
 
-// The yardstick of the above beside the reference.
 TEST(FloatRenderer, SamplesAsTheReference) {
   Random random(5);
   const Rig rig = jittered_array(random, 3, 93, 71, -0.1);
   View view = view_into(rig, 3, 93, 71, random.small_rotation(0.1));
-  view.focus.map = depths(random, view, FocalMap::kFinestStep, false);
+  view.focus.map = depths(random, view, FocalMap::kMinStep, false);
   const auto images = images_of(rig, random, reference::noise_image);
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
@@ -180,7 +177,7 @@ TEST(FloatRenderer, SamplesAsTheReference) {
   EXPECT_GT(compared, 3000);
 }
 
-// Chroma, lost weight and a checkerboard, too, which reference::subjects() don't have; beside the rule in doubles.
+// Adds chroma, missing weight and a checkerboard to reference::subjects(); compared with the rule in double precision.
 TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)})
@@ -200,7 +197,6 @@ TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
         }
 }
 
-// All ways to blend: tens of cameras a pixel add up as well as three do.
 TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
@@ -226,7 +222,6 @@ TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
   });
 }
 
-// 64 cameras of white and of the strongest colours overflow nothing, and two nodes' sums add up to the sum of both.
 TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
   Random random(3);
   const Rig rig = jittered_array(random, 8, 160, 120, 0);
@@ -258,7 +253,7 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
           const bool chroma = family == PixelFamily::kI420 && c > 0;
           const double expected =
               chroma ? images[0].plane(c)[0] - 128 : images[0].data()[family == PixelFamily::kRgb ? c : 0];
-          const double lost = chroma ? 0 : (all.lost[i]) / double{kLostOne};
+          const double lost = chroma ? 0 : (all.lost[i]) / double{kMissingOne};
           if (!chroma) {
             ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3);
           }
@@ -269,7 +264,7 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
     }
 }
 
-// An image whose planes end where memory does or, `at_front`, begin where it does.
+// An image with planes that end or, with `at_front`, begin at a guard page.
 class GuardedImage {
  public:
   GuardedImage(const ImageView& from, bool at_front) : view_(from) {
@@ -303,7 +298,6 @@ class GuardedImage {
   std::vector<std::pair<uint8_t*, size_t>> memory_;
 };
 
-// Views that see all of the cameras' borders, at several scales.
 TEST(SumRenderer, ReadsNothingOutsideOfImages) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
@@ -313,7 +307,7 @@ TEST(SumRenderer, ReadsNothingOutsideOfImages) {
         const Rig rig = jittered_array(random, 3, width, height, trial % 3 == 0 ? 0 : -0.1);
         View view = view_into(rig, 3, width, height, random.small_rotation(0.1));
         view.lens = Lens::pinhole(width * random.uniform(0.6, 1.4), (width - 1) / 2.0, (height - 1) / 2.0);
-        if (trial % 4) view.focus.map = depths(random, view, FocalMap::kFinestStep, trial % 4 == 3);
+        if (trial % 4) view.focus.map = depths(random, view, FocalMap::kMinStep, trial % 4 == 3);
         const Mesh mesh = build_mesh(rig);
         const test::Production production(rig, mesh, view);
         const auto rgb = images_of(rig, random, reference::noise_image);
@@ -334,15 +328,13 @@ TEST(SumRenderer, ReadsNothingOutsideOfImages) {
   });
 }
 
-// Sums of views that see their cameras' pixels larger or smaller than the cameras do, turned in any way.
-
 class SumScales : public testing::Test {
  protected:
   void TearDown() override {
     hwy::SetSupportedTargetsForTest(0);
     std::printf("level error %.3f, chroma %.3f\n", worst_.level, worst_.chroma);
   }
-  // A view of its own for each number n. `scale`: pixels of a camera from pixel to pixel; `turn`: of the view, radians.
+  // Checks view number n. `scale`: camera pixels per view pixel; `turn`: rotation of the view, radians.
   void check(int n, Random& random, double scale, double turn, bool mapped) {
     hwy::SetSupportedTargetsForTest(targets_[static_cast<size_t>(n) % targets_.size()]);
     const Rig rig = jittered_array(random, kSide, kWidth, kHeight, n % 5 ? 0 : -0.25);
@@ -350,7 +342,7 @@ class SumScales : public testing::Test {
                           Quat(std::cos(turn / 2), 0, 0, std::sin(turn / 2)) * random.small_rotation(0.05));
     view.lens = Lens::pinhole(1.25 * kWidth / scale, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
     view.pose.position.z = random.uniform(-0.1, 0);
-    if (mapped) view.focus.map = depths(random, view, FocalMap::kFinestStep, n % 8 > 5);
+    if (mapped) view.focus.map = depths(random, view, FocalMap::kMinStep, n % 8 > 5);
     const auto images = images_of(rig, random, reference::smooth_image);
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb}) {
       Worst worst;
@@ -370,7 +362,7 @@ class SumScales : public testing::Test {
   Worst worst_;
 };
 
-// `LF_SCALES`: how many scales.
+// `LF_SCALES`: number of scales.
 TEST_F(SumScales, AreAllWithinTheBound) {
   const char* const asked = std::getenv("LF_SCALES");
   const int scales = asked ? std::atoi(asked) : 250;
@@ -382,7 +374,7 @@ TEST_F(SumScales, AreAllWithinTheBound) {
   }
 }
 
-// At the end of what 16 bits hold of a block's width.
+// At the limit of 16 bits over a block's width.
 TEST_F(SumScales, TwoPixelsForOneAre) {
   for (int n = 0; n < 40; n++) {
     Random random(n);
@@ -402,7 +394,6 @@ size_t total(const std::vector<Rect>& tiles) {
   return sum;
 }
 
-// Which pixels one of the cameras has a weight in.
 std::vector<bool> weighted(const test::Production& production, const std::vector<CameraIndex>& cameras) {
   const View& view = production.plan.view();
   std::vector<bool> out(static_cast<size_t>(view.width) * view.height);
@@ -445,7 +436,7 @@ TEST(SumTiles, HoldEveryPixelOnce) {
         }
       }
       EXPECT_TRUE(std::ranges::is_sorted(tiles, {}, &Rect::y0));
-      EXPECT_LE(tiles.size(), before) << "what may be spared makes fewer of them";
+      EXPECT_LE(tiles.size(), before) << "fewer tiles";
       before = tiles.size();
     }
   }
@@ -468,13 +459,12 @@ TEST(SumTiles, CamerasFarApartHaveTilesOfTheirOwn) {
   Random random(4);
   const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
   const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
-  const RenderJob job(rig, build_mesh(rig), view, std::vector<CameraIndex>{5, 9});  // at both ends of a row
+  const RenderJob job(rig, build_mesh(rig), view, std::vector<CameraIndex>{5, 9});
   const std::vector<Rect> apart = tiles_of(job, PixelFamily::kRgb, 1000);
   EXPECT_EQ(apart.size(), 2u);
   EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20).size(), 1u);
 }
 
-// Of 96x64 pixels.
 View view_from(const Vec3& position) {
   return {96,
           64,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What a wide aperture is for: foliage before a figure vanishes, and what is out of focus blurs.
+// With a wide aperture, foliage before a figure disappears, and out-of-focus objects blur.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 #include "composite/still.h"
 #include "image/image.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
 
@@ -18,13 +18,12 @@ namespace synthetic_aperture_test {
 constexpr int kWidth = 160, kHeight = 120;
 constexpr double kFigure = 3, kFoliage = 1.2;  // metres
 
-// A figure of stripes and rings on a wall.
 double figure_luma(const Vec3& at) {
   const double r = std::hypot(at.x, at.y);
   return r < 0.5 ? 128 + 90 * std::sin(40 * r) : 128 + 60 * std::sin(17 * at.x + 5 * at.y) * std::cos(13 * at.y);
 }
 
-// Leaves: discs of 1.2 cm at random places, which hide some 30 % of what is behind them.
+// Leaves: discs of 1.2 cm at random places, which hide about 30 % of the background.
 struct Foliage {
   Foliage() {
     reference::Random random(5);
@@ -70,7 +69,7 @@ class SyntheticAperture : public testing::Test {
                         [this](CameraIndex i) -> const Image& { return images_[i]; })
         .picture;
   }
-  // For people: LF_PICTURES=FOLDER keeps them.
+  // LF_PICTURES=FOLDER keeps the pictures for inspection.
   static void keep(const Image& picture, const std::string& name) {
     if (const char* folder = std::getenv("LF_PICTURES")) save_image(picture, std::string(folder) + "/" + name + ".png");
   }
@@ -81,8 +80,7 @@ class SyntheticAperture : public testing::Test {
 
 Blending wide(double aperture) { return {Blending::Kind::kAperture, aperture, 0}; }
 
-// The best that gain and offset make of a picture: leaves that are everywhere a little are a veil, which takes
-// contrast.
+// Fits gain and offset to the truth: blurred leaves form a veil that reduces contrast.
 Image without_veil(const Image& picture, const Image& truth) {
   Image out = picture;
   const size_t n = picture.data().size() / 3;
@@ -126,7 +124,6 @@ TEST_F(SyntheticAperture, SeesThroughFoliage) {
   EXPECT_GT(without, mesh_without_veil + 8);
 }
 
-// How much luma varies over the middle of a picture.
 double contrast(const Image& picture) {
   double sum = 0, squares = 0;
   int n = 0;
@@ -152,8 +149,7 @@ TEST_F(SyntheticAperture, DepthOfFieldShrinksAsItGrows) {
   }
 }
 
-// By angle, cameras that stand anywhere, with lenses and resolutions of their own, predict a view better than
-// triangles.
+// For irregular cameras with different lenses and resolutions, blending by angle predicts a view better than triangles.
 TEST(ByAngle, UnstructuredArraysGainOverTheirMesh) {
   reference::Random random(0);
   Rig rig;

@@ -40,13 +40,13 @@ TEST(Rays, DistortedRaysProjectBackToTheirPixels) {
 }
 
 TEST(Rays, PixelsBeyondTheFoldHaveNone) {
-  const Lens lens(LensModel::kSimpleRadial, {10, 31.5, 31.5, -0.5});  // sees a disc only
+  const Lens lens(LensModel::kSimpleRadial, {10, 31.5, 31.5, -0.5});
   const Rays rays(lens, 64, 64);
   EXPECT_TRUE(std::isnan(rays.at(0, 0).x));
   EXPECT_FALSE(std::isnan(rays.at(32, 32).x));
 }
 
-// A table of a large view takes seconds: it is made in parts, which others may go between.
+// A table for a large view takes seconds, so it is built in parts that other work can interrupt.
 TEST(Rays, TablesAreMadeInParts) {
   const Lens lens(LensModel::kRadial, {300, 99.5, 70.25, -0.21, 0.0417});
   size_t parts = 0;
@@ -87,7 +87,6 @@ TEST(Rays, ChromaOfTheLastOddPixelIsThatPixels) {
 
 constexpr int kWidth = 70, kHeight = 50;
 
-// The bounding rectangle of the pixels in which every half-plane is >= 0, by looking at each.
 Rect brute_force(const Rays& rays, const std::vector<Vec3>& half_planes) {
   Rect rect;
   for (int y = 0; y < kHeight; y++)
@@ -102,7 +101,7 @@ Rect brute_force(const Rays& rays, const std::vector<Vec3>& half_planes) {
 
 bool holds(const Rect& outer, const Rect& inner) { return inner.empty() || unite(outer, inner) == outer; }
 
-class RegionBoundsTest : public testing::TestWithParam<double> {};  // k1 of the view's lens
+class RegionBoundsTest : public testing::TestWithParam<double> {};
 
 TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
   const Lens lens(LensModel::kSimpleRadial, {60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, GetParam()});
@@ -118,8 +117,8 @@ TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
     ASSERT_TRUE(holds(bound, exact)) << i;
     if (exact.empty()) continue;
     seen++;
-    // Corners of the region between pixel centres make a pinhole's bound up to a few pixels larger on slivers;
-    // a distorted one's grows to whole tiles.
+    // Region corners between pixel centres enlarge a pinhole's bound by a few pixels for slivers; a distorted lens's
+    // bound grows to whole tiles.
     const bool pinhole = GetParam() == 0;
     EXPECT_LE(bound.width() * bound.height(), pinhole ? exact.width() * exact.height() * 2 + 400 : kWidth * kHeight)
         << i;
@@ -129,7 +128,6 @@ TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
 
 INSTANTIATE_TEST_SUITE_P(Lenses, RegionBoundsTest, testing::Values(0.0, -0.2, 0.3));
 
-// Groups of tiles are passed over where none of them holds a pixel: each tile alone says the same.
 TEST(RegionBounds, GroupsOfTilesChangeNothing) {
   constexpr int kWide = 400, kTall = 300, kTile = 16;
   const Lens lens(LensModel::kRadial, {150, 180, 140, -0.3, 0.05});
@@ -152,10 +150,10 @@ TEST(RegionBounds, GroupsOfTilesChangeNothing) {
               low = glm::min(low, ray);
               high = glm::max(high, ray);
             }
-        const auto may_hold = [&](const Vec3& h) {
+        const auto may_contain = [&](const Vec3& h) {
           return h.x * (h.x > 0 ? high.x : low.x) + h.y * (h.y > 0 ? high.y : low.y) + h.z >= -1e-12;
         };
-        if (low.x <= high.x && std::ranges::all_of(half_planes, may_hold)) by_tiles = unite(by_tiles, tile);
+        if (low.x <= high.x && std::ranges::all_of(half_planes, may_contain)) by_tiles = unite(by_tiles, tile);
       }
     ASSERT_EQ(bounds.bound(half_planes), by_tiles) << i;
     smaller += by_tiles != Rect{0, 0, kWide, kTall};
@@ -177,7 +175,7 @@ TEST(RegionBounds, EdgesThroughPixelCentresAreInside) {
   EXPECT_EQ(bounds.bound(half_planes), (Rect{10, 5, 21, 6}));
 }
 
-// Numbers off a network may be as large as doubles are.
+// Coordinates from a network may be as large as doubles allow.
 TEST(RegionBounds, OverflowsBoundNothing) {
   const Lens lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
   const Rays rays(lens, kWidth, kHeight);
@@ -201,7 +199,7 @@ TEST(RegionBounds, StayInTheViewWhereverItsCentreIs) {
   }
 }
 
-// The laws and the hard cases are in laws_test.cc and hard_cases_test.cc.
+// invariants_test.cc and hard_cases_test.cc test the invariants and the hard cases.
 
 View middle_view(int width = 60, int height = 45) {
   View view;
@@ -216,10 +214,10 @@ View middle_view(int width = 60, int height = 45) {
 TEST(ViewPlan, OwnersAndWeightsDoNotDependOnTheRegion) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   const ViewPlan plan(rig, build_mesh(rig), middle_view());
-  const OwnerMap whole(plan, {0, 0, 60, 45}), part(plan, {13, 7, 41, 30});
+  const FaceIdMap whole(plan, {0, 0, 60, 45}), part(plan, {13, 7, 41, 30});
   for (int y = 7; y < 30; y++)
     for (int x = 13; x < 41; x++) ASSERT_EQ(whole.at(x, y), part.at(x, y));
-  EXPECT_EQ(OwnerMap(plan, {-5, -5, 100, 100}).region(), (Rect{0, 0, 60, 45}));
+  EXPECT_EQ(FaceIdMap(plan, {-5, -5, 100, 100}).region(), (Rect{0, 0, 60, 45}));
 }
 
 TEST(ViewPlan, RectanglesAreUnionsOfFaces) {
@@ -236,7 +234,7 @@ TEST(ViewPlan, RectanglesAreUnionsOfFaces) {
 TEST(ViewPlan, AViewThatLooksAwayHasNoContributors) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   View view = middle_view();
-  view.pose.orientation = Quat(0, 0, 1, 0);  // half a turn about y
+  view.pose.orientation = Quat(0, 0, 1, 0);
   view.focus.plane = focal_plane_at(view.pose, 2.5);
   EXPECT_TRUE(ViewPlan(rig, build_mesh(rig), view).contributors().empty());
 }
@@ -319,7 +317,7 @@ TEST_F(ViewWarpTest, MakesThePlanItWasMadeFrom) {
   for (Camera& camera : places_unknown.cameras) camera.pose = {};
   EXPECT_FALSE(plan.contributors().empty());
   EXPECT_EQ(told.contributors(), plan.contributors());
-  EXPECT_EQ(view_warp(places_unknown, told), warp()) << "and once more, by somebody who knows no places";
+  EXPECT_EQ(view_warp(places_unknown, told), warp()) << "also without camera positions";
 }
 
 TEST_F(ViewWarpTest, WherePlaneAndEyeMeetThereIsNothingToTell) {

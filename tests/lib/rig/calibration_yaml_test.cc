@@ -81,7 +81,7 @@ TEST(OpenCvYaml, ErrorsNameFileAndPlace) {
   EXPECT_ERROR(import_opencv_yaml(dir / "none.yml"), "none.yml: can't be read");
 }
 
-// As OpenCV and ROS write a single camera.
+// The format of OpenCV and ROS for a single camera.
 std::string single(const std::string& more, const std::string& terms = "[-0.1, 0.02, 0.001, -0.002]") {
   return "%YAML:1.0\n---\nimage_width: 1280.0\nimage_height: 960\n" + more +
          "camera_matrix: { rows: 3, cols: 3, data: [402.5, 0, 641.2, 0, 402.1, 478.9, 0, 0, 1] }\n"
@@ -110,7 +110,7 @@ TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
   EXPECT_NE(error("%YAML:1.0\n---\nK: [1, 2]\n").find("has none of the keys"), std::string::npos);
 }
 
-// calibrateCamera() and solvePnP() give rvec and tvec.
+// calibrateCamera() and solvePnP() return rvec and tvec.
 TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
   const TempDir dir;
   const auto error = [&](const std::string& place) {
@@ -164,7 +164,7 @@ TEST(OpenCvYaml, ReadsTheStereoSamplesFiles) {
   EXPECT_NE(beside.notes.at(0).find("extrinsics.yml"), std::string::npos);
 }
 
-// As Kalibr writes it: sequences as far to the left as their keys.
+// Kalibr's format: sequences are not indented below their keys.
 constexpr char kStereo[] = R"(cam0:
   cam_overlaps: [1]
   camera_model: pinhole
@@ -234,7 +234,7 @@ TEST(Kalibr, WhatWeLackIsRefusedByPlace) {
   EXPECT_NE(with("cam0", "cam7").find("cam0"), std::string::npos);
 }
 
-// A camera's T_cam_imu, `x` metres to the left of the IMU.
+// Returns a camera's T_cam_imu, `x` metres to the left of the IMU.
 std::string at_imu(const char* key, double x) {
   return std::string("  ") + key + ": [[1, 0, 0, " + std::to_string(x) +
          "], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
@@ -254,7 +254,7 @@ TEST(Kalibr, TimeShiftsBecomeTimeOffsets) {
   EXPECT_EQ(rig.cameras.at(0).time_offset, 0.0019);
   EXPECT_EQ(rig.cameras.at(1).time_offset, -0.025);
   EXPECT_EQ(rig.cameras.at(1).width, 640);
-  EXPECT_TRUE(export_kalibr(rig, dir / "y.yaml").notes.empty()) << "they are written, too";
+  EXPECT_TRUE(export_kalibr(rig, dir / "y.yaml").notes.empty()) << "written, too";
   EXPECT_EQ(import_kalibr(dir / "y.yaml").rig.cameras.at(1).time_offset, -0.025);
 }
 

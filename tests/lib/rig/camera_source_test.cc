@@ -5,7 +5,7 @@
 
 #include "image/image.h"
 #include "rig/camera_source.h"
-#include "rig/still_images.h"
+#include "rig/still_image_cache.h"
 #include "support/expect_error.h"
 #include "support/jpeg_samples.h"
 #include "support/temp_dir.h"
@@ -32,7 +32,6 @@ class CameraSourceTest : public testing::Test {
   Rig rig_;
 };
 
-// Names that look like patterns, URIs and elements.
 TEST_F(CameraSourceTest, AnyNameOfAFileIsThatFile) {
   for (const char* name : {"plain.mkv", "with space.mkv", "100%_cam.mkv", "cam%201.mkv", "cam-12:30:05.mkv",
                            "2024-05-19 20:23:45.mkv", "take ! two.mkv", "take run=3.mkv", "-dash.mkv", "#1.mkv",
@@ -104,7 +103,7 @@ TEST_F(CameraSourceTest, SequencesHaveNoGaps) {
   EXPECT_ERROR(find("%d_%d.png"), "exactly one %d");
 }
 
-// A camera that has lost its first picture would be one picture early.
+// A camera without its first picture would be one picture ahead.
 TEST_F(CameraSourceTest, AFirstPictureThatOthersHaveIsMissing) {
   for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_1.png", "b_2.png", "c_1.png", "c_2.png", "c_3.png"})
     dir_.write(name, kPng);
@@ -147,39 +146,59 @@ class Folder {
   fs::path path_;
 };
 
-TEST(StillImages, ReadsOnDemandAndKeepsWhatThereIsRoomFor) {
+TEST(StillImageCache, ReadsOnDemandAndKeepsWhatThereIsRoomFor) {
   const Folder folder;
   Rig rig = three_cameras(folder.path());
   for (int i = 0; i < 3; i++) save_image(picture(i), folder.path(rig.cameras[i].image));
-  StillImages images(rig, PixelFamily::kRgb, 2 * 32 * 24 * 3);
+  StillImageCache images(rig, PixelFamily::kRgb, 2 * 32 * 24 * 3);
   for (CameraIndex i = 0; i < 3; i++) EXPECT_EQ(images.get(i).data(), picture(static_cast<int>(i)).data());
   for (int i = 0; i < 3; i++) fs::remove(folder.path(rig.cameras[i].image));
   EXPECT_EQ(images.get(1).data(), picture(1).data());
   EXPECT_EQ(images.get(2).data(), picture(2).data());
-  EXPECT_ERROR(images.get(0), "no such image file");  // it had to go
+  EXPECT_ERROR(images.get(0), "no such image file");  // evicted before
 }
 
-TEST(StillImages, HasImagesIfEveryCameraNamesOne) {
+TEST(StillImageCache, HasImagesIfEveryCameraNamesOne) {
   Rig rig = three_cameras("");
   EXPECT_TRUE(has_images(rig));
   rig.cameras[1].image = "";
   EXPECT_FALSE(has_images(rig));
 }
 
-TEST(StillImages, GivesI420WhereAsked) {
+TEST(StillImageCache, GivesI420WhereAsked) {
   const Folder folder;
   const Rig rig = three_cameras(folder.path());
   save_image(picture(0), folder.path("cam_0.png"));
-  EXPECT_EQ(StillImages(rig, PixelFamily::kI420).get(0).data(), to_i420(picture(0)).data());
+  EXPECT_EQ(StillImageCache(rig, PixelFamily::kI420).get(0).data(), to_i420(picture(0)).data());
 }
 
-TEST(StillImages, ErrorsNameCameraAndFile) {
+TEST(StillImageCache, RotatedImagesAreReported) {
+  using namespace std::string_literals;
+  const TempDir dir;
+  Rig rig = three_cameras(dir.path());
+  const auto bytes = test::encode_jpeg(test::noisy_picture(32, 24, 1), {});
+  std::string jpeg(bytes.begin(), bytes.end());
+  for (Camera& camera : rig.cameras) camera.image = "upright.jpg";
+  dir.write("upright.jpg", jpeg);
+  EXPECT_EQ(orientation_notice(rig), "");
+  // an EXIF segment with orientation 3, rotated by 180 degrees
+  jpeg.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"s);
+  dir.write("rotated.jpg", jpeg);
+  rig.cameras[1].image = rig.cameras[2].image = "rotated.jpg";
+  EXPECT_EQ(orientation_notice(rig).find("cameras[1].image: " + dir / "rotated.jpg" + ": "), 0u);
+  EXPECT_TRUE(orientation_notice(rig).ends_with("; 1 more"));
+  rig.cameras[1].width = 24;
+  rig.cameras[1].height = 32;
+  EXPECT_ERROR(StillImageCache(rig).get(1), "EXIF");
+}
+
+TEST(StillImageCache, ErrorsNameCameraAndFile) {
   const Folder folder;
   Rig rig = three_cameras(folder.path());
   rig.cameras[0].image = "";
   save_image(picture(0, 31, 24), folder.path("cam_2.png"));
-  StillImages images(rig);
-  EXPECT_ERROR(images.get(0), "camera 100: the rig names no image for it");
+  StillImageCache images(rig);
+  EXPECT_ERROR(images.get(0), "camera 100: the rig has no image of this camera");
   EXPECT_ERROR(images.get(1), "camera 101: " + folder.path("cam_1.png"));
   EXPECT_ERROR(images.get(2), "camera 102: " + folder.path("cam_2.png") + ": has 31x24 pixels, the rig says 32x24");
 }

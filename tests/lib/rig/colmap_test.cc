@@ -48,7 +48,7 @@ TEST(ColmapText, ReadsImagesWithAndWithoutPoints) {
   EXPECT_EQ(images[0].q, Quat(0.6, 0, 0.8, 0));
   EXPECT_EQ(images[0].t, Vec3(1, 2, 3));
   EXPECT_EQ(images[0].name, "2021-05-19 20.23.45.jpg");
-  EXPECT_EQ(images[1].q, Quat(1, 0, 0, 0)) << "normalised as COLMAP does it";
+  EXPECT_EQ(images[1].q, Quat(1, 0, 0, 0)) << "normalised as in COLMAP";
   EXPECT_EQ(images[1].t, Vec3(-1e-3, 0, 0));
   EXPECT_EQ(images[1].name, "left/b.png");
   EXPECT_EQ(images[2].name, "c");
@@ -104,7 +104,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
     const char* message;
   } const images[] = {
       {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
-      {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is no text in UTF-8"},
+      {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is not UTF-8"},
       {"1 1 0 0 0 0 0", "TZ is missing"},
       {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ must be a rotation"},
       {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, is \"inf\""},
@@ -115,7 +115,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
     const std::string path = dir.write("images.txt", std::string("2 1 0 0 0 0 0 0 1 z.png\n\n") + c.line + "\n");
     EXPECT_ERROR(read_colmap_images(path, kOneCamera), path + ": line 3: " + c.message);
   }
-  // Without the lines of points every second image would be taken for points.
+  // Without POINTS2D lines, every second image would be read as points.
   const std::string path = dir.write("images.txt", "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b.png\n");
   EXPECT_ERROR(read_colmap_images(path, kOneCamera), path + ": line 2: POINTS2D[]");
   EXPECT_ERROR(read_colmap_cameras(dir / "none.txt"), "none.txt: can't be read");
@@ -148,7 +148,7 @@ TEST(ImageSearch, RefusesWhatIsNotThereOrNotSure) {
   for (const char* name : {"1.jpg", "left/a.png", "right/a.png", "x_c.png", "y_c.png"}) dir.write(name, "");
   const ImageSearch search(dir.path());
   EXPECT_ERROR(search.find("2.jpg"), dir.path() + ": no image file for \"2.jpg\"");
-  EXPECT_ERROR(search.find("21.jpg"), "no image file for \"21.jpg\"");  // 1.jpg is not the end of a word of it
+  EXPECT_ERROR(search.find("21.jpg"), "no image file for \"21.jpg\"");  // 1.jpg is not a separate word in 21.jpg
   EXPECT_ERROR(search.find("a.png"), "more than one image file for \"a.png\": left/a.png, right/a.png");
   EXPECT_ERROR(search.find("c.png"), "more than one image file for \"c.png\"");
   EXPECT_ERROR(search.find(""), "no image file");
@@ -182,13 +182,13 @@ TEST(Colmap, ConventionsOfPixelsAndPoses) {
   EXPECT_EQ(camera.name, "a b");
   EXPECT_EQ(camera.image, "a b.png");
   EXPECT_EQ(camera.lens, Lens(LensModel::kSimpleRadial, {400, 159.5, 119.5, 0.1}))
-      << "the middle of 320 pixels is 160 where (0.5, 0.5) is the first centre, 159.5 where (0, 0) is";
-  // R turns world z to camera x, world x to camera -z: the camera looks along -x of the world and sits where
-  // R c + (1, 0, 0) = 0: c = (0, 0, -1).
+      << "the centre of 320 pixels is 160 with pixel centres at 0.5, else 159.5";
+  // R turns world z to camera x and world x to camera -z: the camera looks along world -x, at c with R c + (1, 0, 0) =
+  // 0: c = (0, 0, -1).
   EXPECT_NEAR(glm::length(camera.pose.position - Vec3(0, 0, -1)), 0, 1e-15);
   EXPECT_NEAR(glm::length(camera.pose.forward() - Vec3(-1, 0, 0)), 0, 1e-15);
   EXPECT_EQ(result.rig.topology.type, Topology::Type::kDelaunay);
-  EXPECT_EQ(result.notes.size(), 1u) << "that sizes were not checked";
+  EXPECT_EQ(result.notes.size(), 1u) << "sizes were not checked";
 }
 
 TEST(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
@@ -228,11 +228,11 @@ TEST(Colmap, ExportSaysWhatItLoses) {
   rig.topology = {Topology::Type::kGrid, 1, 5, {}};
   rig.cameras[1].source = "rtsp://host/1";
   rig.cameras[1].time_offset = 0.1;
-  const double norm = 1 + 9e-7;  // as files may have it; COLMAP's are normalised
+  const double norm = 1 + 9e-7;  // files may have unnormalised quaternions; COLMAP normalises
   rig.cameras[2].pose.orientation = rig.cameras[2].pose.orientation * norm;
   const RigExport result = export_colmap(rig, dir.path());
   EXPECT_EQ(result.notes.size(), 3u);
-  EXPECT_LE(result.max_error, 1e-9);  // a norm that is off turns nothing: Pose::rotation() takes it out
+  EXPECT_LE(result.max_error, 1e-9);  // Pose::rotation() normalises, so the norm has no effect
 }
 
 TEST(Colmap, ExportRefusesWhatColmapCantRead) {
@@ -242,7 +242,7 @@ TEST(Colmap, ExportRefusesWhatColmapCantRead) {
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP reads the name \"a b.png\" up to its first space");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[0].image;
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also that of camera 20");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also used by camera 20");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[1].name = "";
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP wants a name");
@@ -313,7 +313,7 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   ASSERT_EQ(result.rig.cameras.size(), 2u);
   EXPECT_EQ(result.rig.cameras[0].width, 7);
   EXPECT_EQ(result.rig.cameras[0].height, 5);
-  EXPECT_EQ(result.rig.cameras[0].lens, Lens(LensModel::kPinhole, {5, 5, 3, 2})) << "the middle stays the middle";
+  EXPECT_EQ(result.rig.cameras[0].lens, Lens(LensModel::kPinhole, {5, 5, 3, 2})) << "the centre stays the centre";
   EXPECT_EQ(result.rig.cameras[1].lens, Lens(LensModel::kPinhole, {5, 6, 7.5, 3.5}));
   ASSERT_EQ(result.notes.size(), 1u);
   EXPECT_EQ(result.notes[0], "2 image files have other names than in images.txt: 1.png for \"day 1.png\", ...");
@@ -333,21 +333,20 @@ TEST(Colmap, AGridIsInTheOrderOfNames) {
   EXPECT_EQ(rig.topology.columns, 2);
   std::string names;
   for (const Camera& camera : rig.cameras) names += camera.name;
-  EXPECT_EQ(names, "cam1cam2cam9cam10") << "by their numbers";
+  EXPECT_EQ(names, "cam1cam2cam9cam10") << "by number";
   EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt: 4 images do not make a grid of 2x3");
 }
 
 TEST(Colmap, AGridOfCamerasElsewhereIsRefused) {
   const TempDir dir;
   std::string images;
-  // A grid of 3x4 whose files are named column by column.
   for (int i = 0; i < 12; i++)
     images += std::to_string(i + 1) + " 1 0 0 0 " + std::to_string(-(i / 3)) + " " + std::to_string(-(i % 3)) +
               " 0 1 c" + std::to_string(i) + ".png\n\n";
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", images);
-  EXPECT_EQ(import_colmap(dir.path(), {"", false, 4, 3}).rig.topology.rows, 4) << "its rows are columns";
+  EXPECT_EQ(import_colmap(dir.path(), {"", false, 4, 3}).rig.topology.rows, 4) << "rows and columns are swapped";
   const std::string error = text_of_error([&] { import_colmap(dir.path(), {"", false, 3, 4}); });
-  EXPECT_NE(error.find("by the order of their names the cameras are no grid of 3x4"), std::string::npos) << error;
+  EXPECT_NE(error.find("in the order of their names, the cameras form no grid of 3x4"), std::string::npos) << error;
   EXPECT_NE(error.find("--grid"), std::string::npos) << error;
 }
 

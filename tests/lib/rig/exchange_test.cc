@@ -25,7 +25,7 @@ TEST(Exchange, NamesWhatIsLostAndByHowMuch) {
   Rig other = rig;
   other.cameras[0].lens = Lens::pinhole(400, 160.5, 119.5);
   EXPECT_NEAR(describe_export(rig, other, {}).max_error, 1, 1e-9);
-  EXPECT_ERROR(refuse_camera(rig.cameras[1], "no"), "camera 19: no");
+  EXPECT_ERROR(throw_camera_error(rig.cameras[1], "no"), "camera 19: no");
 }
 
 Rig one_camera() {
@@ -49,15 +49,15 @@ TEST(ReprojectionError, MeasuresEachKindOfDifferenceInPixels) {
   other.cameras[0].lens = Lens(LensModel::kRadial, {400, 159.5, 119.75, -0.15, 0.03});
   EXPECT_NEAR(max_reprojection_error(rig, other, 1), 0.25, 1e-9);
 
-  other = rig;  // the corner moves by 0.5 % of its (distorted) radius of 200 px and a little
+  other = rig;  // the corner moves by 0.5 % of its (distorted) radius of 200 px and a little more
   other.cameras[0].lens = Lens(LensModel::kRadial, {402, 159.5, 119.5, -0.15, 0.03});
   EXPECT_NEAR(max_reprojection_error(rig, other, 1), 1, 1e-9);
 
-  other = rig;  // 1 mm sideways at 2 m: 400 * 0.0005 px at the centre, less towards the corners of a barrel
+  other = rig;  // 1 mm sideways at 2 m: 400 * 0.0005 px at the centre, less towards the corners (barrel distortion)
   other.cameras[0].pose.position += 0.001 * rig.cameras[0].pose.right();
   EXPECT_NEAR(max_reprojection_error(rig, other, 2), 0.2, 1e-6);
 
-  other = rig;  // half a turn: nothing is seen
+  other = rig;  // half a turn: no common points
   other.cameras[0].pose.orientation = rig.cameras[0].pose.orientation * Quat(0, 0, 1, 0);
   EXPECT_EQ(max_reprojection_error(rig, other, 1), std::numeric_limits<double>::infinity());
   EXPECT_EQ(max_reprojection_error(rig, Rig{}, 1), std::numeric_limits<double>::infinity());
@@ -65,18 +65,18 @@ TEST(ReprojectionError, MeasuresEachKindOfDifferenceInPixels) {
 
 TEST(OpenCvTerms, TheShortestModelThatHoldsALens) {
   using enum LensModel;
-  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {}), Lens(kSimplePinhole, {5, 2, 1}));
-  EXPECT_EQ(lens_of_opencv_terms({5, 6, 2, 1}, {0, 0, 0, 0}), Lens(kPinhole, {5, 6, 2, 1}));
-  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0.1}), Lens(kSimpleRadial, {5, 2, 1, 0.1}));
-  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0, 0.1}), Lens(kRadial, {5, 2, 1, 0, 0.1}));
-  EXPECT_EQ(lens_of_opencv_terms({5, 6, 2, 1}, {0.1}), Lens(kOpenCv, {5, 6, 2, 1, 0.1, 0, 0, 0}));
-  EXPECT_EQ(lens_of_opencv_terms({5, 5, 2, 1}, {0, 0, 0, 0.1}), Lens(kOpenCv, {5, 5, 2, 1, 0, 0, 0, 0.1}));
-  EXPECT_ERROR(lens_of_opencv_terms({0, 5, 2, 1}, {}), "focal length must be positive");
+  EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {}), Lens(kSimplePinhole, {5, 2, 1}));
+  EXPECT_EQ(lens_from_opencv({5, 6, 2, 1}, {0, 0, 0, 0}), Lens(kPinhole, {5, 6, 2, 1}));
+  EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {0.1}), Lens(kSimpleRadial, {5, 2, 1, 0.1}));
+  EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {0, 0.1}), Lens(kRadial, {5, 2, 1, 0, 0.1}));
+  EXPECT_EQ(lens_from_opencv({5, 6, 2, 1}, {0.1}), Lens(kOpenCv, {5, 6, 2, 1, 0.1, 0, 0, 0}));
+  EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {0, 0, 0, 0.1}), Lens(kOpenCv, {5, 5, 2, 1, 0, 0, 0, 0.1}));
+  EXPECT_ERROR(lens_from_opencv({0, 5, 2, 1}, {}), "focal length must be positive");
 }
 
 TEST(OpenCvTerms, MotionsInvertAndFollowEachOther) {
   const Rig rig = mixed_rig();
-  const RigidMotion a = camera_from_world(rig.cameras[0].pose), b = camera_from_world(rig.cameras[1].pose);
+  const RigidTransform a = camera_from_world(rig.cameras[0].pose), b = camera_from_world(rig.cameras[1].pose);
   const Vec3 x(1, 2, 3);
   EXPECT_LT(glm::length(a(x) - rig.cameras[0].pose.camera_from_world(x)), 1e-12);
   EXPECT_LT(glm::length((b * a.inverse())(a(x)) - b(x)), 1e-12);
@@ -88,13 +88,13 @@ TEST(OpenCvTerms, RoundedRotationsAreMadeRotationsOthersRefused) {
   const std::string file = "x.json";
   const auto parse = [&](const char* text) {
     const nlohmann::json json = parse_json(text, file);
-    return parse_rigid_motion(JsonValue(json, file));
+    return parse_rigid_transform(JsonValue(json, file));
   };
-  const RigidMotion motion = parse("[[0.8, -0.6, 0, 1], [0.6001, 0.8, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]");
+  const RigidTransform motion = parse("[[0.8, -0.6, 0, 1], [0.6001, 0.8, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]");
   const Mat3 square = glm::transpose(motion.rotation) * motion.rotation;
   for (int c = 0; c < 3; c++)
     for (int r = 0; r < 3; r++) EXPECT_NEAR(square[c][r], c == r, 1e-14);
-  EXPECT_NEAR(motion.rotation[0][1], 0.6, 1e-4);  // first column, second row
+  EXPECT_NEAR(motion.rotation[0][1], 0.6, 1e-4);
   EXPECT_EQ(motion.translation, Vec3(1, 2, 3));
   EXPECT_ERROR(parse("[[1, 0, 0, 1], [0, 1, 0, 2]]"), "x.json: must have 3 or 4 rows");
   EXPECT_ERROR(parse("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"), "x.json: [0]: must ");
@@ -118,7 +118,7 @@ TEST(ForeignKeys, RefusesKeysThatChangeTheMeaningOfOthers) {
     const std::string error = text_of_error([&] { check(file.c_str()); });
     EXPECT_EQ(error.find("f.json: cameras[1]."), 0u) << member << ": " << error;
     EXPECT_NE(error.find("a rig cannot hold"), std::string::npos) << member << ": " << error;
-    // Within a value that no importer reads, too.
+    // Also inside a value that no importer reads.
     const std::string inside = std::string(R"({"settings": {"lens": {)") + member + "}}}";
     EXPECT_ERROR(check(inside.c_str()), "f.json: settings.lens.");
   }

@@ -43,7 +43,7 @@ TEST(MeshOfGrid, EachCellIsSplitAsTheRuleSays) {
   }
 }
 
-// The corners of the array in service: whatever else is lost, the whole rectangle stays covered, once.
+// A loss inside the array never uncovers a part of the rectangle between its corners.
 TEST(MeshOfGrid, LossesInsideTheCornersLeaveNoGap) {
   std::mt19937 random(11);
   for (int trial = 0; trial < 60; ++trial) {
@@ -62,22 +62,22 @@ TEST(MeshOfGrid, LossesInsideTheCornersLeaveNoGap) {
 }
 
 TEST(CornersOfArrays, AreThoseOfTheirHull) {
-  EXPECT_THAT(corner_cameras(as_grid(rig_at(grid_points(3, 4)), 3, 4)), ElementsAre(0, 3, 8, 11));
-  EXPECT_THAT(corner_cameras(rig_at(grid_points(1, 5))), ElementsAre(0, 4));
-  EXPECT_THAT(corner_cameras(rig_at(grid_points(1, 1))), ElementsAre(0));
-  EXPECT_THAT(corner_cameras({}), IsEmpty());
+  EXPECT_THAT(hull_cameras(as_grid(rig_at(grid_points(3, 4)), 3, 4)), ElementsAre(0, 3, 8, 11));
+  EXPECT_THAT(hull_cameras(rig_at(grid_points(1, 5))), ElementsAre(0, 4));
+  EXPECT_THAT(hull_cameras(rig_at(grid_points(1, 1))), ElementsAre(0));
+  EXPECT_THAT(hull_cameras({}), IsEmpty());
   auto twice = grid_points(3, 3);
   twice.push_back(twice[8]);
-  EXPECT_THAT(corner_cameras(rig_at(twice)), ElementsAre(0, 2, 6, 8));
+  EXPECT_THAT(hull_cameras(rig_at(twice)), ElementsAre(0, 2, 6, 8));
 }
 
 TEST(CornersOfArrays, StayInTheMeshWhereThreeCamerasWork) {
-  EXPECT_THAT(out_of_mesh({0, 4, 5}, {0, 2, 6, 8}, 9), ElementsAre(4, 5));
-  EXPECT_THAT(out_of_mesh({0, 1, 3, 4, 5, 6}, {0, 2, 6, 8}, 9), ElementsAre(1, 3, 4, 5));
-  EXPECT_THAT(out_of_mesh({0, 1, 3, 4, 5, 6, 7}, {0, 2, 6, 8}, 9), ElementsAre(0, 1, 3, 4, 5, 6, 7)) << "a strip";
+  EXPECT_THAT(mesh_exclusions({0, 4, 5}, {0, 2, 6, 8}, 9), ElementsAre(4, 5));
+  EXPECT_THAT(mesh_exclusions({0, 1, 3, 4, 5, 6}, {0, 2, 6, 8}, 9), ElementsAre(1, 3, 4, 5));
+  EXPECT_THAT(mesh_exclusions({0, 1, 3, 4, 5, 6, 7}, {0, 2, 6, 8}, 9), ElementsAre(0, 1, 3, 4, 5, 6, 7)) << "a strip";
 }
 
-// Whatever is lost, up to three quarters: all that three cameras surround is seen by one that works, and more.
+// Loses up to three quarters of the cameras. Everything that three cameras surround stays covered by a working camera.
 TEST(CornersOfArrays, MakeTheMeshCoverAllThatWasCovered) {
   std::mt19937 random(13);
   for (int trial = 0; trial < 200; ++trial) {
@@ -87,14 +87,14 @@ TEST(CornersOfArrays, MakeTheMeshCoverAllThatWasCovered) {
     const Rig rig = trial % 3 ? as_grid(rig_at(points), rows, columns) : rig_at(points);
     const CameraSet lost = random_set(random, n, n * (1 + trial % 3) / 4);
     const auto before = corners(build_mesh(rig, lost));
-    if (std::ranges::any_of(before, [](const Triangle& t) { return t[2] == kNone; })) continue;  // strips
-    const auto now = corners(build_mesh(rig, out_of_mesh(lost, corner_cameras(rig), n)));
+    if (std::ranges::any_of(before, [](const Triangle& t) { return t[2] == kNone; })) continue;
+    const auto now = corners(build_mesh(rig, mesh_exclusions(lost, hull_cameras(rig), n)));
     const auto has = [&](const std::vector<Triangle>& faces, IntPoint p) {
       return std::ranges::any_of(faces, [&](const Triangle& t) {
         const bool is_seen =
             std::ranges::any_of(t, [&](CameraIndex i) { return !std::ranges::binary_search(lost, i); });
         const bool turns = orientation(points[t[0]], points[t[1]], points[t[2]]) > 0;
-        return is_seen && in_closed_triangle(points[t[0]], points[turns ? t[1] : t[2]], points[turns ? t[2] : t[1]], p);
+        return is_seen && triangle_contains(points[t[0]], points[turns ? t[1] : t[2]], points[turns ? t[2] : t[1]], p);
       });
     };
     int seen_before = 0, seen_now = 0;
@@ -119,7 +119,7 @@ TEST(MeshOfGrid, JitteredGridsStayPlanarWhateverIsLost) {
     const CameraSet lost = random_set(random, n, n * (1 + trial % 5) / 6);
     const Rig rig = as_grid(rig_at(points), rows, columns);
     const Mesh mesh = build_mesh(rig, lost);
-    if (mesh.faces.empty() || mesh.faces[0].corners() < 3) continue;  // too few left
+    if (mesh.faces.empty() || mesh.faces[0].corners() < 3) continue;
     const auto faces = corners(mesh);
     expect_planar(points, faces);
     EXPECT_TRUE(std::none_of(faces.begin(), faces.end(), [&](const Triangle& t) { return contains_any(t, lost); }));
@@ -143,7 +143,7 @@ TEST(MeshOfGrid, InnerHolesAreFilledCompletelyAndOldFacesComeFirst) {
     }
     ASSERT_GE(faces.size(), kept.size());
     EXPECT_TRUE(std::equal(kept.begin(), kept.end(), faces.begin()));
-    for (size_t i = kept.size(); i < faces.size(); ++i) EXPECT_EQ(faces[i], lowest_first(faces[i]));
+    for (size_t i = kept.size(); i < faces.size(); ++i) EXPECT_EQ(faces[i], canonical_triangle(faces[i]));
   }
 }
 
@@ -162,7 +162,7 @@ TEST(MeshOfGrid, SizePlaceAndTiltDoNotMatter) {
   const auto expected = corners(build_mesh(as_grid(rig_at(points), 6, 7), lost));
   for (const double pitch : {0x1p-20, 0x1p-30, 1.0, 0x1p40}) {
     for (const Vec3& place : {Vec3(0), Vec3(0x1p20, -0x1p20, 0x1p20)}) {
-      if (place.x != 0 && pitch < 0x1p-25) continue;  // below the resolution of doubles there
+      if (place.x != 0 && pitch < 0x1p-25) continue;  // below the resolution of double at this position
       std::vector<Vec3> positions;
       for (const IntPoint p : points) positions.push_back(place + pitch / 1000 * Vec3(p.x, p.y, 0));
       EXPECT_EQ(corners(build_mesh(as_grid(rig_at(positions), 6, 7), lost)), expected) << pitch;
@@ -242,7 +242,7 @@ TEST(MeshOfDelaunay, RenumberingTheCamerasRenamesTheFaces) {
   for (int i = 0; i < 60; ++i) renumbered[new_index[i]] = positions[i];
   std::vector<Triangle> expected;
   for (const Triangle& t : corners(build_mesh(rig_at(positions)))) {
-    expected.push_back(lowest_first({new_index[t[0]], new_index[t[1]], new_index[t[2]]}));
+    expected.push_back(canonical_triangle({new_index[t[0]], new_index[t[1]], new_index[t[2]]}));
   }
   std::sort(expected.begin(), expected.end());
   EXPECT_EQ(corners(build_mesh(rig_at(renumbered))), expected);
@@ -259,7 +259,7 @@ TEST(MeshOfDelaunay, ThousandAndTwentyFourCameras) {
   EXPECT_EQ(corners(build_mesh(rig_at(points))), delaunay(points));
 }
 
-// Every topology, wherever no triangle with area is left.
+// Every topology without a remaining triangle of positive area.
 TEST(MeshWithoutTriangles, FewCameras) {
   EXPECT_THAT(build_mesh(rig_at(std::vector<IntPoint>{})).faces, IsEmpty());
   EXPECT_THAT(corners(build_mesh(rig_at(grid_points(1, 1)))), ElementsAre(Triangle{0, kNone, kNone}));
@@ -394,7 +394,6 @@ TEST(Strips, CamerasThatLookEveryWayStillHaveAnExtent) {
   EXPECT_NEAR(mesh.faces[0].extent.x, 0, 1e-15);
 }
 
-// As another program's file would bring it: without a topology.
 Rig without_topology(Rig rig) {
   rig.topology = {};
   return rig;
@@ -402,7 +401,6 @@ Rig without_topology(Rig rig) {
 
 Rig inward(int rows, int columns) { return make_cylinder_rig({rows, columns, 0.3, 1.5, true, 60}); }
 
-// Cameras on a dome that look at its middle.
 Rig dome(int cameras, double least_height) {
   Rig rig = make_grid_rig({1, cameras, 1, 60});
   rig.topology = {};
@@ -421,13 +419,13 @@ TEST(MeshFit, ALevelRingGetsTheTrianglesAroundIt) {
   for (const bool inwards : {true, false}) {
     const Rig ring = make_cylinder_rig({2, 12, 0.3, 1.5, inwards, 60});
     Rig found = without_topology(ring);
-    EXPECT_LT(share_looked_through(found, build_mesh(found)), 0.5) << "Delaunay goes across the middle";
+    EXPECT_LT(share_facing_cameras(found, build_mesh(found)), 0.5) << "Delaunay triangulates across the ring";
     const std::vector<std::string> notes = fit_topology(found);
     ASSERT_EQ(notes.size(), 1u);
     EXPECT_NE(notes[0].find(inwards ? "look at it" : "look away from it"), std::string::npos) << notes[0];
     ASSERT_EQ(found.topology.type, Topology::Type::kTriangles);
     EXPECT_EQ(found.topology.triangles.size(), ring.topology.triangles.size()) << "none at the open ends";
-    EXPECT_EQ(share_looked_through(found, build_mesh(found)), 1);
+    EXPECT_EQ(share_facing_cameras(found, build_mesh(found)), 1);
     for (const auto& t : found.topology.triangles)
       for (int k = 0; k < 3; k++)
         EXPECT_LT(glm::length(found.cameras[t[k]].pose.position - found.cameras[t[(k + 1) % 3]].pose.position), 1);
@@ -435,13 +433,13 @@ TEST(MeshFit, ALevelRingGetsTheTrianglesAroundIt) {
 }
 
 TEST(MeshFit, ADomeStaysWhole) {
-  // A cap is flat enough for the plane; cameras all around and above are not.
+  // A cap is flat enough for a plane; a full dome is not.
   Rig cap = dome(60, 0.7);
   EXPECT_TRUE(fit_topology(cap).empty());
   EXPECT_EQ(cap.topology.type, Topology::Type::kDelaunay);
   Rig sphere = dome(200, -1);
   ASSERT_EQ(fit_topology(sphere).size(), 1u);
-  EXPECT_EQ(share_looked_through(sphere, build_mesh(sphere)), 1);
+  EXPECT_EQ(share_facing_cameras(sphere, build_mesh(sphere)), 1);
   EXPECT_EQ(sphere.topology.triangles.size(), 2 * 200u - 4) << "Euler: a closed mesh";
 }
 
@@ -465,7 +463,7 @@ TEST(MeshFit, WhatSuitsIsLeftAlone) {
   EXPECT_EQ(grid.topology.type, Topology::Type::kDelaunay);
   Rig cylinder = inward(2, 12);
   const size_t triangles = cylinder.topology.triangles.size();
-  EXPECT_TRUE(fit_topology(cylinder).empty()) << "it has a topology";
+  EXPECT_TRUE(fit_topology(cylinder).empty()) << "already has a topology";
   EXPECT_EQ(cylinder.topology.triangles.size(), triangles);
   for (int cameras : {1, 2}) {
     Rig few = without_topology(make_grid_rig({1, cameras, 0.1, 60}));
@@ -475,7 +473,7 @@ TEST(MeshFit, WhatSuitsIsLeftAlone) {
 
 TEST(MeshFit, SaysSoWhereNothingSuits) {
   Rig ring = inward(2, 12);
-  ring.cameras.resize(12);  // the upper row alone
+  ring.cameras.resize(12);  // the upper row
   ring.topology = {};
   const std::vector<std::string> notes = fit_topology(ring);
   ASSERT_EQ(notes.size(), 1u);
@@ -496,7 +494,7 @@ TEST(GridFault, NamesCamerasInTheWrongOrder) {
   EXPECT_FALSE(find_grid_fault(rig));
   EXPECT_FALSE(find_grid_fault(make_grid_rig({1, 5, 0.1, 60})));
   EXPECT_FALSE(find_grid_fault(without_topology(rig)));
-  Rig turned = rig;  // column by column: a grid all the same
+  Rig turned = rig;  // column by column: still a grid
   for (int row = 0; row < 4; row++)
     for (int column = 0; column < 4; column++)
       turned.cameras[row * 4 + column].pose = rig.cameras[column * 4 + row].pose;

@@ -14,7 +14,6 @@ namespace {
 
 using nlohmann::json;
 
-// Four cameras with the ids 10, 3, 7, 5.
 json good_rig() {
   json rig = json::parse(R"({"format": "lightfield-rig", "version": 1, "cameras": [],
     "topology": {"type": "grid", "rows": 2, "columns": 2, "note": "kept"}, "provenance": {"tool": "x", "n": [1, 2]}})");
@@ -115,13 +114,13 @@ TEST(RigJson, RoundTripsToTheLastBit) {
 
 TEST(RigJson, KeepsUnknownKeysByCameraId) {
   const json original = good_rig();
-  Rig rig = sub_rig(parse(original), {2, 1});
+  Rig rig = rig_subset(parse(original), {2, 1});
   rig.cameras[0].image = "";
   rig.cameras[0].width = 99;
   const json saved = json::parse(rig_to_json(rig, &original));
   EXPECT_EQ(saved["provenance"], original["provenance"]);
   EXPECT_EQ(saved["topology"]["note"], "kept");
-  EXPECT_FALSE(saved["topology"].contains("rows")) << "known keys are the rig's alone";
+  EXPECT_FALSE(saved["topology"].contains("rows")) << "known keys come from the rig only";
   ASSERT_EQ(saved["cameras"].size(), 2u);
   EXPECT_EQ(saved["cameras"][0]["id"], 7);
   EXPECT_EQ(saved["cameras"][0]["sticker"], original["cameras"][2]["sticker"]);
@@ -150,7 +149,7 @@ TEST(RigJson, ColourHasDefaultsAndIsNoPartOfTheHash) {
 
 TEST(RigJson, ErrorsNameThePlace) {
   struct {
-    const char* patch;  // merged into the good file; null takes a key away
+    const char* patch;  // merged into the good file; null removes a key
     const char* message;
   } const files[] = {
       {R"({"format": null})", "key \"format\" is missing"},
@@ -236,7 +235,7 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"colour": {"gamma": [2, 2, 2]}})", "cameras[3].colour.gamma: must be a finite number, is array"},
       {R"({"colour": {"matrix": [1, 0, 0]}})", "cameras[3].colour.matrix: must have 9 elements, has 3"},
       {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 5]}})", "cameras[3].colour.matrix[8]: must be -4 to 4"},
-      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", "cameras[3].colour.matrix: must keep colours apart"},
+      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", "cameras[3].colour.matrix: determinant"},
       {R"({"colour": {"vignetting": [-1, 0]}})", "cameras[3].colour.vignetting: must leave 0.25 to 2.5 of the light"},
   };
   for (const auto& c : cases) {
@@ -292,13 +291,13 @@ TEST(RigJson, RefusesTooManyCameras) {
   EXPECT_ERROR(parse(file), "r.json: cameras: at most 65535 cameras, has 65536");
 }
 
-// Names of files may be any bytes.
+// File names may be arbitrary bytes.
 TEST(RigJson, WritesOnlyUtf8) {
   const Rig good = parse(good_rig());
   for (std::string Camera::*member : {&Camera::name, &Camera::image, &Camera::source}) {
     Rig rig = good;
     rig.cameras[1].*member = "caf\xe9";
-    EXPECT_ERROR(rig_to_json(rig), "cameras[1]: \"caf\\ufffd\" is no text in UTF-8");
+    EXPECT_ERROR(rig_to_json(rig), "cameras[1]: \"caf\\ufffd\" is not UTF-8");
   }
 }
 
@@ -307,7 +306,7 @@ TEST(RigJson, ReadsTheRealRigs) {
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
   EXPECT_EQ(load_rig(data / "chess/rig.json").cameras.size(), 64u);
   const Rig toys = load_rig(data / "toys/rig.json");
-  EXPECT_EQ(every_nth(toys, 2).cameras.size(), 64u);
+  EXPECT_EQ(subsample_grid(toys, 2).cameras.size(), 64u);
   EXPECT_EQ(parse_rig(rig_to_json(toys), "toys").hash(), toys.hash());
 }
 
@@ -320,7 +319,7 @@ TEST(CameraControls, GoIntoARigFileAndComeBack) {
   EXPECT_EQ(text["cameras"][0]["controls"], (json{{"exposure", 0.01}, {"white_balance", "auto"}}));
   EXPECT_FALSE(text["cameras"][1].contains("controls"));
   const std::string saved = rig_to_json(parse_rig(text.dump(), "r"), &text);
-  EXPECT_EQ(parse_controls(json::parse(saved), "r"), controls) << "a rig that is read and saved keeps them";
+  EXPECT_EQ(parse_controls(json::parse(saved), "r"), controls) << "preserved by loading and saving";
   put_controls({{2, {}}}, text);
   EXPECT_EQ(parse_controls(text, "r").count(2), 0u);
 }

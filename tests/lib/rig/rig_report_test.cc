@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// "error: ..." or "warning: ..." each.
+// Each text is "error: ..." or "warning: ...".
 std::vector<std::string> check(const Rig& rig) {
   std::vector<std::string> texts;
   for (const RigFinding& finding : check_rig(rig))
@@ -28,7 +28,6 @@ std::vector<std::string> check(const Rig& rig) {
 
 class CheckRig : public testing::Test {
  protected:
-  // A grid that has an image for every camera.
   void SetUp() override {
     rig_ = make_grid_rig({2, 3, 0.1, 60, 8, 6});
     rig_.directory = dir_.path();
@@ -67,14 +66,21 @@ TEST_F(CheckRig, NamesMissingSources) {
                                        "error: cameras[5].source: " + dir_ / long_name + ": no such file"));
 }
 
+TEST_F(CheckRig, HidesThePasswordsOfMistypedSources) {
+  rig_.cameras[0].source = "rtsp:/user:s3cret@127.0.0.1/x";
+  rig_.cameras[1].source = "user:s3cret@host/x";
+  for (const std::string& finding : check(rig_)) EXPECT_THAT(finding, testing::Not(testing::HasSubstr("s3cret")));
+  EXPECT_EQ(check(rig_).size(), 2u);
+}
+
 TEST_F(CheckRig, WarnsOfSourcesThatNeedTrust) {
   rig_.cameras[0].source = "videotestsrc ! queue";
   rig_.cameras[1].source = "videotestsrc ! filesink location=x";
   rig_.cameras[2].source = "multifile:///tmp/%25s";
   EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[1].source: has filesink: the rig opens with --trust-rig alone",
-                          "warning: cameras[2].source: has a URI of the scheme multifile: the rig opens with "
-                          "--trust-rig alone"));
+              ElementsAre("warning: cameras[1].source: has filesink: the rig opens only with --trust-rig",
+                          "warning: cameras[2].source: has a URI of the scheme multifile: the rig opens only with "
+                          "--trust-rig"));
 }
 
 TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
@@ -100,7 +106,7 @@ TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
   EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source: name one, "
                                        "or remove the camera"));
   for (Camera& camera : rig_.cameras) camera.image = "";
-  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is shown until each camera names one")));
+  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is used until each camera has one")));
 }
 
 TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
@@ -116,8 +122,8 @@ TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
   rig_.cameras[3].name = rig_.cameras[1].name;
   rig_.cameras[5].pose.position = rig_.cameras[1].pose.position + Vec3(0, 0, 1e-12);
   const std::vector<std::string> found = check(rig_);
-  EXPECT_THAT(found, testing::Contains("warning: cameras[3].name: \"cam_00_01\" is that of cameras[1] too"));
-  EXPECT_THAT(found, testing::Contains("warning: cameras[5].position: is that of cameras[1] too"));
+  EXPECT_THAT(found, testing::Contains("warning: cameras[3].name: \"cam_00_01\" is also used by cameras[1]"));
+  EXPECT_THAT(found, testing::Contains("warning: cameras[5].position: also used by cameras[1]"));
 }
 
 TEST_F(CheckRig, WarnsOfSlivers) {
@@ -129,9 +135,9 @@ TEST_F(CheckRig, WarnsOfSlivers) {
 TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
   for (const std::vector<CameraIndex>& some : {std::vector<CameraIndex>{0}, {0, 1}})
     EXPECT_THAT(
-        check(sub_rig(rig_, some)),
+        check(rig_subset(rig_, some)),
         ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
-                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle: views blend along a line alone"));
+                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle: views blend along a line only"));
 }
 
 TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
@@ -144,7 +150,7 @@ TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
 
 TEST_F(CheckRig, WarnsOfAGridInTheWrongOrder) {
   std::swap(rig_.cameras[0].pose, rig_.cameras[4].pose);
-  EXPECT_THAT(check(rig_), testing::Contains(testing::HasSubstr("the cameras are no grid of 2x3 in this order")));
+  EXPECT_THAT(check(rig_), testing::Contains(testing::HasSubstr("the cameras form no grid of 2x3 in this order")));
 }
 
 TEST(Summary, MeasuresTheArray) {

@@ -20,7 +20,6 @@ namespace {
 
 using testing::ElementsAre;
 
-// Cameras at (column, row, 0); ids 100, 101, ...
 Rig grid(int rows, int columns) {
   Rig rig;
   for (int i = 0; i < rows * columns; i++) {
@@ -93,7 +92,7 @@ TEST(RigHash, IgnoresNamesFilesAndTheSignOfZero) {
   EXPECT_EQ(other.hash(), rig.hash());
 }
 
-// Every machine must agree on it, this and later versions of the code: written down once.
+// All hosts and later versions must agree on the hash, so its value is fixed.
 TEST(RigHash, IsFixed) { EXPECT_EQ(grid(2, 3).hash(), 0x283e1b05c5ccb88bu); }
 
 TEST(Rig, FindsCamerasById) {
@@ -108,7 +107,7 @@ TEST(Rig, ResolvesRelativePathsAlone) {
   EXPECT_EQ(rig.resolve("a.png"), "some/where/a.png");
   EXPECT_EQ(rig.resolve("../b/a.png"), "some/where/../b/a.png");
   EXPECT_EQ(rig.resolve("20:15.png"), "some/where/20:15.png");
-  EXPECT_EQ(rig.resolve("C:x"), "some/where/C:x") << "schemes have two characters at least";
+  EXPECT_EQ(rig.resolve("C:x"), "some/where/C:x") << "schemes have at least two characters";
   for (const char* as_it_is : {"", "/abs/a.png", "v4l2:///dev/video0", "rtsp://host/x", "testbin:videotestsrc"})
     EXPECT_EQ(rig.resolve(as_it_is), as_it_is);
   rig.directory = "";
@@ -142,7 +141,7 @@ TEST(Relocate, PathsMeanTheSameFromTheNewFolder) {
     Rig rig = grid(1, 1);
     rig.directory = dir / c.from;
     rig.cameras[0].image = rig.cameras[0].source = c.path;
-    relocate(rig, dir / c.to);
+    rebase_paths(rig, dir / c.to);
     EXPECT_EQ(rig.cameras[0].image, c.expected);
     EXPECT_EQ(rig.cameras[0].source, c.expected);
     EXPECT_EQ(rig.directory, dir / c.to);
@@ -153,7 +152,7 @@ TEST(Relocate, AFolderWhoseNameIsTooLongIsAnErrorThatNamesIt) {
   Rig rig = grid(1, 1);
   const std::string name(300, 'a');
   rig.cameras[0].image = name + "/x.png";
-  EXPECT_ERROR(relocate(rig, "b"), name);
+  EXPECT_ERROR(rebase_paths(rig, "b"), name);
 }
 
 TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
@@ -166,10 +165,10 @@ TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
       {{5, 6, 7, 8, 9}, 1, 5}, {{3, 8, 13, 18}, 4, 1},        {{0, 1, 5}, 0, 0},
       {{0, 1, 5, 7}, 0, 0},    {{0, 1, 6, 7}, 0, 0},          {{1, 0, 6, 5}, 0, 0},  // mirrored
       {{5, 6, 0, 1}, 0, 0},                                                          // rows exchanged
-      {{0, 6, 12, 18}, 0, 0}  // a diagonal: one column by count, not by place
+      {{0, 6, 12, 18}, 0, 0}  // a diagonal: a column by count but not by position
   };
   for (const auto& c : cases) {
-    const Rig sub = sub_rig(rig, c.indices);
+    const Rig sub = rig_subset(rig, c.indices);
     ASSERT_EQ(sub.cameras.size(), c.indices.size());
     for (size_t i = 0; i < c.indices.size(); i++) EXPECT_EQ(sub.cameras[i].id, 100 + c.indices[i]);
     EXPECT_EQ(sub.topology.type, c.rows ? Topology::Type::kGrid : Topology::Type::kDelaunay);
@@ -181,30 +180,30 @@ TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
 TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
   Rig rig = grid(2, 2);
   rig.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 3}}};
-  EXPECT_EQ(sub_rig(rig, {0, 1, 2, 3}).topology.triangles, rig.topology.triangles);
-  EXPECT_EQ(sub_rig(rig, {0, 1, 3}).topology.type, Topology::Type::kDelaunay);
-  EXPECT_EQ(sub_rig(rig, {1, 0, 2, 3}).topology.type, Topology::Type::kDelaunay);
+  EXPECT_EQ(rig_subset(rig, {0, 1, 2, 3}).topology.triangles, rig.topology.triangles);
+  EXPECT_EQ(rig_subset(rig, {0, 1, 3}).topology.type, Topology::Type::kDelaunay);
+  EXPECT_EQ(rig_subset(rig, {1, 0, 2, 3}).topology.type, Topology::Type::kDelaunay);
 }
 
 TEST(SubRig, RefusesWhatIsNotInTheRig) {
-  EXPECT_ERROR(sub_rig(grid(2, 2), {0, 4}), "camera index 4: the rig has 4 cameras");
-  EXPECT_ERROR(sub_rig(grid(2, 2), {0, 1, 0}), "camera index 0: named twice");
-  EXPECT_ERROR(sub_rig(grid(2, 2), {}), "at least one camera");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "camera index 4: the rig has 4 cameras");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "camera index 0: named twice");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {}), "at least one camera");
 }
 
 TEST(EveryNth, KeepsRowsAndColumnsFromTheFirst) {
-  EXPECT_THAT(ids(every_nth(grid(3, 4), 2)), ElementsAre(100, 102, 108, 110));
-  EXPECT_THAT(ids(every_nth(grid(4, 4), 3)), ElementsAre(100, 103, 112, 115));
-  EXPECT_THAT(ids(every_nth(grid(3, 4), 9)), ElementsAre(100));
-  EXPECT_THAT(ids(every_nth(grid(3, 4), INT32_MAX)), ElementsAre(100));
-  const Rig same = every_nth(grid(3, 4), 1);
+  EXPECT_THAT(ids(subsample_grid(grid(3, 4), 2)), ElementsAre(100, 102, 108, 110));
+  EXPECT_THAT(ids(subsample_grid(grid(4, 4), 3)), ElementsAre(100, 103, 112, 115));
+  EXPECT_THAT(ids(subsample_grid(grid(3, 4), 9)), ElementsAre(100));
+  EXPECT_THAT(ids(subsample_grid(grid(3, 4), INT32_MAX)), ElementsAre(100));
+  const Rig same = subsample_grid(grid(3, 4), 1);
   EXPECT_EQ(same.hash(), grid(3, 4).hash());
-  EXPECT_EQ(every_nth(grid(3, 4), 2).topology.rows, 2);
-  EXPECT_EQ(every_nth(grid(3, 4), 2).topology.columns, 2);
-  EXPECT_ERROR(every_nth(grid(3, 4), 0), "every: must be at least 1, is 0");
+  EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.rows, 2);
+  EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.columns, 2);
+  EXPECT_ERROR(subsample_grid(grid(3, 4), 0), "every: must be at least 1, is 0");
   Rig rig = grid(2, 2);
   rig.topology.type = Topology::Type::kDelaunay;
-  EXPECT_ERROR(every_nth(rig, 2), "every: the rig's topology is not a grid");
+  EXPECT_ERROR(subsample_grid(rig, 2), "every: the rig's topology is not a grid");
 }
 
 TEST(CameraList, NamesCamerasById) {
@@ -252,7 +251,7 @@ TEST(GridRig, StandsAroundTheOriginRowByRowFromTheTop) {
   EXPECT_EQ(rig.cameras[5].id, 5u);
   const Lens& lens = rig.cameras[5].lens;
   EXPECT_EQ(lens.model(), LensModel::kRadial);
-  EXPECT_NEAR(lens.fx(), 240, 1e-12) << "90 degrees of height";
+  EXPECT_NEAR(lens.fx(), 240, 1e-12) << "vertical field of view: 90 degrees";
   EXPECT_EQ(lens.cx(), 319.5);
   EXPECT_EQ(lens.cy(), 239.5);
   EXPECT_EQ(parse_rig(rig_to_json(rig), "r.json").hash(), rig.hash());
@@ -294,7 +293,7 @@ TEST(CameraRanges, NeighboursAreOneRange) {
 TEST(CameraRanges, AppendsBeyondTheOthersWithAGap) {
   CameraRanges ranges;
   EXPECT_TRUE(ranges.append({3, 5}));
-  EXPECT_FALSE(ranges.append({6, 7}));  // touches
+  EXPECT_FALSE(ranges.append({6, 7}));
   EXPECT_FALSE(ranges.append({5, 7}));
   EXPECT_FALSE(ranges.append({0, 1}));
   EXPECT_FALSE(ranges.append({9, 8}));
@@ -302,7 +301,6 @@ TEST(CameraRanges, AppendsBeyondTheOthersWithAGap) {
   EXPECT_EQ(ranges.cameras(), (CameraSet{3, 4, 5, 7}));
 }
 
-// Against sorted vectors.
 TEST(CameraRanges, AreSets) {
   std::mt19937 random(1);
   for (int i = 0; i < 2000; i++) {

@@ -15,11 +15,11 @@ TEST(BinDescription, TellsElementsFromUrisAndFiles) {
   for (const char* source :
        {"videotestsrc ! identity", "videotestsrc pattern=ball", "v4l2src device=/dev/video0 ! image/jpeg,width=640",
         "libcamerasrc camera-name=\"/base/soc/i2c0mux/i2c@1/imx219@10\"", "  a   b =1"})
-    EXPECT_TRUE(is_bin_description(source)) << source;
+    EXPECT_TRUE(is_launch_description(source)) << source;
   for (const char* source :
        {"", "cam.mkv", "cam_%04d.jpg", "v4l2:///dev/video0", "rtsp://host/a ! b", "my films/cam=1.mkv", "cam 1.mkv",
         "cam !.mkv", "a b/c=d.mkv", "videotestsrc", "=1", "a =1"})
-    EXPECT_FALSE(is_bin_description(source)) << source;
+    EXPECT_FALSE(is_launch_description(source)) << source;
 }
 
 TEST(BinDescription, ElementsStayAsTheyAreWhereFilesMove) {
@@ -27,7 +27,7 @@ TEST(BinDescription, ElementsStayAsTheyAreWhereFilesMove) {
   rig.directory = "/nowhere/a";
   rig.cameras[0].source = "film.mkv";
   rig.cameras[1].source = "filesrc location=film.mkv ! matroskademux";
-  relocate(rig, "/nowhere");
+  rebase_paths(rig, "/nowhere");
   EXPECT_EQ(rig.cameras[0].source, "a/film.mkv");
   EXPECT_EQ(rig.cameras[1].source, "filesrc location=film.mkv ! matroskademux");
 }
@@ -48,7 +48,7 @@ TEST(BinDescription, ListedElementsNeedNoTrust) {
            "file:///films/a.mkv",
            "",
        })
-    EXPECT_EQ(untrusted_part(source), std::nullopt) << source;
+    EXPECT_EQ(untrusted_component(source), std::nullopt) << source;
 }
 
 TEST(BinDescription, NamesThePartThatNeedsTrust) {
@@ -81,7 +81,7 @@ TEST(BinDescription, NamesThePartThatNeedsTrust) {
       {"multifilesrc location=/tmp/%s%n ! pngdec", "multifilesrc"},
       {"imagesequencesrc location=/tmp/%s%n ! pngdec", "imagesequencesrc"},
   };
-  for (const auto& [source, part] : cases) EXPECT_EQ(untrusted_part(source), part) << source;
+  for (const auto& [source, part] : cases) EXPECT_EQ(untrusted_component(source), part) << source;
 }
 
 Rig rig_of(const std::string& source, const std::string& image = "") {
@@ -112,7 +112,7 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
   EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json is written by others");
   chmod(path.c_str(), 0664);
-  if (geteuid() == 0) {  // only root may give a file to any group
+  if (geteuid() == 0) {  // root may assign a file to any group, other users may not
     ASSERT_EQ(chown(path.c_str(), 0, 33), 0);
     EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
     ASSERT_EQ(chown(path.c_str(), 0, 0), 0);
@@ -161,12 +161,12 @@ TEST(LocationText, HidesUsersAndPasswords) {
       {"password=", "password=***"},
       {"://", "://"},
   };
-  for (const auto& [source, shown] : cases) EXPECT_EQ(location_text(source), shown);
+  for (const auto& [source, shown] : cases) EXPECT_EQ(redacted_location(source), shown);
 }
 
 TEST(LocationText, ATextWithoutSecretsStays) {
   for (const char* text : {"user: the camera is not there", "key-int-max=30 is unknown", "a = b", "keys=3", "a@b.c"})
-    EXPECT_EQ(location_text(text), text);
+    EXPECT_EQ(redacted_location(text), text);
 }
 
 }  // namespace

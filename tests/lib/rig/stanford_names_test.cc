@@ -66,7 +66,7 @@ TEST(StanfordNames, RoundTripsWithin1e9Pixels) {
   rig.directory = dir.path();
   const RigExport result = export_stanford(rig, dir / "out");
   EXPECT_LE(result.max_error, 1e-9);
-  ASSERT_EQ(result.notes.size(), 2u) << "names and the way back";
+  ASSERT_EQ(result.notes.size(), 2u) << "notes: names, inverse mapping";
   const Rig back = import_stanford(dir / "out", {f, 3}).rig;
   EXPECT_LE(max_reprojection_error(rig, back, 1), 1e-9);
   EXPECT_EQ(back.topology.rows, 2);

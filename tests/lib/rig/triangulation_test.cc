@@ -31,7 +31,7 @@ TEST(Predicates, OrientationIsTwiceTheSignedAreaAtFullRange) {
   EXPECT_EQ(orientation({0, 0}, {1, 0}, {0, 1}), 1);
   EXPECT_EQ(orientation({-kM, -kM}, {kM, -kM}, {kM, kM}), int64_t{2 * kM} * 2 * kM);
   EXPECT_EQ(orientation({-kM, -kM}, {kM, kM}, {kM, -kM}), int64_t{-2 * kM} * 2 * kM);
-  // A hair off a diagonal of the full range: doubles of the products would still tell, floats would not.
+  // Just off a diagonal of the full range: products in double still distinguish the sides, float does not.
   EXPECT_EQ(orientation({-kM, -kM}, {0, 0}, {kM, kM}), 0);
   EXPECT_EQ(orientation({-kM, -kM}, {0, 0}, {kM - 1, kM}), kM);
 }
@@ -44,18 +44,18 @@ TEST(Predicates, InCircleIsExactAtFullRange) {
 }
 
 TEST(Predicates, ClosedTriangleHasItsBorder) {
-  EXPECT_TRUE(in_closed_triangle({0, 0}, {4, 0}, {0, 4}, {1, 1}));
-  EXPECT_TRUE(in_closed_triangle({0, 0}, {4, 0}, {0, 4}, {2, 2}));
-  EXPECT_TRUE(in_closed_triangle({0, 0}, {4, 0}, {0, 4}, {4, 0}));
-  EXPECT_FALSE(in_closed_triangle({0, 0}, {4, 0}, {0, 4}, {3, 2}));
+  EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {1, 1}));
+  EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {2, 2}));
+  EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {4, 0}));
+  EXPECT_FALSE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {3, 2}));
 }
 
 TEST(Predicates, TouchingSegmentsDoNotCross) {
-  EXPECT_TRUE(cross_properly({0, 0}, {4, 4}, {0, 4}, {4, 0}));
-  EXPECT_FALSE(cross_properly({0, 0}, {4, 4}, {2, 2}, {4, 0}));
-  EXPECT_FALSE(cross_properly({0, 0}, {4, 4}, {4, 4}, {4, 0}));
-  EXPECT_FALSE(cross_properly({0, 0}, {4, 4}, {1, 1}, {8, 8}));
-  EXPECT_FALSE(cross_properly({0, 0}, {4, 4}, {9, 0}, {0, 9}));
+  EXPECT_TRUE(segments_cross({0, 0}, {4, 4}, {0, 4}, {4, 0}));
+  EXPECT_FALSE(segments_cross({0, 0}, {4, 4}, {2, 2}, {4, 0}));
+  EXPECT_FALSE(segments_cross({0, 0}, {4, 4}, {4, 4}, {4, 0}));
+  EXPECT_FALSE(segments_cross({0, 0}, {4, 4}, {1, 1}, {8, 8}));
+  EXPECT_FALSE(segments_cross({0, 0}, {4, 4}, {9, 0}, {0, 9}));
 }
 
 std::vector<Vec3> grid(int rows, int columns, double pitch_x, double pitch_y, const Pose& pose = {}) {
@@ -103,7 +103,7 @@ TEST(PlaneCoordinates, SizeAndPlaceDoNotMatter) {
   }
   const Pose far_away{{1e6, -1e6, 1e6}, {1, 0, 0, 0}};
   EXPECT_EQ(plane_points(grid(6, 9, 0.125, 0.25, far_away), {1, 0, 0}, {0, 0, 1}), reference);
-  // Baselines of a micrometre at a million metres: 8590 doubles from camera to camera.
+  // A pitch of a micrometre at a million metres: 8590 units in the last place per pitch.
   const auto tiny = plane_points(grid(6, 9, 1e-6, 2e-6, far_away), {1, 0, 0}, {0, 0, 1});
   expect_rectangular(tiny, 6, 9);
 }
@@ -161,7 +161,7 @@ TEST(PlaneCoordinates, BestFitPlaneFacesForward) {
     EXPECT_NEAR(glm::length(axes.normal - kTilted.forward() * sign), 0, 1e-14);
     EXPECT_NEAR(glm::length(axes.x - kTilted.right()), 0, 1e-14);
   }
-  // Cameras whose right axes cancel (a ring that looks inwards): the direction of largest spread.
+  // In an inward-looking ring the cameras' right axes cancel: the fit uses the direction of largest spread.
   const PlaneAxes ring = best_fit_plane(grid(2, 5, 1, 1), {0, 0, 0}, {0, 0, 1});
   EXPECT_NEAR(std::abs(ring.x.x), 1, 1e-15);
 }
@@ -178,10 +178,10 @@ TEST(PlaneCoordinates, PlaneWithNormalIsOrthonormalForEveryNormal) {
 }
 
 TEST(PlaneCoordinates, OnOneLineComparesHeightWithTolerance) {
-  EXPECT_TRUE(on_one_line({0, 0, 0}, {1, 0, 0}, {0.5, 0.9e-6, 0}, 1e-6));
-  EXPECT_FALSE(on_one_line({0, 0, 0}, {1, 0, 0}, {0.5, 1.1e-6, 0}, 1e-6));
-  EXPECT_TRUE(on_one_line({0, 0, 0}, {0, 0, 0}, {0, 1, 0}, 1e-6));
-  EXPECT_TRUE(on_one_line({0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 1e-6));
+  EXPECT_TRUE(are_collinear({0, 0, 0}, {1, 0, 0}, {0.5, 0.9e-6, 0}, 1e-6));
+  EXPECT_FALSE(are_collinear({0, 0, 0}, {1, 0, 0}, {0.5, 1.1e-6, 0}, 1e-6));
+  EXPECT_TRUE(are_collinear({0, 0, 0}, {0, 0, 0}, {0, 1, 0}, 1e-6));
+  EXPECT_TRUE(are_collinear({0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 1e-6));
 }
 
 TEST(PlaneCoordinates, NamesTheCameraThatIsNotFinite) {
@@ -191,11 +191,11 @@ TEST(PlaneCoordinates, NamesTheCameraThatIsNotFinite) {
 }
 
 TEST(Triangle, LowestFirstKeepsTheTurn) {
-  EXPECT_EQ(lowest_first({1, 2, 3}), (Triangle{1, 2, 3}));
-  EXPECT_EQ(lowest_first({3, 1, 2}), (Triangle{1, 2, 3}));
-  EXPECT_EQ(lowest_first({2, 3, 1}), (Triangle{1, 2, 3}));
-  EXPECT_EQ(lowest_first({3, 2, 1}), (Triangle{1, 3, 2}));
-  EXPECT_EQ(lowest_first({5, 4, 4}), (Triangle{4, 4, 5}));
+  EXPECT_EQ(canonical_triangle({1, 2, 3}), (Triangle{1, 2, 3}));
+  EXPECT_EQ(canonical_triangle({3, 1, 2}), (Triangle{1, 2, 3}));
+  EXPECT_EQ(canonical_triangle({2, 3, 1}), (Triangle{1, 2, 3}));
+  EXPECT_EQ(canonical_triangle({3, 2, 1}), (Triangle{1, 3, 2}));
+  EXPECT_EQ(canonical_triangle({5, 4, 4}), (Triangle{4, 4, 5}));
 }
 
 std::vector<IntPoint> random_points(std::mt19937& random, int count, int range) {
@@ -205,7 +205,7 @@ std::vector<IntPoint> random_points(std::mt19937& random, int count, int range) 
   return points;
 }
 
-// The definition: no point inside any circumcircle, and the triangles cover the convex hull once.
+// By definition, no circumcircle contains a point, and the triangles cover the convex hull once.
 void expect_delaunay(const std::vector<IntPoint>& points, const std::vector<Triangle>& triangles) {
   for (const Triangle& t : triangles) {
     for (const IntPoint p : points) ASSERT_LE(in_circle(points[t[0]], points[t[1]], points[t[2]], p), 0);
@@ -216,7 +216,8 @@ void expect_delaunay(const std::vector<IntPoint>& points, const std::vector<Tria
   for (const Triangle& t : triangles) EXPECT_EQ(t[0], std::min({t[0], t[1], t[2]}));
 }
 
-// The unique answer by brute force: every empty circle, and of the points on it the fan from the lowest index.
+// Computes the unique result by brute force: all empty circles, with a fan from the lowest index of the points on each
+// circle.
 std::vector<Triangle> brute_force(const std::vector<IntPoint>& points) {
   std::set<Triangle> result;
   const CameraIndex n = points.size();
@@ -233,7 +234,7 @@ std::vector<Triangle> brute_force(const std::vector<IntPoint>& points) {
         for (const CameraIndex d : distinct) {
           if (d == a || d == b || d == c) continue;
           const int inside = in_circle(points[a], points[b], points[c], points[d]);
-          // (a, b, c) is in the fan from a if a is the lowest on the circle and no other is between b and c.
+          // (a, b, c) is in the fan from a if a is the lowest index on the circle and no point is between b and c.
           const bool between = orientation(points[b], points[c], points[d]) < 0;
           if (inside > 0 || (inside == 0 && (d < a || between))) in_result = false;
         }
@@ -295,7 +296,7 @@ TEST(Delaunay, ShuffledGridsTakeItToo) {
 }
 
 TEST(Delaunay, ManyPointsOnOneCircleMakeAFan) {
-  // The 12 integer points at distance 5 from the origin, in order around it.
+  // The 12 integer points at distance 5 from the origin, in order of angle.
   const std::vector<IntPoint> circle{{5, 0},  {4, 3},   {3, 4},   {0, 5},  {-3, 4}, {-4, 3},
                                      {-5, 0}, {-4, -3}, {-3, -4}, {0, -5}, {3, -4}, {4, -3}};
   std::vector<Triangle> fan;
@@ -320,7 +321,7 @@ TEST(Delaunay, RenumberingRenamesTheTriangles) {
   for (size_t i = 0; i < points.size(); ++i) renumbered[new_index[i]] = points[i];
   std::vector<Triangle> expected;
   for (const Triangle& t : triangles)
-    expected.push_back(lowest_first({new_index[t[0]], new_index[t[1]], new_index[t[2]]}));
+    expected.push_back(canonical_triangle({new_index[t[0]], new_index[t[1]], new_index[t[2]]}));
   std::sort(expected.begin(), expected.end());
   EXPECT_EQ(delaunay(renumbered), expected);
 }
@@ -382,8 +383,8 @@ TEST(Link, TwoFansThatMeetInTheCameraAlone) {
 TEST(Link, NothingToFill) {
   EXPECT_THAT(link_of_9({}), IsEmpty());
   EXPECT_THAT(link_of_9({{1, 2, 9}}), IsEmpty());
-  EXPECT_THAT(link_of_9({{1, 2, 9}, {1, 2, 9}}), IsEmpty());  // the same triangle twice
-  EXPECT_THAT(link_of_9({{1, 1, 9}, {9, 9, 2}}), IsEmpty());  // repeated corners
+  EXPECT_THAT(link_of_9({{1, 2, 9}, {1, 2, 9}}), IsEmpty());
+  EXPECT_THAT(link_of_9({{1, 1, 9}, {9, 9, 2}}), IsEmpty());
 }
 
 TEST(Link, ThreeTrianglesAtOneEdgeAreNotASurface) {
@@ -411,14 +412,13 @@ TEST(EarClipping, SquareIsCutAtTheLowestTip) {
 }
 
 TEST(EarClipping, WellShapedEarsGoFirst) {
-  // A kite: the short diagonal, whether tip 0 is at the end of it or not.
+  // A kite: uses the short diagonal, wherever tip 0 is.
   EXPECT_THAT(clip_ears(outline({{-100, 0}, {0, -10}, {100, 0}, {0, 10}}, true), {}),
               ElementsAre(Triangle{0, 1, 3}, Triangle{1, 2, 3}));
   EXPECT_THAT(clip_ears(outline({{0, -10}, {100, 0}, {0, 10}, {-100, 0}}, true), {}),
               ElementsAre(Triangle{0, 1, 2}, Triangle{0, 2, 3}));
 }
 
-// Star-shaped outlines with bays and flat corners, any start.
 TEST(EarClipping, PolygonsAreFilledExactly) {
   std::mt19937 random(8);
   std::uniform_int_distribution<int> radius(1, 12);
@@ -460,25 +460,25 @@ TEST(EarClipping, ConvexPolygonsBecomeDelaunay) {
 }
 
 TEST(EarClipping, ChainsAreFilledUpToAStraightBorder) {
-  // A bay of depth 10 between 0 and 3, walked with the bay on the left.
+  // A bay of depth 10 between 0 and 3, traversed with the bay on the left.
   const std::vector<IntPoint> bay{{20, 0}, {20, 10}, {0, 10}, {0, 0}};
   EXPECT_THAT(clip_ears(outline(bay, false), {}), ElementsAre(Triangle{0, 1, 2}, Triangle{0, 2, 3}));
-  // The same chain the other way is a cape: nothing to fill.
+  // The reversed chain is convex: there is no hole.
   EXPECT_THAT(clip_ears(outline({bay.rbegin(), bay.rend()}, false), {}), IsEmpty());
   EXPECT_THAT(clip_ears(outline({{0, 0}, {5, 0}, {9, 0}}, false), {}), IsEmpty());
 }
 
 TEST(EarClipping, ChainsKeepClearOfTheMeshAround) {
-  const std::vector<IntPoint> corner{{10, 0}, {0, 0}, {0, -10}};  // the bay is the triangle of the three
+  const std::vector<IntPoint> corner{{10, 0}, {0, 0}, {0, -10}};  // the bay is the triangle of these points
   ASSERT_THAT(clip_ears(outline(corner, false), {}), SizeIs(1));
   const auto with = [&](const MeshEdge& edge) { return clip_ears(outline(corner, false), std::vector{edge}); };
-  EXPECT_THAT(with({7, 8, {3, -3}, {50, -50}}), IsEmpty());    // a camera inside
-  EXPECT_THAT(with({7, 8, {5, -5}, {50, -50}}), IsEmpty());    // on the new edge
-  EXPECT_THAT(with({7, 8, {50, -50}, {-50, 45}}), IsEmpty());  // an edge across
+  EXPECT_THAT(with({7, 8, {3, -3}, {50, -50}}), IsEmpty());  // a camera inside
+  EXPECT_THAT(with({7, 8, {5, -5}, {50, -50}}), IsEmpty());
+  EXPECT_THAT(with({7, 8, {50, -50}, {-50, 45}}), IsEmpty());
   EXPECT_THAT(with({7, 8, {6, -6}, {50, -50}}), SizeIs(1));
-  EXPECT_THAT(with({7, 8, {0, 0}, {-50, 50}}), SizeIs(1));  // at the place of a corner
-  EXPECT_THAT(with({2, 0, {0, -10}, {10, 0}}), IsEmpty());  // there is a triangle on this side already
-  EXPECT_THAT(with({0, 2, {10, 0}, {0, -10}}), SizeIs(1));  // on the other side
+  EXPECT_THAT(with({7, 8, {0, 0}, {-50, 50}}), SizeIs(1));  // at the position of a corner
+  EXPECT_THAT(with({2, 0, {0, -10}, {10, 0}}), IsEmpty());  // this side has a triangle already
+  EXPECT_THAT(with({0, 2, {10, 0}, {0, -10}}), SizeIs(1));
 }
 
 TEST(EarClipping, OutlinesThatCrossThemselvesEnd) {
@@ -491,7 +491,6 @@ TEST(EarClipping, OutlinesThatCrossThemselvesEnd) {
   }
 }
 
-// A mesh, and what is left of it without cameras.
 struct Array {
   std::vector<Triangle> faces;
   CameraCentres centres;
@@ -514,9 +513,8 @@ std::vector<Vec3> positions(const std::vector<IntPoint>& points) {
 Array grid(int rows, int columns) { return {grid_faces(rows, columns), positions(grid_points(rows, columns))}; }
 
 TEST(HoleFilling, InnerCamera) {
-  EXPECT_THAT(grid(3, 3).without({4}).faces,
-              ElementsAre(Triangle{0, 1, 3}, Triangle{5, 8, 7},  // stay
-                          Triangle{1, 2, 5}, Triangle{1, 5, 3}, Triangle{3, 5, 7}, Triangle{3, 7, 6}));
+  EXPECT_THAT(grid(3, 3).without({4}).faces, ElementsAre(Triangle{0, 1, 3}, Triangle{5, 8, 7}, Triangle{1, 2, 5},
+                                                         Triangle{1, 5, 3}, Triangle{3, 5, 7}, Triangle{3, 7, 6}));
 }
 
 TEST(HoleFilling, BorderCameraLeavesAStraightBorder) {
@@ -524,8 +522,8 @@ TEST(HoleFilling, BorderCameraLeavesAStraightBorder) {
 }
 
 TEST(HoleFilling, CornerCameraCutsTheCorner) {
-  EXPECT_THAT(grid(2, 2).without({0}).faces, ElementsAre(Triangle{1, 3, 2}));  // had one triangle
-  EXPECT_THAT(grid(2, 2).without({1}).faces, ElementsAre(Triangle{0, 3, 2}));  // had two
+  EXPECT_THAT(grid(2, 2).without({0}).faces, ElementsAre(Triangle{1, 3, 2}));
+  EXPECT_THAT(grid(2, 2).without({1}).faces, ElementsAre(Triangle{0, 3, 2}));
 }
 
 TEST(HoleFilling, NewTrianglesTurnAsTheOldOnes) {
@@ -543,9 +541,8 @@ TEST(HoleFilling, TrianglesListedEitherWayMakeTheSameHole) {
   EXPECT_THAT(mixed.without({4}).faces, SizeIs(6));
 }
 
-// A bay whose straight border would run over another part of the mesh.
 TEST(HoleFilling, BayKeepsClearOfOtherParts) {
-  // 4 is the tip of a spit that reaches into the bay of camera 0; chain 3, 2, 1 around it.
+  // Face 4 is the tip of a spit that reaches into the bay of camera 0; chain 3, 2, 1 surrounds the spit.
   const std::vector<Triangle> faces{{0, 3, 2}, {0, 2, 1}, {4, 5, 6}};
   const auto with_spit_at = [&](double y) {
     return std::vector<Vec3>{{0, 10, 0}, {-10, 0, 0}, {0, -10, 0}, {10, 0, 0}, {0, y, 0}, {-1, 30, 0}, {1, 30, 0}};
@@ -554,7 +551,7 @@ TEST(HoleFilling, BayKeepsClearOfOtherParts) {
   EXPECT_THAT(Array(faces, with_spit_at(-5)).without({0}).faces, ElementsAre(Triangle{4, 5, 6}));
 }
 
-// rows x columns cameras on a cylinder with vertical axis; the last column meets the first where `full`.
+// rows x columns cameras on a vertical cylinder; with `full`, the last column meets the first.
 Array cylinder(int rows, int columns, bool full) {
   std::vector<Vec3> places;
   std::vector<Triangle> faces;
@@ -580,7 +577,7 @@ TEST(HoleFilling, CurvedArraysAreFilledInTheirLocalPlanes) {
       if (!full && (camera % 16 == 0 || camera % 16 == 15)) continue;
       Array array = whole;
       array.without({camera});
-      // Two less inside; one less at a rim, whose bay is filled although the far side is behind it.
+      // Two faces fewer inside; one fewer at a rim: its bay is filled although the far side of the ring is behind.
       const bool rim = camera < 16 || camera >= 80;
       EXPECT_THAT(array.faces, SizeIs(whole.faces.size() - (rim ? 1 : 2))) << camera << (full ? " of a ring" : "");
       std::set<std::pair<CameraIndex, CameraIndex>> edges;
@@ -605,7 +602,6 @@ TEST(HoleFilling, HubOfAThousandSpokes) {
 }
 
 TEST(HoleFilling, TwoPartsThatMeetInTheCameraAloneAreFilledEach) {
-  // Two quarters of a wheel around camera 0.
   const std::vector<Vec3> places{{0, 0, 0},   {10, -5, 0}, {12, 0, 0},  {10, 5, 0},
                                  {-10, 5, 0}, {-12, 0, 0}, {-10, -5, 0}};
   const std::vector<Triangle> faces{{0, 1, 2}, {0, 2, 3}, {0, 4, 5}, {0, 5, 6}};

@@ -22,12 +22,12 @@ Verdict add(SequenceWindow& window, int sequence, uint32_t timestamp = 7) {
 
 TEST(SequenceWindow, CountsGapsUntilTheyAreFilled) {
   SequenceWindow window;
-  for (const int s : {65533, 65534, 1, 3}) EXPECT_EQ(add(window, s), Verdict::kNew);  // around the end
-  EXPECT_EQ(window.lost(), 3u);                                                       // 65535, 0, 2
+  for (const int s : {65533, 65534, 1, 3}) EXPECT_EQ(add(window, s), Verdict::kNew);
+  EXPECT_EQ(window.lost(), 3u);  // 65535, 0, 2
   EXPECT_EQ(add(window, 2), Verdict::kNew);
   EXPECT_EQ(add(window, 65535), Verdict::kNew);
   EXPECT_EQ(window.lost(), 1u);
-  EXPECT_EQ(add(window, 65532), Verdict::kNew);  // from before the first: was never missing
+  EXPECT_EQ(add(window, 65532), Verdict::kNew);  // earlier than the first packet: never counted as missing
   EXPECT_EQ(window.lost(), 1u);
 }
 
@@ -55,13 +55,12 @@ TEST(SequenceWindow, ASenderThatBeginsAnew) {
   for (const int from : {30000, 100 - SequenceWindow::kSize - 5, -20000}) {
     SequenceWindow window;
     add(window, 100);
-    EXPECT_EQ(add(window, from), Verdict::kNew);  // may be a stray one
+    EXPECT_EQ(add(window, from), Verdict::kNew);  // may be a stray packet
     EXPECT_EQ(add(window, from + 1), Verdict::kRestarted);
     EXPECT_EQ(add(window, from + 1), Verdict::kDuplicate);
     EXPECT_EQ(add(window, from + 3), Verdict::kNew);
     EXPECT_EQ(window.lost(), 1u);
   }
-  // A stray packet changes nothing.
   SequenceWindow window;
   add(window, 100);
   EXPECT_EQ(add(window, 30000), Verdict::kNew);
@@ -90,7 +89,6 @@ std::vector<uint8_t> numbers(size_t count) {
 
 class ReassemblyTest : public testing::Test {
  protected:
-  // Bytes [offset, offset + count) of a unit.
   Reassembly::Result add(uint16_t unit, uint32_t offset, size_t count, uint32_t size = 30, uint32_t source = 1) {
     return reassembly_.add(source, {unit, offset, size, std::span(bytes_).subspan(offset % 1000, count)}, out_);
   }
@@ -124,7 +122,7 @@ TEST_F(ReassemblyTest, UnitsOfSeveralSendersAtOnce) {
 TEST_F(ReassemblyTest, ContradictionsAreRefused) {
   EXPECT_EQ(add(1, 10, 10), kKept);
   EXPECT_EQ(add(1, 10, 10), kDuplicate);
-  EXPECT_EQ(add(1, 0, 10, 31), kBad);  // another size
+  EXPECT_EQ(add(1, 0, 10, 31), kBad);
   EXPECT_EQ(add(1, 10, 9), kBad);
   EXPECT_EQ(add(1, 10, 11), kBad);
   EXPECT_EQ(add(1, 0, 11), kBad);
@@ -142,7 +140,7 @@ TEST_F(ReassemblyTest, TheOldestMakesRoom) {
   EXPECT_EQ(reassembly_.units(), 3u);
   EXPECT_EQ(reassembly_.dropped(), 1u);
   EXPECT_EQ(add(2, 10, 20), kComplete);
-  EXPECT_EQ(add(1, 10, 20), kKept);  // begins anew, without its first chunk
+  EXPECT_EQ(add(1, 10, 20), kKept);  // starts again, without its first chunk
   reassembly_.clear();
   EXPECT_EQ(reassembly_.dropped(), 4u);
   EXPECT_EQ(reassembly_.bytes(), 0u);
@@ -164,7 +162,7 @@ TEST_F(ReassemblyTest, SizesAreBounded) {
 
 using wire::UnitKind;
 
-// Packets on their way: numbered, and then whatever a link does to them.
+// Numbered packets with the faults of a link applied.
 struct OnWire {
   uint16_t sequence;
   uint32_t timestamp;
@@ -210,7 +208,7 @@ Link sent(UnitKind kind, const std::vector<Bytes>& units, size_t max_payload = 1
   return sender.link;
 }
 
-// The numbers of the fragments that came, each as often as it came, and how many there should be.
+// Returns the numbers of all received fragments with repetitions, and the expected count.
 std::vector<uint32_t> fragments_of(const std::vector<Bytes>& units, uint32_t* total = nullptr) {
   std::vector<uint32_t> numbers;
   for (const Bytes& unit : units) {
@@ -223,7 +221,6 @@ std::vector<uint32_t> fragments_of(const std::vector<Bytes>& units, uint32_t* to
   return numbers;
 }
 
-// An answer with all there is: tiles, several fragments in a packet, chunks.
 Bytes rich_answer() { return answer_with_sum(200, 120, true, 30); }
 
 TEST(Depacketizer, WhatWasSentComes) {
@@ -246,13 +243,13 @@ TEST(Depacketizer, WhatWasSentComes) {
   EXPECT_GT(chunks.depacketizer.stats().chunks, 6u);
 }
 
-// What links and enemies do, and what is to come of it. Units that come must be sound whatever happens.
+// Faults and attacks, and the expected effect. Received units must always be valid.
 struct Row {
   const char* name;
   std::function<void(Link&, std::mt19937&)> damage;
-  bool all_come;                                     // every fragment once
-  bool none_twice;                                   // no fragment more than once
-  uint64_t Depacketizer::Stats::*counted = nullptr;  // at least once
+  bool all_come;                                     // every fragment arrives once
+  bool none_twice;                                   // no fragment arrives twice
+  uint64_t Depacketizer::Stats::*counted = nullptr;  // must count at least once
 };
 
 void flip(Bytes& bytes, size_t at, std::mt19937& random) { bytes[at] ^= static_cast<uint8_t>(1 << random() % 8); }
@@ -394,7 +391,7 @@ std::vector<uint32_t> counted_up(uint32_t first, uint32_t count) {
 }
 
 TEST(Depacketizer, TwoLostRequestPacketsCostNothing) {
-  const Link all = sent_requests(UINT32_MAX - 10, 40);  // around the end of the numbers
+  const Link all = sent_requests(UINT32_MAX - 10, 40);  // across the wrap-around of sequence numbers
   for (size_t lost = 0; lost + 2 < all.size(); lost++) {
     Link link = all;
     link.erase(link.begin() + lost, link.begin() + lost + 2);
@@ -419,7 +416,7 @@ TEST(Depacketizer, RequestsComeOnceAndInOrder) {
 TEST(Depacketizer, ViewsAndSendersDoNotDisturbOneAnother) {
   Receiver receiver(UnitKind::kRequest);
   receiver.take(sent_requests(100, 5, 1), 7);
-  receiver.take(sent_requests(50, 5, 1), 8);  // the same view of another sender
+  receiver.take(sent_requests(50, 5, 1), 8);
   Sender sender(UnitKind::kRequest);
   for (uint32_t i = 0; i < 5; i++) {
     sender.send(request(i, 3));
@@ -432,8 +429,8 @@ TEST(Depacketizer, ViewsAndSendersDoNotDisturbOneAnother) {
 TEST(Depacketizer, AViewerThatBeginsAnewIsHeard) {
   Receiver receiver(UnitKind::kRequest);
   receiver.take(sent_requests(1000, 20));
-  receiver.take(sent_requests(0, 20));    // numbers and times of packets as before, requests from 0
-  EXPECT_EQ(receiver.units.size(), 20u);  // duplicates, as far as anybody can tell
+  receiver.take(sent_requests(0, 20));    // packet numbers and times continue, requests restart at 0
+  EXPECT_EQ(receiver.units.size(), 20u);  // indistinguishable from duplicates
   Link restarted = sent_requests(0, 20);
   for (OnWire& packet : restarted) packet.timestamp += 12345;
   receiver.take(restarted);
@@ -461,7 +458,6 @@ TEST(Depacketizer, TheOtherStreamsUnitsAreDropped) {
 }
 
 TEST(Depacketizer, MemoryIsBounded) {
-  // Beginnings of huge units from ever new senders.
   const Reassembly::Limits limits{.bytes = 100000, .units = 8};
   Receiver receiver(UnitKind::kAnswer, limits);
   std::mt19937 random(5);

@@ -47,13 +47,13 @@ TEST(PayloadFormat, RefusesWhatIsNotSound) {
            "1000",
            "11",
            "1100",
-           "1001aabb",  // cut short; reserved
+           "1001aabb",  // truncated; reserved
            "2000aabb",
            "0000aabb",
            "1200aabb",
            "ff00aabb",  // version, kind
            "110012340000001000000013",
-           "1100123400000010000000",          // a chunk of nothing, half a header
+           "1100123400000010000000",          // empty chunk, half a header
            "1101123400000000000000130a",      // reserved
            "11001234000000000000000baa",      // a unit smaller than its header
            "11001234000000110000001301ff03",  // beyond the unit
@@ -65,11 +65,11 @@ TEST(PayloadFormat, RefusesWhatIsNotSound) {
   EXPECT_TRUE(parse_payload(from_hex("11001234fffffffeffffffff0a")).has_value());
 }
 
-TEST(Recent, ForgetsTheKeyUsedLongestAgo) {
-  Recent<int> values(3);
+TEST(LruMap, ForgetsTheKeyUsedLongestAgo) {
+  LruMap<int> values(3);
   for (const uint32_t key : {10, 11, 12}) values[key] = static_cast<int>(key);
   EXPECT_EQ(values[10], 10);
-  values[13] = 13;  // in place of 11
+  values[13] = 13;
   EXPECT_EQ(values.size(), 3u);
   EXPECT_EQ(values[10], 10);
   EXPECT_EQ(values[12], 12);
@@ -79,8 +79,8 @@ TEST(Recent, ForgetsTheKeyUsedLongestAgo) {
   EXPECT_EQ(values[13], 0);
 }
 
-TEST(Recent, ValuesStayWhereTheyAre) {
-  Recent<std::array<char, 8192>> values(64);
+TEST(LruMap, ValuesStayWhereTheyAre) {
+  LruMap<std::array<char, 8192>> values(64);
   const auto* first = &values[0];
   for (uint32_t key = 1; key < 64; key++) values[key];
   for (uint32_t key = 63; key > 0; key--) values[key];
@@ -103,7 +103,7 @@ TEST(PartPlan, AreFullAndHaveTheSizesPlanned) {
 }
 
 TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
-  // Two JPEG payloads of odd lengths with a sum behind them: in another part than one of them it would be misplaced.
+  // Two JPEG payloads of odd lengths, then a sum: in separate parts the sum would be misaligned.
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
   wire::AnswerWriter writer(header, 3);
   for (int i = 0; i < 2; i++)
@@ -128,7 +128,6 @@ TEST(PartPlan, NothingToGive) {
 
 using wire::UnitKind;
 
-// The units in a packet without chunks.
 std::vector<Bytes> units_in(const Bytes& payload) {
   std::vector<Bytes> units;
   const std::optional<ParsedPayload> parsed = parse_payload(payload);
@@ -245,14 +244,14 @@ TEST(Packetizer, WhatIsLargerThanAPacketGoesInChunks) {
 }
 
 TEST(Packetizer, PartsStayParts) {
-  // A raw fragment in a part of an answer can't be cut: the other parts would count wrongly.
+  // A raw fragment in a part of an answer cannot be split: the counts of the remaining parts would be wrong.
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
   wire::AnswerWriter writer(header, 2);
   writer.set_part(3, 7);
   writer.add({1, header.family, {0, 0, 100, 100}, wire::Codec::kRaw, 0, false});
   writer.add({2, header.family, {0, 0, 10, 10}, wire::Codec::kRaw, 0, false});
   const std::vector<Sent> packets = packetize(UnitKind::kAnswer, to_bytes(writer.finish()), 1388);
-  EXPECT_EQ(std::ranges::count_if(packets, &Sent::last), 0);  // others follow
+  EXPECT_EQ(std::ranges::count_if(packets, &Sent::last), 0);
   const wire::AnswerPartHeader last = wire::parse_answer_header(units_in(packets.back().payload).at(0)).value();
   EXPECT_EQ(last.part, (wire::AnswerPart{4, 1, 7}));
 }
@@ -284,16 +283,15 @@ TEST(Packetizer, RequestsTakeTheirTwoPredecessorsAlong) {
   };
   EXPECT_EQ(units(request(1)), (std::vector<Bytes>{request(1)}));
   EXPECT_EQ(units(request(2)), (std::vector<Bytes>{request(1), request(2)}));
-  EXPECT_EQ(units(request(7, 5)), (std::vector<Bytes>{request(7, 5)}));  // another view
+  EXPECT_EQ(units(request(7, 5)), (std::vector<Bytes>{request(7, 5)}));
   EXPECT_EQ(units(request(3)), (std::vector<Bytes>{request(1), request(2), request(3)}));
   EXPECT_EQ(units(request(4)), (std::vector<Bytes>{request(2), request(3), request(4)}));
   EXPECT_EQ(units(request(8, 5)), (std::vector<Bytes>{request(7, 5), request(8, 5)}));
   const size_t size = request(5).size();
-  EXPECT_EQ(units(request(5), 2 * size + 2), (std::vector<Bytes>{request(4), request(5)}));  // as many as fit
+  EXPECT_EQ(units(request(5), 2 * size + 2), (std::vector<Bytes>{request(4), request(5)}));
   EXPECT_EQ(units(request(6), 2 * size + 1), (std::vector<Bytes>{request(6)}));
   packetizer.clear();
   EXPECT_EQ(units(request(9)), (std::vector<Bytes>{request(9)}));
-  // Larger than a packet.
   const std::vector<Sent> packets = packetize(packetizer, request(10, 0, 2000), 1388);
   ASSERT_EQ(packets.size(), 4u);
   for (size_t i = 0; i < 4; i++) EXPECT_EQ(packets[i].last, i == 3);
@@ -329,7 +327,7 @@ TEST(Packetizer, RefusesWhatIsNoSoundUnit) {
   EXPECT_EQ(reason_of(UnitKind::kRequest, wire::with(request(1), 36, 2, 0)).empty(), false);
 }
 
-// What a fragment costs on a link beyond its entropy-coded bytes.
+// Overhead of a fragment on a link beyond its entropy-coded bytes.
 
 constexpr size_t kMtu = 1400, kRtpHeader = 12, kIpAndUdpHeaders = 28;
 constexpr int kViewSize = 16 * 31 / 2;
@@ -338,7 +336,7 @@ size_t entropy_coded_bytes(const Bytes& unit) {
   size_t bytes = 0;
   for (const wire::AnswerView answer = wire::parse_answer(unit).value();
        const wire::FragmentView& f : answer.fragments) {
-    const wire::Scans scans = wire::split_scans(f.payload, f.has_lost).value();
+    const wire::Scans scans = wire::split_scans(f.payload, f.has_missing).value();
     bytes += scans.pixels.size() + scans.lost.size();
   }
   return bytes;
@@ -367,20 +365,19 @@ TEST(Overhead, SmallFragmentsCostAtMost60Bytes) {
 TEST(Pacer, SpreadsABurst) {
   Pacer pacer;
   EXPECT_EQ(pacer.next(1000), 1000u);
-  pacer.sent(1000, 1000, 8'000'000);  // a millisecond
-  EXPECT_EQ(pacer.next(1000), 1'001'000u - Pacer::kAhead);
+  pacer.sent(1000, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1000), 1'001'000u - Pacer::kMaxLead);
   pacer.sent(1'001'000, 500, 8'000'000);
-  EXPECT_EQ(pacer.next(1'002'000), 1'501'000u - Pacer::kAhead);
+  EXPECT_EQ(pacer.next(1'002'000), 1'501'000u - Pacer::kMaxLead);
 }
 
-// However many there are, they come to the rate.
 TEST(Pacer, IsNeverFartherAheadThanThat) {
   Pacer pacer;
   uint64_t now = 5'000'000;
   for (uint64_t i = 0; i < 1000; i++) {
     now = pacer.next(now);
-    pacer.sent(now, 1000, 80'000'000);  // 0.1 ms each
-    EXPECT_GE(now + Pacer::kAhead, 5'000'000 + i * 100'000);
+    pacer.sent(now, 1000, 80'000'000);
+    EXPECT_GE(now + Pacer::kMaxLead, 5'000'000 + i * 100'000);
     EXPECT_LE(now, 5'000'000 + i * 100'000);
   }
 }
@@ -390,7 +387,7 @@ TEST(Pacer, DoesNotMakeUpForSilence) {
   pacer.sent(0, 1000, 8'000'000);
   EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
   pacer.sent(1'000'000'000, 1000, 8'000'000);
-  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kAhead);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kMaxLead);
   pacer.clear();
   EXPECT_EQ(pacer.next(5), 5u);
 }
@@ -400,7 +397,7 @@ TEST(Pacer, DoesNotWaitForAClockThatHasBeenSetBack) {
   pacer.sent(pacer.next(3'600'000'000'000), 1000, 8'000'000);
   EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
   pacer.sent(1'000'000'000, 1000, 8'000'000);
-  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kAhead);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kMaxLead);
 }
 
 }  // namespace

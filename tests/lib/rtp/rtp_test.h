@@ -12,7 +12,6 @@
 #include "wire/fragment_codec.h"
 #include "wire/request_codec.h"
 
-// What the tests of both directions share.
 namespace lf::rtp {
 
 using Bytes = std::vector<uint8_t>;
@@ -27,7 +26,7 @@ inline Bytes request(uint32_t sequence, uint32_t view_id = 0, int out_of_service
   return wire::encode_request(r);
 }
 
-// Fragments of a pattern in a view of 400 x 400; quality 0: raw.
+// Patterned fragments in a view of 400 x 400; quality 0: raw.
 inline Bytes answer(int fragments, int width, int height, int quality, PixelFamily family = PixelFamily::kI420,
                     const CameraRanges& cameras = {}) {
   wire::AnswerHeader header = wire::header_of_view(family, 400, 400);
@@ -36,7 +35,7 @@ inline Bytes answer(int fragments, int width, int height, int quality, PixelFami
       wire::FragmentEncoder().encode(header, wire::patterned_fragments(family, fragments, width, height), quality));
 }
 
-// A sum in 16 bits of patterned values, then `jpegs` fragments in JPEG.
+// A 16-bit sum of patterned values, then `jpegs` JPEG fragments.
 inline Bytes answer_with_sum(int width, int height, bool lost, int jpegs = 0) {
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, 400, 400);
   wire::AnswerWriter writer(header, 1 + jpegs);
@@ -72,7 +71,7 @@ inline std::vector<Sent> packetize(wire::UnitKind kind, const Bytes& unit, size_
   return packetize(packetizer, unit, max_payload);
 }
 
-// All the pixels of an answer's raw fragments: by (plane of 4, x, y) their bytes.
+// Bytes of all raw fragments of an answer, as (plane of 4, x, y, value).
 using Samples = std::vector<std::tuple<int, int, int, int>>;
 inline void add_samples(const wire::AnswerView& answer, Samples& samples) {
   for (const wire::FragmentView& f : answer.fragments) {
@@ -90,7 +89,7 @@ inline void add_samples(const wire::AnswerView& answer, Samples& samples) {
     } else {
       for (int c = 0; c < 3; c++) plane(c, 1, c > 0 && f.family == PixelFamily::kI420 ? 2 : 1);
     }
-    if (f.has_lost) plane(3, 1, 1);
+    if (f.has_missing) plane(3, 1, 1);
   }
 }
 

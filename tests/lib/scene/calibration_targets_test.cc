@@ -9,17 +9,16 @@
 namespace lf {
 namespace {
 
-LightsOptions quiet() {
-  LightsOptions options;
+MovingLightOptions quiet() {
+  MovingLightOptions options;
   options.noise = 0, options.ambient = 0, options.power = 0.5;
   return options;
 }
 
-LightsCamera camera_of(const Rig& rig, const LightsOptions& options) {
-  return {LightsPath(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose}};
+MovingLightCamera camera_of(const Rig& rig, const MovingLightOptions& options) {
+  return {LightTrajectory(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose}};
 }
 
-// Of the light that the picture encodes, within `reach` pixels.
 Vec2 centroid(const Image& image, const Vec2& around, int reach) {
   Vec2 sum(0);
   double all = 0;
@@ -35,9 +34,9 @@ Vec2 centroid(const Image& image, const Vec2& around, int reach) {
 
 TEST(Lights, TheTruthIsWhereThePictureHasThem) {
   const Rig rig = scene_rig(1, 3);
-  LightsOptions options = quiet();
+  MovingLightOptions options = quiet();
   options.exposure = 1.0 / 30;
-  const LightsCamera camera = camera_of(rig, options);
+  const MovingLightCamera camera = camera_of(rig, options);
   int seen = 0;
   for (int n = 0; n < 40; n++) {
     const auto places = camera.places(n * 0.4);
@@ -54,7 +53,7 @@ TEST(Lights, TheTruthIsWhereThePictureHasThem) {
 }
 
 TEST(Lights, TheBarIsRigidAndAsFastAsAsked) {
-  const LightsPath path(scene_rig(2, 2), quiet());
+  const LightTrajectory path(scene_rig(2, 2), quiet());
   double sum = 0;
   constexpr int kSteps = 3000;
   for (int n = 0; n < kSteps; n++) {
@@ -67,9 +66,9 @@ TEST(Lights, TheBarIsRigidAndAsFastAsAsked) {
 
 TEST(Lights, AWindowShowsThemAgainAndDimmer) {
   const Rig rig = scene_rig(1, 2);
-  LightsOptions options = quiet();
+  MovingLightOptions options = quiet();
   options.bar = 0, options.reflection = 0.5;
-  const LightsCamera camera = camera_of(rig, options);
+  const MovingLightCamera camera = camera_of(rig, options);
   const auto places = camera.places(1);
   ASSERT_EQ(places.size(), 2u);
   ASSERT_TRUE(places[0] && places[1]);
@@ -83,9 +82,9 @@ TEST(Lights, AWindowShowsThemAgainAndDimmer) {
 
 TEST(Lights, NoiseIsAsAskedAndOfItsSeedAlone) {
   const Rig rig = scene_rig(1, 2);
-  LightsOptions options = quiet();
+  MovingLightOptions options = quiet();
   options.noise = 3, options.ambient = 0.2, options.bar = 0;
-  const LightsCamera camera = camera_of(rig, options);
+  const MovingLightCamera camera = camera_of(rig, options);
   const Image a = camera.picture(0, 1), b = camera.picture(0, 2);
   EXPECT_EQ(a.data(), camera.picture(0, 1).data());
   double sum = 0, count = 0;
@@ -95,10 +94,10 @@ TEST(Lights, NoiseIsAsAskedAndOfItsSeedAlone) {
 }
 
 TEST(Lights, OptionsWithoutSenseAreRefused) {
-  LightsOptions options;
+  MovingLightOptions options;
   options.far = 0.5;
-  EXPECT_ERROR(LightsPath(scene_rig(1, 2), options), "far: must be more than near");
-  EXPECT_ERROR(LightsPath(Rig(), {}), "the rig has no cameras");
+  EXPECT_ERROR(LightTrajectory(scene_rig(1, 2), options), "far: must be more than near");
+  EXPECT_ERROR(LightTrajectory(Rig(), {}), "the rig has no cameras");
 }
 
 }  // namespace

@@ -23,8 +23,8 @@ TEST(Objects, EverythingStandsInTheRoom) {
   for (double time = 0; time < kScenePeriod; time += 0.21) {
     const Objects o = objects_at(time);
     for (const Sphere& s : o.spheres) EXPECT_TRUE(inside(s.centre, s.radius)) << "sphere at " << time;
-    for (const Block& b : o.blocks) EXPECT_TRUE(inside(b.centre, b.half.y)) << "block at " << time;
-    for (const Pillar& p : o.pillars) {
+    for (const Box& b : o.boxes) EXPECT_TRUE(inside(b.centre, b.half.y)) << "block at " << time;
+    for (const Cylinder& p : o.cylinders) {
       EXPECT_LT(p.top, p.bottom);
       EXPECT_TRUE(inside({p.x, p.bottom, p.z}, 0));
     }
@@ -90,7 +90,7 @@ TEST(Figure, WalksOnTheFloor) {
 }
 
 TEST(Figure, LimbsKeepTheirLengths) {
-  // Bones are rigid: no capsule but the balloon's string, the last, may stretch.
+  // Bones are rigid: no capsule may stretch, except for the last, the balloon's string.
   const Objects first = figure_at(0);
   for (double time = 0.1; time < kScenePeriod; time += 0.17) {
     const Objects o = figure_at(time);
@@ -112,7 +112,6 @@ TEST(Figure, StaysAroundTheMiddleDepth) {
   EXPECT_GT(far - near, 0.15f);
 }
 
-// Mean of f over an interval of width w around x, by sampling.
 template <typename F>
 double mean(F&& f, double x, double w) {
   constexpr int kSteps = 4000;
@@ -151,15 +150,15 @@ TEST(Pattern, FilteredPatternsAreAverages) {
 TEST(Pattern, FineTextureFadesToItsMean) {
   EXPECT_EQ(wave(0.3f, 1), 0);
   EXPECT_NEAR(checker(0.2f, 4, 0.7f, 4), 0.5, 1e-6);
-  EXPECT_NEAR(grain(0.2f, 3, 0.7f, 3), 0, 1e-6);
-  EXPECT_LE(std::abs(grain(0.2f, 0, 0.7f, 0)), 1);
+  EXPECT_NEAR(noise_texture(0.2f, 3, 0.7f, 3), 0, 1e-6);
+  EXPECT_LE(std::abs(noise_texture(0.2f, 0, 0.7f, 0)), 1);
 }
 
 TEST(Pattern, ScatterSpreadsOverTheUnitInterval) {
   double sum = 0, squares = 0;
   for (int a = -50; a < 50; a++)
     for (int b = -50; b < 50; b++) {
-      const double v = scatter(a, b);
+      const double v = hash_unit(a, b);
       ASSERT_TRUE(v >= 0 && v <= 1);
       sum += v;
       squares += v * v;
@@ -168,24 +167,24 @@ TEST(Pattern, ScatterSpreadsOverTheUnitInterval) {
   EXPECT_NEAR(squares / 1e4, 1.0 / 3, 0.02);
 }
 
-// Albedo over a footprint of `width` along the axes u and v, by the painter's filter and by averaging points.
+// Albedo over a footprint of `width` along the axes u and v: filtered, and averaged over sampled points.
 struct Averages {
   V3 filtered, sampled;
 };
 Averages averages(const Objects& o, Kind kind, uint32_t index, const V3& p, const V3& normal, const V3& u, const V3& v,
                   float width) {
   constexpr int kSide = 24;
-  Averages a{paint(o, kind, index, {p, normal, width * u, width * v}).albedo, V3(0)};
+  Averages a{texture(o, kind, index, {p, normal, width * u, width * v}).albedo, V3(0)};
   for (int i = 0; i < kSide; i++)
     for (int j = 0; j < kSide; j++) {
       const float x = width * ((i + 0.5f) / kSide - 0.5f), y = width * ((j + 0.5f) / kSide - 0.5f);
-      a.sampled += paint(o, kind, index, {p + x * u + y * v, normal, V3(0), V3(0)}).albedo;
+      a.sampled += texture(o, kind, index, {p + x * u + y * v, normal, V3(0), V3(0)}).albedo;
     }
   a.sampled /= static_cast<float>(kSide * kSide);
   return a;
 }
 
-// Root mean square differences of filtered and averaged albedo, and of unfiltered and averaged, over random points.
+// Root mean square differences from the averaged albedo at random points: of filtered and of unfiltered albedo.
 struct Errors {
   double filtered, raw;
 };
@@ -199,34 +198,34 @@ Errors errors(const Objects& o, Kind kind, uint32_t index, const V3& centre, con
   for (int i = 0; i < kPoints; i++) {
     const V3 p = centre + unit(random) * u + unit(random) * v;
     const Averages a = averages(o, kind, index, p, normal, u, v, width);
-    const V3 point = paint(o, kind, index, {p, normal, V3(0), V3(0)}).albedo;
+    const V3 point = texture(o, kind, index, {p, normal, V3(0), V3(0)}).albedo;
     filtered += glm::dot(a.filtered - a.sampled, a.filtered - a.sampled) / (3 * kPoints);
     raw += glm::dot(point - a.sampled, point - a.sampled) / (3 * kPoints);
   }
   return {std::sqrt(filtered), std::sqrt(raw)};
 }
 
-TEST(Paint, TexturesAreFilteredOverThePixel) {
+TEST(Texture, TexturesAreFilteredOverThePixel) {
   const Objects o = objects_at(0);
-  // A pixel of 320x240 cameras covers about 1/400 of the distance.
+  // A pixel of a 320x240 camera covers about 1/400 of the distance.
   const Errors floor = errors(o, Kind::kRoom, 3, {0, kFloor, 3}, {1, 0, 0}, {0, 0, 1}, 1.0f, 0.03f);
   EXPECT_LT(floor.filtered, 0.01);
   EXPECT_LT(floor.filtered, 0.4 * floor.raw);
   const Errors wall = errors(o, Kind::kRoom, 5, {0, -0.3f, 5}, {1, 0, 0}, {0, 1, 0}, 1.2f, 0.0125f);
   EXPECT_LT(wall.filtered, 0.012);
   EXPECT_LT(wall.filtered, 0.6 * wall.raw);
-  ASSERT_EQ(o.blocks[0].paint, Paint::kChart);
+  ASSERT_EQ(o.boxes[0].texture, Texture::kChart);
   const Errors chart =
-      errors(o, Kind::kBlock, 0, o.blocks[0].centre - V3(0, 0, 0.012f), {1, 0, 0}, {0, 1, 0}, 0.34f, 0.011f);
+      errors(o, Kind::kBox, 0, o.boxes[0].centre - V3(0, 0, 0.012f), {1, 0, 0}, {0, 1, 0}, 0.34f, 0.011f);
   EXPECT_LT(chart.filtered, 0.04);
   EXPECT_LT(chart.filtered, 0.4 * chart.raw);
 }
 
-TEST(Paint, AlbedosAreThoseOfRealSurfaces) {
+TEST(Texture, AlbedosAreThoseOfRealSurfaces) {
   const Objects o = objects_at(0.4);
   std::mt19937 random(9);
   std::uniform_real_distribution<float> unit(-1, 1);
-  const auto expect_real = [](const Finish& f, const char* what) {
+  const auto expect_real = [](const Material& f, const char* what) {
     for (int c = 0; c < 3; c++) EXPECT_TRUE(f.albedo[c] > 0 && f.albedo[c] < 1.2f) << what << " " << f.albedo[c];
     EXPECT_TRUE(f.gloss >= 0 && f.gloss <= 1);
   };
@@ -234,22 +233,22 @@ TEST(Paint, AlbedosAreThoseOfRealSurfaces) {
     const V3 n = glm::normalize(V3(unit(random), unit(random), unit(random) - 1));
     for (uint32_t k = 0; k < o.spheres.size(); k++)
       expect_real(
-          paint(o, Kind::kSphere, k, {o.spheres[k].centre + o.spheres[k].radius * n, n, V3(0.002f), V3(0.002f)}),
+          texture(o, Kind::kSphere, k, {o.spheres[k].centre + o.spheres[k].radius * n, n, V3(0.002f), V3(0.002f)}),
           "sphere");
     for (uint32_t k = 0; k < o.capsules.size(); k++)
-      expect_real(paint(o, Kind::kCapsule, k, {o.capsules[k].base + o.capsules[k].radius * n, n, V3(0.002f), V3(0)}),
+      expect_real(texture(o, Kind::kCapsule, k, {o.capsules[k].base + o.capsules[k].radius * n, n, V3(0.002f), V3(0)}),
                   "capsule");
-    for (uint32_t k = 0; k < o.blocks.size(); k++)
-      expect_real(paint(o, Kind::kBlock, k, {o.blocks[k].centre + o.blocks[k].half * n, {0, 0, -1}, V3(0), V3(0.002f)}),
+    for (uint32_t k = 0; k < o.boxes.size(); k++)
+      expect_real(texture(o, Kind::kBox, k, {o.boxes[k].centre + o.boxes[k].half * n, {0, 0, -1}, V3(0), V3(0.002f)}),
                   "block");
     const V3 side = glm::normalize(V3(n.x, 0, n.z));
-    for (uint32_t k = 0; k < o.pillars.size(); k++) {
-      const Pillar& p = o.pillars[k];
-      expect_real(paint(o, Kind::kPillar, k, {V3(p.x, p.top + 0.1f, p.z) + p.radius * side, side, V3(0), V3(0)}),
+    for (uint32_t k = 0; k < o.cylinders.size(); k++) {
+      const Cylinder& p = o.cylinders[k];
+      expect_real(texture(o, Kind::kCylinder, k, {V3(p.x, p.top + 0.1f, p.z) + p.radius * side, side, V3(0), V3(0)}),
                   "pillar");
     }
     for (uint32_t face = 0; face < 6; face++)
-      expect_real(paint(o, Kind::kRoom, face, {2.0f * n, {0, -1, 0}, V3(0.01f), V3(0.01f)}), "room");
+      expect_real(texture(o, Kind::kRoom, face, {2.0f * n, {0, -1, 0}, V3(0.01f), V3(0.01f)}), "room");
   }
 }
 

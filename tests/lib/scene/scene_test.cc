@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "base/text.h"
-#include "quality/quality.h"
+#include "quality/image_quality.h"
 #include "scene/objects.h"
 #include "scene/trace.h"
 
@@ -32,14 +32,14 @@ TEST(Scene, SameArgumentsSamePicture) {
   EXPECT_NE(here.data(), render_scene(camera, 1.3).data());
 }
 
-// Steps as in films, jumps, and none at all; a lens that does not see all of its picture; one ray a pixel, and nine.
+// Regular steps, jumps, and repeated times; a lens with black corners; one ray per pixel, and nine.
 TEST(Scene, AFilmIsItsPictures) {
   SceneCamera distorted = central_camera(97, 64);
   distorted.lens = Lens(LensModel::kRadial, {70, 48, 32, -0.4, 0.02});
   distorted.pose.position = {0.2, -0.1, 0.3};
   for (const SceneCamera& camera : {central_camera(), distorted})
     for (const int samples : {1, 2, 3, 5}) {
-      SceneFilm film(camera, samples);
+      SceneRenderer film(camera, samples);
       double time = 0.3;
       for (const double step : {0.0, 1 / 15.0, 1 / 15.0, 1 / 15.0, 0.0, 1 / 30.0, 0.5, 1e-4, -0.9, 1 / 15.0}) {
         time += step;
@@ -64,12 +64,12 @@ TEST(Scene, AdaptiveSamplingIsNearToSamplingEverywhere) {
 }
 
 TEST(Scene, KnownObjectAppearsWhereItProjects) {
-  // The balloon is the only thing of its colour: the middle of its pixels is the projection of its centre.
+  // No other object has the balloon's colour: the centroid of its pixels is the projection of its centre.
   const Rig rig = scene_rig();
   for (const double time : {0.0, 0.8, 2.6}) {
     const scene::Objects objects = scene::objects_at(time);
     const auto balloon = std::find_if(objects.spheres.begin(), objects.spheres.end(),
-                                      [](const scene::Sphere& s) { return s.paint == scene::Paint::kBalloon; });
+                                      [](const scene::Sphere& s) { return s.texture == scene::Texture::kBalloon; });
     ASSERT_NE(balloon, objects.spheres.end());
     for (const CameraIndex index : {0u, 7u, 27u, 63u}) {
       const Camera& c = rig.cameras[index];
@@ -91,7 +91,7 @@ TEST(Scene, KnownObjectAppearsWhereItProjects) {
 }
 
 TEST(Scene, ParallaxFollowsDepth) {
-  // The chart stands still at kSceneFar: between neighbouring cameras its picture moves by f * pitch / z.
+  // The chart is static at kSceneFar: its disparity between neighbouring cameras is f * pitch / z.
   const Rig rig = scene_rig(1, 2, 640, 480);
   const Image left = render_scene(camera_of(rig.cameras[0]), 0.9), right = render_scene(camera_of(rig.cameras[1]), 0.9);
   const double shift = 800 * kScenePitch / kSceneFar;  // 7.1 px
@@ -121,7 +121,7 @@ TEST(Scene, HasSomethingToFocusOnAtItsDepths) {
     for (int x = 0; x < camera.width; x++) {
       const Vec2 u = *camera.lens.unproject({static_cast<double>(x), static_cast<double>(y)});
       const Vec3 d = glm::normalize(Vec3(u.x, u.y, 1));
-      const scene::Hit hit = scene::first_hit(objects, {scene::V3(0), scene::V3(d)});
+      const scene::Hit hit = scene::intersect_scene(objects, {scene::V3(0), scene::V3(d)});
       const double z = hit.t * d.z;
       beyond += z > scene::kRoomMax.z + 1e-3;
       for (int i = 0; i < 3; i++) at_depth[i] += hit.kind != scene::Kind::kRoom && std::abs(z - depths[i]) < 0.2;
@@ -144,7 +144,7 @@ TEST(Scene, ColourIsThatOfTheRayThroughThePixel) {
       const uint8_t* p = image.pixel(x, y);
       difference += (std::abs(c.r - p[0]) + std::abs(c.g - p[1]) + std::abs(c.b - p[2])) / 3;
     }
-  // Not 0: scene_colour() has no pixel to filter texture over.
+  // The error is not 0 because scene_colour() has no pixel footprint for texture filtering.
   EXPECT_LT(difference / compared, 4);
 }
 

@@ -24,17 +24,17 @@ double box_distance(const D3& q, const D3& half) {
   return glm::length(glm::max(d, D3(0))) + std::min(std::max({d.x, d.y, d.z}), 0.0);
 }
 
-// Signed distance to the nearest surface of the scene: an independent statement of the same geometry, in double.
+// Signed distance to the nearest surface of the scene: an independent implementation of the geometry, in double.
 double distance(const Objects& o, const D3& p) {
   const D3 room_centre = 0.5 * (D3(kRoomMin) + D3(kRoomMax)), room_half = 0.5 * (D3(kRoomMax) - D3(kRoomMin));
   double d = -box_distance(p - room_centre, room_half);
   for (const Sphere& s : o.spheres) d = std::min(d, glm::length(p - D3(s.centre)) - s.radius);
   for (const Capsule& c : o.capsules) d = std::min(d, segment_distance(p, D3(c.base), D3(c.axis)) - c.radius);
-  for (const Pillar& c : o.pillars) {
+  for (const Cylinder& c : o.cylinders) {
     const double r = std::hypot(p.x - c.x, p.z - c.z) - c.radius, y = std::max<double>(c.top - p.y, p.y - c.bottom);
     d = std::min(d, std::min(std::max(r, y), 0.0) + std::hypot(std::max(r, 0.0), std::max(y, 0.0)));
   }
-  for (const Block& b : o.blocks) {
+  for (const Box& b : o.boxes) {
     const D3 v = p - D3(b.centre), q(b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x);
     d = std::min(d, box_distance(q, D3(b.half)));
   }
@@ -52,13 +52,13 @@ TEST(Trace, HitsAgreeWithMarchingThroughTheDistanceField) {
     if (i % 10 == 0) direction = glm::normalize(D3(unit(random), unit(random), unit(random)));
     double t = 0, gap = 1;
     for (int step = 0; step < 400 && gap > 1e-5; step++) t += gap = distance(o, origin + t * direction);
-    const Hit hit = first_hit(o, {V3(origin), V3(direction)});
+    const Hit hit = intersect_scene(o, {V3(origin), V3(direction)});
     ASSERT_NE(hit.kind, Kind::kNothing);
     EXPECT_NEAR(glm::length(hit.normal), 1, 1e-5);
     EXPECT_LE(glm::dot(D3(hit.normal), direction), 1e-3);
     EXPECT_LT(std::abs(distance(o, origin + static_cast<double>(hit.t) * direction)), 5e-5);
     EXPECT_GE(hit.t, t - 1e-4);
-    // Marching stops early where it grazes a surface; there it bounds the hit only from one side.
+    // Ray marching stops early at grazing angles, where it bounds the hit from one side only.
     if (gap <= 1e-5 && glm::dot(D3(hit.normal), direction) < -0.1) {
       EXPECT_NEAR(hit.t, t, 1e-3) << "kind " << static_cast<int>(hit.kind);
     }
@@ -69,10 +69,10 @@ TEST(Trace, HitsAgreeWithMarchingThroughTheDistanceField) {
 
 TEST(Trace, EveryKindOfObjectIsMet) {
   const Objects o = objects_at(0);
-  const auto kind_towards = [&](const V3& target) { return first_hit(o, {V3(0), glm::normalize(target)}).kind; };
+  const auto kind_towards = [&](const V3& target) { return intersect_scene(o, {V3(0), glm::normalize(target)}).kind; };
   EXPECT_EQ(kind_towards(o.spheres[0].centre), Kind::kSphere);
-  EXPECT_EQ(kind_towards(V3(o.pillars[0].x, o.pillars[0].top + 0.05f, o.pillars[0].z)), Kind::kPillar);
-  EXPECT_EQ(kind_towards(o.blocks[1].centre), Kind::kBlock);
+  EXPECT_EQ(kind_towards(V3(o.cylinders[0].x, o.cylinders[0].top + 0.05f, o.cylinders[0].z)), Kind::kCylinder);
+  EXPECT_EQ(kind_towards(o.boxes[1].centre), Kind::kBox);
   EXPECT_EQ(kind_towards(o.capsules[1].base + 0.8f * o.capsules[1].axis), Kind::kCapsule);
   EXPECT_EQ(kind_towards({0, 0, -1}), Kind::kRoom);
 }
@@ -83,35 +83,35 @@ TEST(Trace, RaysAlongTheAxesAreFinite) {
     for (const float sign : {-1.0f, 1.0f}) {
       V3 d(0);
       d[axis] = sign;
-      const Hit hit = first_hit(o, {V3(0), d});
+      const Hit hit = intersect_scene(o, {V3(0), d});
       EXPECT_TRUE(hit.kind != Kind::kNothing && hit.t > 0 && hit.t < 10) << axis << " " << sign;
-      PixelShadows shadows;
+      ShadowCache shadows;
       const V3 light = trace(o, {V3(0), d}, shadows).light;
       EXPECT_TRUE(light.x >= 0 && light.x < 4 && light.y >= 0 && light.z >= 0) << axis << " " << sign;
     }
 }
 
 TEST(Trace, OutsideTheRoomIsNothing) {
-  EXPECT_EQ(first_hit(objects_at(0), {{0, -5, 0}, {0, -1, 0}}).kind, Kind::kNothing);
-  EXPECT_EQ(first_hit(objects_at(0), {{0, -5, 0}, {0, 0, 1}}).kind, Kind::kNothing);
+  EXPECT_EQ(intersect_scene(objects_at(0), {{0, -5, 0}, {0, -1, 0}}).kind, Kind::kNothing);
+  EXPECT_EQ(intersect_scene(objects_at(0), {{0, -5, 0}, {0, 0, 1}}).kind, Kind::kNothing);
 }
 
 TEST(Trace, ShadowsHavePenumbras) {
   Objects o;
-  o.spheres.push_back({{0, 0, 1}, 0.1f, Paint::kJoint});
+  o.spheres.push_back({{0, 0, 1}, 0.1f, Texture::kJoint});
   o.add_group(0, 0);
-  const auto seen = [&](float x) { return light_seen(o, {x, 0, 0}, {0, 0, 1}, 3, 0.05f, Kind::kRoom, 0); };
+  const auto seen = [&](float x) { return light_visibility(o, {x, 0, 0}, {0, 0, 1}, 3, 0.05f, Kind::kRoom, 0); };
   EXPECT_EQ(seen(0), 0);
   EXPECT_NEAR(seen(0.1f), 0.5, 0.02);
   EXPECT_EQ(seen(0.2f), 1);
   EXPECT_GT(seen(0.12f), seen(0.09f));
-  // A light nearer than the sphere is not in its shadow, nor is the sphere in its own.
-  EXPECT_EQ(light_seen(o, {0, 0, 0}, {0, 0, 1}, 0.5f, 0.05f, Kind::kRoom, 0), 1);
-  EXPECT_EQ(light_seen(o, {0, 0, 0.9f}, {0, 0, 1}, 3, 0.05f, Kind::kSphere, 0), 1);
+  // A light nearer than the sphere is not in its shadow, and the sphere does not shadow itself.
+  EXPECT_EQ(light_visibility(o, {0, 0, 0}, {0, 0, 1}, 0.5f, 0.05f, Kind::kRoom, 0), 1);
+  EXPECT_EQ(light_visibility(o, {0, 0, 0.9f}, {0, 0, 1}, 3, 0.05f, Kind::kSphere, 0), 1);
 }
 
 TEST(Trace, SamplesOfAPixelShareShadows) {
-  PixelShadows shadows;
+  ShadowCache shadows;
   int found = 0;
   const auto find = [&] { return 0.25f * static_cast<float>(++found); };
   EXPECT_EQ(shadows.seen(0, 7, find), 0.25f);

@@ -42,11 +42,11 @@ TEST(Navigator, OrbitKeepsThePivotAndItsDistance) {
   n.orbit(0.25, 0);
   EXPECT_LT(distance(n.pivot(), pivot), 1e-14);
   EXPECT_EQ(n.viewpoint().focus_distance, 3);
-  // About home's vertical: the eye keeps its height over it ...
+  // About the home view's vertical axis: the viewpoint keeps its height ...
   EXPECT_NEAR(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.down()), 0, 1e-14);
   const Vec3 before = somewhere().pose.position - pivot, after = n.viewpoint().pose.position - pivot;
   EXPECT_NEAR(glm::dot(before, after) / 9, std::cos(0.25 * kOrbitPerHeight), 1e-14);
-  // ... and goes to the left, so that the scene goes right with the mouse.
+  // ... and moves to the left, so that the scene follows the mouse to the right.
   EXPECT_LT(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.right()), -0.1);
 }
 
@@ -67,14 +67,14 @@ TEST(Navigator, ADragOverTheViewCrossesTheArray) {
 TEST(Navigator, OrbitDownLooksFromAbove) {
   Navigator n;
   n.orbit(0, 1);
-  EXPECT_LT(n.viewpoint().pose.position.y, -0.1);  // y is down
+  EXPECT_LT(n.viewpoint().pose.position.y, -0.1);
   EXPECT_GT(n.viewpoint().pose.forward().y, 0.1);
 }
 
 TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
   Navigator n(somewhere());
   const View before = make_view(n.viewpoint(), 640, 480);
-  const Vec3 x = before.pose.world_from_camera({0.3, -0.2, 3});  // on the focal plane
+  const Vec3 x = before.pose.world_from_camera({0.3, -0.2, 3});
   const Vec2 from = *before.lens.project(before.pose.camera_from_world(x));
   n.pan(60 / 480.0, -24 / 480.0);
   const View after = make_view(n.viewpoint(), 640, 480);
@@ -83,7 +83,6 @@ TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
   EXPECT_NEAR(to.y - from.y, -24, 1e-9);
 }
 
-// What is under the pointer stays there while it grows, and the horizon stays level.
 TEST(Navigator, ZoomKeepsWhatIsUnderThePointer) {
   for (const Vec2 place : {Vec2(0, 0), Vec2(0.5, 0), Vec2(0, -0.4), Vec2(-0.6, 0.45)}) {
     Navigator n;
@@ -124,7 +123,7 @@ TEST(Navigator, FocusAndZoomAreMultiplicativeAndClamped) {
 TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
   struct Row {
     const char *key, *opposite;
-    Vec3 moved_towards;  // in home's axes; 0: the eye stays
+    Vec3 moved_towards;  // in the home view's axes; 0: the viewpoint stays
   };
   const Row rows[] = {{"Left", "Right", {1, 0, 0}},
                       {"Up", "Down", {0, 1, 0}},
@@ -175,19 +174,19 @@ TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
   validate(make_view(n.viewpoint(), 640, 480));
 }
 
-// An eye that goes sideways and turns looks past what the cameras see: then it goes on and turns less.
+// A viewpoint that moves sideways and turns looks beyond the cameras' coverage: it then moves on and turns less.
 TEST(Navigator, WhereTurningHidesTheViewTurnsBackAndTheEyeGoesOn) {
   Navigator n;
-  // With each degree of turning 2 % more of the view are dark, wherever the eye is.
-  n.set_visible([](const Viewpoint& v) {
+  // Each degree of rotation darkens another 2 % of the view, independent of the position.
+  n.set_visibility([](const Viewpoint& v) {
     return std::clamp(1 - 0.02 * std::acos(std::min(1.0, v.pose.forward().z)) * (180 / M_PI), 0.0, 1.0);
   });
   for (int i = 0; i < 20; i++) n.orbit(-0.05, 0);
   EXPECT_GT(n.viewpoint().pose.position.x, 0.4);
-  EXPECT_NEAR(std::acos(n.viewpoint().pose.forward().z) * (180 / M_PI), 2.5, 0.1) << "5 % of what home shows";
+  EXPECT_NEAR(std::acos(n.viewpoint().pose.forward().z) * (180 / M_PI), 2.5, 0.1) << "5 % of the home view";
 }
 
-// Everything is seen from |x| and |y| up to 0.1 m, all but 5 % of it at 0.11 m, and nothing from 0.3 m on.
+// Full visibility for |x| and |y| up to 0.1 m, 95 % at 0.11 m, and none from 0.3 m.
 double seen_from(const Viewpoint& v) {
   const double off = std::max(std::abs(v.pose.position.x), std::abs(v.pose.position.y));
   return std::clamp(1.5 - 5 * off, 0.0, 1.0);
@@ -195,36 +194,34 @@ double seen_from(const Viewpoint& v) {
 
 TEST(Navigator, NoMovementLosesSightOfTheArray) {
   Navigator n;
-  n.set_visible(seen_from);
+  n.set_visibility(seen_from);
   const auto position = [&] { return n.viewpoint().pose.position; };
   n.orbit(-1, 0);
   EXPECT_NEAR(position().x, 0.11, 0.005);
-  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
-  // Along the border it goes on, and back at once.
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kMinVisible);
   for (int i = 0; i < 20; i++) n.orbit(-0.05, 0.01);
   EXPECT_LT(position().y, -0.02);
   EXPECT_NEAR(position().x, 0.11, 0.005);
   n.orbit(0.1, 0);
   EXPECT_LT(position().x, 0.08);
-  // The pivot follows the mouse nevertheless, and the horizon stays.
   n.reset();
   n.pan(-0.3, -0.2);
   EXPECT_GT(n.pivot().x, 0.45);
   EXPECT_NEAR(position().x, 0.11, 0.005);
   EXPECT_NEAR(n.viewpoint().pose.right().y, 0, 1e-12);
-  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kMinVisible);
   n.reset();
   for (int i = 0; i < 100; i++) n.orbit(0.05, 0.05);
-  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kMinVisible);
   EXPECT_LT(glm::length(n.pivot() - Vec3(0, 0, 2)), 1e-9);
 }
 
 TEST(Navigator, MovementsThatNothingHelpsEnd) {
   Navigator n;
-  // Of a view that is twice as wide as home's half as much is filled, wherever it is.
-  n.set_visible([&n](const Viewpoint& v) { return std::min(1.0, n.home().fov_y_deg / v.fov_y_deg); });
+  // A view twice as wide as the home view is half covered at any position.
+  n.set_visibility([&n](const Viewpoint& v) { return std::min(1.0, n.home().fov_y_deg / v.fov_y_deg); });
   for (int i = 0; i < 100; i++) n.zoom(-1);
-  EXPECT_NEAR(n.viewpoint().fov_y_deg, n.home().fov_y_deg / Navigator::kEnough, 0.1);
+  EXPECT_NEAR(n.viewpoint().fov_y_deg, n.home().fov_y_deg / Navigator::kMinVisible, 0.1);
   EXPECT_EQ(n.viewpoint().pose, n.home().pose);
   n.zoom(1);
   EXPECT_LT(n.viewpoint().fov_y_deg, 1.01 * n.home().fov_y_deg);
@@ -234,8 +231,8 @@ TEST(Navigator, FromTheDarkMovementsFindBack) {
   Navigator n;
   for (int i = 0; i < 50; i++) n.key("d");
   EXPECT_NEAR(n.viewpoint().pose.position.x, 1, 1e-12);
-  n.set_visible(seen_from);
-  // In the dark nothing is lost by moving; where a little is seen, it does not become less, and nothing jumps.
+  n.set_visibility(seen_from);
+  // Every movement is allowed at uncovered positions; with some coverage, movements never reduce the coverage or jump.
   n.key("d");
   EXPECT_GT(n.viewpoint().pose.position.x, 1.01);
   Viewpoint v;
@@ -276,8 +273,8 @@ TEST(DefaultViewpoint, StandsInTheMiddleOfTheArray) {
 TEST(DefaultViewpoint, MeanOfDifferingOrientations) {
   Rig rig = array(1, 2, 0.2, {});
   rig.cameras[0].pose.orientation = quat_from_euler({20, 5, 0});
-  rig.cameras[1].pose.orientation = -quat_from_euler({-20, 5, 0});  // the sign of a quaternion means nothing
-  const Euler e = euler_from_quat(default_viewpoint(rig).pose.orientation);
+  rig.cameras[1].pose.orientation = -quat_from_euler({-20, 5, 0});
+  const EulerAngles e = euler_from_quat(default_viewpoint(rig).pose.orientation);
   EXPECT_NEAR(e.yaw, 0, 1e-12);
   EXPECT_NEAR(e.roll, 0, 1e-12);
   EXPECT_NEAR(e.pitch, 5, 0.5);
@@ -313,8 +310,8 @@ TEST(ViewpointBehind, SeesAllCameras) {
       const Vec2 pixel = *view.lens.project(at);
       farthest = std::max({farthest, std::abs(pixel.x / (view.width - 1) - 0.5), std::abs(pixel.y / 399 - 0.5)});
     }
-    EXPECT_NEAR(farthest, 0.4, 0.01) << "a tenth of the view is left around them";
-    EXPECT_NEAR(glm::length(pivot_of(front) - pivot_of(behind)), 0, 1e-9) << "what is in focus stays there";
+    EXPECT_NEAR(farthest, 0.4, 0.01) << "margin of a tenth of the view";
+    EXPECT_NEAR(glm::length(pivot_point(front) - pivot_point(behind)), 0, 1e-9) << "the point in focus stays";
   }
 }
 

@@ -37,7 +37,7 @@ TEST(ViewsJson, ReadsBothFormsOfLensAndFocus) {
   EXPECT_EQ(views[1].time, 0.5);
   EXPECT_EQ(views[1].view.height, 8192);
   EXPECT_EQ(views[1].view.lens.model(), LensModel::kRadial);
-  EXPECT_NEAR(views[1].view.focus.plane.signed_distance({7, 8, 1}), 0, 1e-14) << "it looks along -z";
+  EXPECT_NEAR(views[1].view.focus.plane.signed_distance({7, 8, 1}), 0, 1e-14) << "looks along -z";
   for (const NamedView& view : views) EXPECT_NO_THROW(validate(view.view));
 }
 
@@ -60,7 +60,7 @@ TEST(ViewsJson, RoundTripsToTheLastBit) {
 
 TEST(ViewsJson, ErrorsNameThePlace) {
   struct {
-    const char* patch;  // merged into the good file; null takes a key away
+    const char* patch;  // merged into the good file; null removes a key
     const char* message;
   } const files[] = {
       {R"({"format": null})", "v.json: key \"format\" is missing"},
@@ -86,11 +86,11 @@ TEST(ViewsJson, ErrorsNameThePlace) {
       {0, R"({"name": "../x"})", "views[0].name: must be usable as a file name"},
       {0, R"({"name": "x\u0000"})", "views[0].name: has a character NUL"},
       {0, R"({"name": "x\n"})", "views[0].name: has control characters"},
-      {1, R"({"name": "first"})", "views[1]: name \"first\" is also that of views[0]"},
-      {0, R"({"name": "view_01"})", "views[1]: name \"view_01\" is also that of views[0]"},
+      {1, R"({"name": "first"})", "views[1]: name \"first\" is also in views[0]"},
+      {0, R"({"name": "view_01"})", "views[1]: name \"view_01\" is also in views[0]"},
       {0, R"({"time": -1})", "views[0].time: must be 0 to 1e9 seconds"},
       {0, R"({"time": 1e300})", "views[0].time: must be 0 to 1e9 seconds"},
-      {0, R"({"time": 0.75})", "views[1].time: is before that of the view in front of it"},
+      {0, R"({"time": 0.75})", "views[1].time: must not be before the previous view"},
       {1, R"({"position": null})", "views[1]: key \"position\" is missing"},
       {1, R"({"position": [0, 0]})", "views[1].position: must have 3 elements, has 2"},
       {1, R"({"position": [0, "NaN", 0]})", "views[1].position[1]: must be a finite number"},
@@ -224,7 +224,7 @@ TEST(RequestSchedule, AnotherRateGoesOnFromTheNextFrame) {
   EXPECT_EQ(schedule.next()->duration, kFrame / 2);
   schedule.advance(*schedule.next());
   EXPECT_TRUE(schedule.set_rate(Schedule(5, 1)));
-  EXPECT_EQ(schedule.next()->pts, 4 * kFrame) << "the next instant of that rate";
+  EXPECT_EQ(schedule.next()->pts, 4 * kFrame) << "next instant at the new rate";
 }
 
 TEST(RequestSchedule, AListOfViewsHasOneRate) {
@@ -232,7 +232,7 @@ TEST(RequestSchedule, AListOfViewsHasOneRate) {
   EXPECT_TRUE(schedule.set_rate(Schedule(20, 1)));
   EXPECT_EQ(schedule.end(), 3 * kFrame / 2);
   schedule.advance(*schedule.next());
-  EXPECT_FALSE(schedule.set_rate(kTenth)) << "its views are stamped by number";
+  EXPECT_FALSE(schedule.set_rate(kTenth)) << "timestamps follow from view numbers";
   EXPECT_EQ(schedule.next()->pts, kFrame / 2);
   RequestSchedule path(kTenth, views_at({0, 1, 3}), false);
   path.advance(*path.next());
@@ -255,7 +255,7 @@ TEST(RequestSchedule, AFileEnds) {
   EXPECT_FALSE(RequestSchedule(kTenth, views_at({0, 0.5}), true).end());
 }
 
-// A request that was made while the pipeline had no base time yet is stamped with the time of the clock.
+// A request created before the pipeline has a base time carries the clock's time.
 TEST(RequestSchedule, AStampOfAnotherBaseTimeSilencesNobody) {
   constexpr uint64_t kBase = 1000 * kSecond;
   RequestSchedule schedule(kTenth);
@@ -274,9 +274,9 @@ TEST(RequestSchedule, LiveItIsTheNewestInstantThatIsOldEnough) {
   EXPECT_EQ(slot->target_time, kBase + 5 * kFrame);
   EXPECT_EQ(slot->pts, 5 * kFrame);
   schedule.advance(*slot);
-  EXPECT_EQ(schedule.next_live(kBase + 5 * kFrame + kDelay + 2, kBase, kDelay)->pts, 6 * kFrame) << "none twice";
+  EXPECT_EQ(schedule.next_live(kBase + 5 * kFrame + kDelay + 2, kBase, kDelay)->pts, 6 * kFrame) << "no repetition";
   EXPECT_EQ(schedule.next_live(kBase + 9 * kFrame + kDelay, kBase, kDelay)->pts, 9 * kFrame)
-      << "those that have passed are left out";
+      << "past requests are skipped";
   EXPECT_EQ(RequestSchedule(kTenth).next_live(kBase, kBase, kDelay)->pts, 0u) << "none before the stream begins";
 }
 
@@ -285,7 +285,7 @@ TEST(RequestSchedule, AheadOfItsTurnARequestAsksForWhatIsThere) {
   const RequestSchedule schedule(kTenth);
   const RequestSlot slot = *schedule.next_live(kBase + 5 * kFrame + kDelay, kBase, kDelay);
   const uint64_t now = kBase + 5 * kFrame + kDelay - 10;
-  const RequestSlot early = schedule.ahead_of_turn(slot, now, kBase, kDelay);
+  const RequestSlot early = schedule.early_request(slot, now, kBase, kDelay);
   EXPECT_EQ(early.target_time, kBase + 4 * kFrame);
   EXPECT_EQ(early.pts, 5 * kFrame - 10);
   EXPECT_EQ(early.duration, slot.duration);
@@ -299,7 +299,7 @@ TEST(RequestSchedule, ATurnIsPassedOnce) {
   EXPECT_EQ(schedule.next()->pts, kFrame);
 }
 
-NamedView key(double time, const Vec3& position, const Euler& degrees, double focus, double fov = 40) {
+NamedView key(double time, const Vec3& position, const EulerAngles& degrees, double focus, double fov = 40) {
   Viewpoint v;
   v.pose = {position, quat_from_euler(degrees)};
   v.focus_distance = focus;
@@ -328,7 +328,7 @@ TEST(ViewPath, IsAtEachKeyAtItsTimeAndStaysAtTheEnds) {
 
 TEST(ViewPath, IsSmooth) {
   const ViewPath path(keys());
-  // Velocity by differences is continuous: across keys too, it changes by no more than acceleration allows.
+  // The velocity, by finite differences, is continuous across keys: its change is bounded by the acceleration.
   const double h = 1e-4;
   const auto velocity = [&](double t) { return (path.at(t + h).pose.position - path.at(t).pose.position) / h; };
   const auto turn = [&](double t) { return (path.at(t + h).pose.orientation - path.at(t).pose.orientation) / h; };
@@ -355,7 +355,7 @@ TEST(ViewPath, EveryViewIsValidAndItsPlaneFacesIt) {
 TEST(ViewPath, FocusMovesLogarithmically) {
   const ViewPath path({key(0, {}, {}, 1), key(2, {}, {}, 16)});
   const View view = path.at(1);
-  EXPECT_NEAR(view.focus.plane.signed_distance(view.pose.position), 4, 1e-12);  // not 8.5
+  EXPECT_NEAR(view.focus.plane.signed_distance(view.pose.position), 4, 1e-12);
 }
 
 TEST(ViewPath, AStraightEvenPathStaysStraightAndEven) {
@@ -368,7 +368,7 @@ TEST(ViewPath, PlanesThatStandInTheWorldStay) {
   const Plane wall{{0, 0, -1}, 5};
   std::vector<NamedView> k = keys();
   for (NamedView& view : k) view.view.focus.plane = wall;
-  k[2].view.focus.plane = {-wall.normal, -wall.d};  // the same plane
+  k[2].view.focus.plane = {-wall.normal, -wall.d};
   const ViewPath path(k);
   for (double t = 1; t < 5; t += 0.1) {
     EXPECT_LT(glm::length(path.at(t).focus.plane.normal - wall.normal), 1e-14);
@@ -406,17 +406,16 @@ TEST(ViewPath, BadKeysAreNamed) {
   EXPECT_EQ(text({}), "views: a path needs at least one view");
   std::vector<NamedView> k = keys();
   k[2].time = k[1].time;
-  EXPECT_EQ(text(k), "views[2].time: must be later than that of the view before");
+  EXPECT_EQ(text(k), "views[2].time: must be later than the previous view");
   k = keys();
   k[1].view.width = 321;
-  EXPECT_EQ(text(k), "views[1].width, height: must be those of the first view");
+  EXPECT_EQ(text(k), "views[1].width, height: must match the first view");
   k = keys();
   k[3].view.lens = Lens(LensModel::kPinhole, {100, 100, 0, 0});
-  EXPECT_EQ(text(k), "views[3].model: must be that of the first view");
+  EXPECT_EQ(text(k), "views[3].model: must match the first view");
   EXPECT_THROW(ViewPath(keys()).sample(0), Error);
 }
 
-// In the plane z = 0 looking along +z, pitch 0.1 m.
 Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 64, 48, 60); }
 
 double focus_depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
@@ -448,13 +447,13 @@ TEST(Tour, GoesToTheFarFocusSmoothly) {
 }
 
 TEST(Tour, TheArrayCoversEveryView) {
-  // Far focus, so that no camera's own field of view ends before the array does.
+  // Far focus, so that the array limits the coverage, not the cameras' fields of view.
   for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}, {1, 2}}) {
     const Rig rig = grid(rows, columns);
     const Mesh mesh = build_mesh(rig);
     for (const NamedView& view : make_tour(rig, {50, 80}, {.frames = 15})) {
       const ViewPlan plan(rig, mesh, view.view);
-      const std::vector<float> coverage = view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 48}));
+      const std::vector<float> coverage = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 48}));
       for (const float c : coverage) ASSERT_GT(c, 0.999f) << rows << "x" << columns << " at " << view.time;
     }
   }
@@ -467,7 +466,7 @@ TEST(Tour, TheArrayCoversTheEyesOfASet) {
     const double width = glm::distance(rig.cameras.front().pose.position, rig.cameras[columns - 1].pose.position);
     for (const double share : {0.2, 0.5}) {
       ViewSet set;
-      set.layout = SetLayout::kStereo;
+      set.layout = ViewSetLayout::kStereo;
       set.eye_distance = share * width;
       set.converged = false;
       double farthest = 0;
@@ -475,11 +474,11 @@ TEST(Tour, TheArrayCoversTheEyesOfASet) {
         farthest = std::max(farthest, std::abs(view.view.pose.position.x - rig.cameras[columns / 2].pose.position.x));
         for (const int eye : {0, 1}) {
           const ViewPlan plan(rig, mesh, set.view(view.view, set.place(eye)));
-          const std::vector<float> coverage = view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 48}));
+          const std::vector<float> coverage = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 48}));
           for (const float c : coverage) ASSERT_GT(c, 0.999f) << rows << "x" << columns << " at " << view.time;
         }
       }
-      EXPECT_GT(farthest, 0.1 * width) << "it still goes somewhere";
+      EXPECT_GT(farthest, 0.1 * width) << "the path still moves";
     }
   }
 }

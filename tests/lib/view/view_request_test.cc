@@ -24,7 +24,7 @@ TEST(ExtraRequests, LeaveOnceAsTheViewsOwn) {
   beside.absolute_time = true;
   beside.quality = 55;
   uint32_t next = 0xffffffff;
-  const std::vector<ViewRequest> made = requests.take_beside(beside, next);
+  const std::vector<ViewRequest> made = requests.take_for(beside, next);
   ASSERT_EQ(made.size(), 2u);
   EXPECT_EQ(next, 1u) << "numbers wrap";
   EXPECT_EQ(made[0].sequence, 0xffffffffu);
@@ -37,29 +37,29 @@ TEST(ExtraRequests, LeaveOnceAsTheViewsOwn) {
     EXPECT_TRUE(request.absolute_time);
     EXPECT_EQ(request.quality, 55);
   }
-  EXPECT_TRUE(requests.take_beside(beside, next).empty());
+  EXPECT_TRUE(requests.take_for(beside, next).empty());
 }
 
 TEST(ExtraRequests, ThoseOfAnotherRigAreLeftOut) {
   ExtraRequests requests;
   requests.ask({extra(7), extra(8), extra(0)});
   uint32_t next = 0;
-  EXPECT_EQ(requests.take_beside(extra(7), next).size(), 2u) << "7, and the one that names none";
+  EXPECT_EQ(requests.take_for(extra(7), next).size(), 2u) << "for view 7, and without a view id";
   requests.ask({extra(8)});
   requests.ask({extra(7)});
-  EXPECT_EQ(requests.take_beside(extra(0), next).at(0).rig_hash, 0u);
+  EXPECT_EQ(requests.take_for(extra(0), next).at(0).rig_hash, 0u);
   requests.ask({extra(7)});
   requests.clear();
-  EXPECT_TRUE(requests.take_beside(extra(7), next).empty());
+  EXPECT_TRUE(requests.take_for(extra(7), next).empty());
 }
 
-TEST(OutOfService, EachViewHasItsOwn) {
-  OutOfService out;
+TEST(OutOfServiceRegistry, EachViewHasItsOwn) {
+  OutOfServiceRegistry out;
   out.announce(1, {2, 5});
   EXPECT_EQ(out.with_announced(1, {3, 5}), CameraSet({2, 3, 5}));
   EXPECT_EQ(out.with_announced(2, {3}), CameraSet({3}));
   out.announce(1, {7});
-  EXPECT_EQ(out.with_announced(1, {}), CameraSet({7})) << "in place of those before";
+  EXPECT_EQ(out.with_announced(1, {}), CameraSet({7})) << "replaces the earlier set";
   out.announce(1, {});
   EXPECT_EQ(out.with_announced(1, {}), CameraSet());
   out.announce(2, {1});
@@ -67,8 +67,8 @@ TEST(OutOfService, EachViewHasItsOwn) {
   EXPECT_EQ(out.with_announced(2, {}), CameraSet());
 }
 
-TEST(OutOfService, ViewersThatComeAndGoAreForgotten) {
-  OutOfService out;
+TEST(OutOfServiceRegistry, ViewersThatComeAndGoAreForgotten) {
+  OutOfServiceRegistry out;
   for (uint32_t view = 0; view < 3000; view++) out.announce(view, {1});
   EXPECT_EQ(out.with_announced(2999, {}), CameraSet({1}));
   EXPECT_EQ(out.with_announced(0, {}), CameraSet());
@@ -77,83 +77,84 @@ TEST(OutOfService, ViewersThatComeAndGoAreForgotten) {
 constexpr uint64_t kSecond = 1'000'000'000;
 constexpr RequestCost kSmall{640, 480, 0, 2};
 
-TEST(RequestGate, HoldsCostsAgainstLimits) {
-  RequestGate gate;
+TEST(RequestLimiter, HoldsCostsAgainstLimits) {
+  RequestLimiter gate;
   const RequestLimits limits;
   const auto check = [&](const RequestCost& cost, double extent = 0.5) {
     return gate.check(1, cost, limits, extent, kSecond);
   };
-  EXPECT_EQ(check(kSmall), RequestGate::kNone);
-  EXPECT_EQ(check({4096, 2304, 0, 16}), RequestGate::kNone);
-  EXPECT_EQ(check({4096, 2305, 0, 0}), RequestGate::kPixels);
-  EXPECT_EQ(check({65535, 65535, 0, 0}), RequestGate::kPixels);
-  EXPECT_EQ(check({640, 480, 0.5, 0}), RequestGate::kNone);
-  EXPECT_EQ(check({640, 480, 0.51, 0}), RequestGate::kAperture);
-  EXPECT_EQ(check({640, 480, 0.51, 0}, 0), RequestGate::kNone) << "the array is not known";
-  EXPECT_EQ(check({640, 480, 0, 17}), RequestGate::kTrials);
-  EXPECT_EQ(check({420, 560, 0, 0, 8, 6}), RequestGate::kNone) << "of a set one picture is made";
-  EXPECT_EQ(check({4096, 2304, 0, 0, 2, 2}), RequestGate::kNone);
-  EXPECT_EQ(check({4096, 2304, 0, 0, 5, 1}), RequestGate::kPixels);
-  EXPECT_EQ(check({65535, 65535, 0, 0, 255, 255}), RequestGate::kPixels);
+  EXPECT_EQ(check(kSmall), RequestLimiter::kNone);
+  EXPECT_EQ(check({4096, 2304, 0, 16}), RequestLimiter::kNone);
+  EXPECT_EQ(check({4096, 2305, 0, 0}), RequestLimiter::kPixels);
+  EXPECT_EQ(check({65535, 65535, 0, 0}), RequestLimiter::kPixels);
+  EXPECT_EQ(check({640, 480, 0.5, 0}), RequestLimiter::kNone);
+  EXPECT_EQ(check({640, 480, 0.51, 0}), RequestLimiter::kAperture);
+  EXPECT_EQ(check({640, 480, 0.51, 0}, 0), RequestLimiter::kNone) << "unknown array";
+  EXPECT_EQ(check({640, 480, 0, 17}), RequestLimiter::kHypotheses);
+  EXPECT_EQ(check({420, 560, 0, 0, 8, 6}), RequestLimiter::kNone) << "a set is one picture";
+  EXPECT_EQ(check({4096, 2304, 0, 0, 2, 2}), RequestLimiter::kNone);
+  EXPECT_EQ(check({4096, 2304, 0, 0, 5, 1}), RequestLimiter::kPixels);
+  EXPECT_EQ(check({65535, 65535, 0, 0, 255, 255}), RequestLimiter::kPixels);
 }
 
-// The lens of a view decides how much work each of its pixels is.
-TEST(RequestGate, BoundsTheWorkOfTheLens) {
-  RequestGate gate;
+// A view's lens determines the cost per pixel.
+TEST(RequestLimiter, BoundsTheWorkOfTheLens) {
+  RequestLimiter gate;
   const RequestLimits limits;
   const auto check = [&](int width, int height, double steps) {
     return gate.check(1, {.width = width, .height = height, .lens_steps = steps}, limits, 0, kSecond);
   };
-  EXPECT_EQ(check(4096, 2304, 16), RequestGate::kNone);
-  EXPECT_EQ(check(4096, 2304, 16.1), RequestGate::kLens);
-  EXPECT_EQ(check(2048, 1152, 60), RequestGate::kNone) << "a quarter of the pixels";
-  EXPECT_EQ(check(2048, 1152, 70), RequestGate::kLens);
-  EXPECT_THAT(refusal_text(RequestGate::kLens, {.width = 4096, .height = 2304, .lens_steps = 55.3}, limits, 0),
+  EXPECT_EQ(check(4096, 2304, 16), RequestLimiter::kNone);
+  EXPECT_EQ(check(4096, 2304, 16.1), RequestLimiter::kLens);
+  EXPECT_EQ(check(2048, 1152, 60), RequestLimiter::kNone) << "a quarter of the pixels";
+  EXPECT_EQ(check(2048, 1152, 70), RequestLimiter::kLens);
+  EXPECT_THAT(refusal_text(RequestLimiter::kLens, {.width = 4096, .height = 2304, .lens_steps = 55.3}, limits, 0),
               testing::AllOf(testing::HasSubstr("55 steps"), testing::HasSubstr("4096x2304"),
                              testing::HasSubstr("max-pixels")));
 }
 
-TEST(RequestGate, BoundsTheRateOfEachView) {
-  RequestGate gate;
+TEST(RequestLimiter, BoundsTheRateOfEachView) {
+  RequestLimiter gate;
   RequestLimits limits;
   limits.requests_per_second = 10;
   const auto served = [&](uint64_t view, uint64_t from, int count, uint64_t interval) {
     int served = 0;
     for (int i = 0; i < count; i++)
-      served += gate.check(view, kSmall, limits, 0, from + static_cast<uint64_t>(i) * interval) == RequestGate::kNone;
+      served +=
+          gate.check(view, kSmall, limits, 0, from + static_cast<uint64_t>(i) * interval) == RequestLimiter::kNone;
     return served;
   };
-  EXPECT_EQ(served(1, kSecond, 100, 0), 10) << "a second's at once";
-  EXPECT_EQ(served(2, kSecond, 10, 0), 10) << "another view's are not fewer for that";
-  EXPECT_NEAR(served(1, 2 * kSecond, 1000, kSecond / 100), 110, 2) << "ten seconds of ten times as many";
+  EXPECT_EQ(served(1, kSecond, 100, 0), 10) << "burst of one second";
+  EXPECT_EQ(served(2, kSecond, 10, 0), 10) << "other views keep their rate";
+  EXPECT_NEAR(served(1, 2 * kSecond, 1000, kSecond / 100), 110, 2) << "ten seconds at ten times the rate";
   EXPECT_EQ(served(3, kSecond, 500, kSecond / 9), 500);
 }
 
-TEST(RequestGate, BoundsTheViews) {
-  RequestGate gate;
+TEST(RequestLimiter, BoundsTheViews) {
+  RequestLimiter gate;
   RequestLimits limits;
   limits.views = 4;
   uint64_t now = kSecond;
   const auto check = [&](uint64_t view) { return gate.check(view, kSmall, limits, 0, now); };
-  for (uint64_t view = 0; view < 4; view++) EXPECT_EQ(check(view), RequestGate::kNone);
-  for (uint64_t view = 4; view < 1000; view++) EXPECT_EQ(check(view), RequestGate::kViews);
-  EXPECT_EQ(check(2), RequestGate::kNone);
+  for (uint64_t view = 0; view < 4; view++) EXPECT_EQ(check(view), RequestLimiter::kNone);
+  for (uint64_t view = 4; view < 1000; view++) EXPECT_EQ(check(view), RequestLimiter::kViews);
+  EXPECT_EQ(check(2), RequestLimiter::kNone);
   EXPECT_EQ(gate.views(), 4u);
-  now += RequestGate::kViewQuiet + 1;
-  EXPECT_EQ(check(2), RequestGate::kNone);
-  EXPECT_EQ(check(500), RequestGate::kNone) << "others have gone";
+  now += RequestLimiter::kViewTimeout + 1;
+  EXPECT_EQ(check(2), RequestLimiter::kNone);
+  EXPECT_EQ(check(500), RequestLimiter::kNone) << "other views have ended";
 }
 
-TEST(RequestGate, TellsWhatIsInTheWay) {
+TEST(RequestLimiter, TellsWhatIsInTheWay) {
   using testing::HasSubstr;
   const RequestLimits limits;
-  EXPECT_THAT(refusal_text(RequestGate::kPixels, {16384, 16384, 0, 0}, limits, 0),
+  EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {16384, 16384, 0, 0}, limits, 0),
               testing::AllOf(HasSubstr("16384x16384"), HasSubstr("9437184 of max-pixels")));
-  EXPECT_THAT(refusal_text(RequestGate::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
+  EXPECT_THAT(refusal_text(RequestLimiter::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
               testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
-  EXPECT_THAT(refusal_text(RequestGate::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
+  EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
               testing::AllOf(HasSubstr("4096x2304 pixels 5 times"), HasSubstr("of a set 4 times")));
-  EXPECT_THAT(refusal_text(RequestGate::kRate, kSmall, limits, 0), HasSubstr("500 times a second"));
+  EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), HasSubstr("500 times a second"));
 }
 
 TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
@@ -166,30 +167,31 @@ TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
 }
 
 TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
-  EXPECT_GT(planned_work({640, 480, 0.1, 0}), 5 * planned_work({640, 480, 0, 0}));
-  EXPECT_GT(planned_work({640, 480, 0, 8}), planned_work({640, 480, 0, 0}));
-  EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}), 4 * planned_work({640, 480, 0, 0}));
+  EXPECT_GT(estimated_work({640, 480, 0.1, 0}), 5 * estimated_work({640, 480, 0, 0}));
+  EXPECT_GT(estimated_work({640, 480, 0, 8}), estimated_work({640, 480, 0, 0}));
+  EXPECT_DOUBLE_EQ(estimated_work({1280, 960, 0, 0}), 4 * estimated_work({640, 480, 0, 0}));
   const RequestCost plain{.width = 640, .height = 480};
   RequestCost distorted = plain, strange = plain, by_angle = plain;
   distorted.lens_steps = 6;
   strange.lens_steps = 60;
   by_angle.by_angle = true;
-  EXPECT_GT(planned_work(distorted), 5 * planned_work(plain));
-  EXPECT_GT(planned_work(strange), 5 * planned_work(distorted));
-  EXPECT_GT(planned_work(by_angle), planned_work(plain));
-  EXPECT_GT(planned_work(by_angle, 10'000), 5 * planned_work(by_angle, 100)) << "each grid point looks at all cameras";
-  EXPECT_GT(planned_work(plain, 65'000), planned_work(plain, 100));
+  EXPECT_GT(estimated_work(distorted), 5 * estimated_work(plain));
+  EXPECT_GT(estimated_work(strange), 5 * estimated_work(distorted));
+  EXPECT_GT(estimated_work(by_angle), estimated_work(plain));
+  EXPECT_GT(estimated_work(by_angle, 10'000), 5 * estimated_work(by_angle, 100))
+      << "cost per grid point grows with the cameras";
+  EXPECT_GT(estimated_work(plain, 65'000), estimated_work(plain, 100));
 }
 
-// A view is only held to a rate once it is known to be live.
-TEST(RequestGate, HoldsAViewToARateFromWhenItHasOne) {
-  RequestGate gate;
+// A rate of 0 is unlimited, as before a view is known to be live.
+TEST(RequestLimiter, HoldsAViewToARateFromWhenItHasOne) {
+  RequestLimiter gate;
   RequestLimits limits;
   limits.requests_per_second = 0;
-  for (int i = 0; i < 1000; i++) ASSERT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kNone);
+  for (int i = 0; i < 1000; i++) ASSERT_EQ(gate.check(1, {}, limits, 0, 5), RequestLimiter::kNone);
   limits.requests_per_second = 10;
-  for (int i = 0; i < 10; i++) EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kNone) << i;
-  EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kRate);
+  for (int i = 0; i < 10; i++) EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestLimiter::kNone) << i;
+  EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestLimiter::kRate);
 }
 
 }  // namespace

@@ -38,12 +38,12 @@ TEST(View, EyesSideBySideFocusOnOnePlane) {
   View view = good_view();
   view.pose = {{1, 2, 3}, glm::angleAxis(0.5, glm::normalize(Vec3(1, 2, 3)))};
   view.focus.plane = focal_plane_at(view.pose, 3);
-  const View right = seen_beside(view, 0.06);
+  const View right = offset_view(view, 0.06);
   EXPECT_LT(glm::length(view.pose.camera_from_world(right.pose.position) - Vec3(0.06, 0, 0)), 1e-15);
   EXPECT_EQ(right.pose.orientation, view.pose.orientation);
   EXPECT_EQ(right.focus, view.focus);
   EXPECT_EQ(right.lens, view.lens);
-  EXPECT_EQ(seen_beside(view, 0), view);
+  EXPECT_EQ(offset_view(view, 0), view);
 }
 
 TEST(View, RefusesByName) {
@@ -86,10 +86,10 @@ TEST(Blending, IsByTheMeshUnlessSaidOtherwise) {
 }
 
 TEST(Blending, IsByTheApertureIfThereIsOne) {
-  EXPECT_EQ(blending_of(0, 0), Blending{});
-  EXPECT_EQ(blending_of(0.2, 0), (Blending{Kind::kAperture, 0.2, 0}));
-  EXPECT_EQ(blending_of(0.2, 4), (Blending{Kind::kAperture, 0.2, 0}));
-  EXPECT_EQ(blending_of(0, 4), (Blending{Kind::kAngle, 0, 4}));
+  EXPECT_EQ(make_blending(0, 0), Blending{});
+  EXPECT_EQ(make_blending(0.2, 0), (Blending{Kind::kAperture, 0.2, 0}));
+  EXPECT_EQ(make_blending(0.2, 4), (Blending{Kind::kAperture, 0.2, 0}));
+  EXPECT_EQ(make_blending(0, 4), (Blending{Kind::kAngle, 0, 4}));
 }
 
 TEST(Blending, HasWhatItsKindKnows) {
@@ -100,9 +100,9 @@ TEST(Blending, HasWhatItsKindKnows) {
   for (const double bad : {0., -1., 1.1e6, std::numeric_limits<double>::quiet_NaN()})
     EXPECT_ERROR(validate({Kind::kAperture, bad, 0}), "blending: the aperture must be above 0");
   for (const int bad : {0, -1, Blending::kMaxNearest + 1})
-    EXPECT_ERROR(validate({Kind::kAngle, 0, bad}), "blending: must be of the nearest 1 to 32 cameras");
+    EXPECT_ERROR(validate({Kind::kAngle, 0, bad}), "blending: must use the nearest 1 to 32 cameras");
   EXPECT_ERROR(validate({Kind::kMesh, 0.1, 0}), "blending: has an aperture");
-  EXPECT_ERROR(validate({Kind::kAperture, 0.1, 2}), "blending: has a number of cameras");
+  EXPECT_ERROR(validate({Kind::kAperture, 0.1, 2}), "blending: this kind has no number of cameras");
 }
 
 View middle_view() {
@@ -115,11 +115,10 @@ View middle_view() {
   return view;
 }
 
-ViewSet set_of(SetLayout layout, int columns = 8, int rows = 6) {
+ViewSet set_of(ViewSetLayout layout, int columns = 8, int rows = 6) {
   return {.layout = layout, .columns = columns, .rows = rows};
 }
 
-// Where a view sees a point of the middle view's coordinates.
 Vec2 seen(const View& view, const View& middle, const Vec3& point) {
   return *view.lens.project(view.pose.camera_from_world(middle.pose.world_from_camera(point)));
 }
@@ -128,14 +127,14 @@ TEST(ViewSet, OneViewIsTheView) {
   const View middle = middle_view();
   const ViewSet set;
   ASSERT_EQ(set.places().size(), 1u);
-  EXPECT_EQ(set.places()[0], PlaceInSet());
-  EXPECT_TRUE(PlaceInSet().leads());
+  EXPECT_EQ(set.places()[0], ViewSetPosition());
+  EXPECT_TRUE(ViewSetPosition().leads());
   EXPECT_EQ(set.view(middle, set.places()[0]), middle);
 }
 
 TEST(ViewSet, DisparityOfAPairIsThatOfGeometry) {
   const View middle = middle_view();
-  ViewSet set = set_of(SetLayout::kStereo);
+  ViewSet set = set_of(ViewSetLayout::kStereo);
   for (const bool converged : {false, true}) {
     set.converged = converged;
     const View left = set.view(middle, set.place(0)), right = set.view(middle, set.place(1));
@@ -156,7 +155,7 @@ TEST(ViewSet, DisparityOfAPairIsThatOfGeometry) {
 
 TEST(ViewSet, AConeIsTheAngleBetweenTheOutermostEyes) {
   const View middle = middle_view();
-  ViewSet set = set_of(SetLayout::kQuilt);
+  ViewSet set = set_of(ViewSetLayout::kQuilt);
   set.cone = 40;
   const Vec3 target = middle.pose.world_from_camera({0, 0, 2});
   const Vec3 a = set.view(middle, set.place(0)).pose.position - target;
@@ -168,36 +167,37 @@ TEST(ViewSet, AConeIsTheAngleBetweenTheOutermostEyes) {
   EXPECT_NEAR(x1 - x0, -2 * x0 / 47, 1e-12);
   View far = middle;
   far.focus.plane = {{0, 0, 1}, -1e300};
-  far.focus.plane.normal = middle.pose.right();  // never in front
+  far.focus.plane.normal = middle.pose.right();
   const double apart =
       glm::distance(set.view(far, set.place(3)).pose.position, set.view(far, set.place(4)).pose.position);
   EXPECT_NEAR(apart, 0.063, 1e-12);
 }
 
 TEST(ViewSet, PicturesGoWhereDisplaysTakeThem) {
-  const auto at = [](const PlaceInSet& place) { return std::pair(place.column(), place.row()); };
+  const auto at = [](const ViewSetPosition& place) { return std::pair(place.column(), place.row()); };
   using Pair = std::pair<int, int>;
-  const ViewSet quilt = set_of(SetLayout::kQuilt), row = set_of(SetLayout::kRow, 5);
+  const ViewSet quilt = set_of(ViewSetLayout::kQuilt), row = set_of(ViewSetLayout::kRow, 5);
   EXPECT_EQ(at(quilt.place(0)), Pair(0, 5)) << "bottom left";
   EXPECT_EQ(at(quilt.place(7)), Pair(7, 5));
   EXPECT_EQ(at(quilt.place(8)), Pair(0, 4));
   EXPECT_EQ(at(quilt.place(47)), Pair(7, 0)) << "top right";
   EXPECT_EQ(row.place(0).count(), 5);
   EXPECT_EQ(at(row.place(3)), Pair(3, 0));
-  EXPECT_EQ(at(set_of(SetLayout::kStereo).place(1)), Pair(1, 0));
-  EXPECT_EQ(at(set_of(SetLayout::kCrossEyed).place(1)), Pair(0, 0));
-  EXPECT_EQ(at(set_of(SetLayout::kTopBottom).place(1)), Pair(0, 1));
+  EXPECT_EQ(at(set_of(ViewSetLayout::kStereo).place(1)), Pair(1, 0));
+  EXPECT_EQ(at(set_of(ViewSetLayout::kCrossEyed).place(1)), Pair(0, 0));
+  EXPECT_EQ(at(set_of(ViewSetLayout::kTopBottom).place(1)), Pair(0, 1));
   EXPECT_EQ(quilt.place_at({0.5, 5.5})->index, 0);
   EXPECT_EQ(quilt.place_at({8, 0})->index, 47) << "the border is inside";
-  EXPECT_EQ(set_of(SetLayout::kCrossEyed).place_at({0.2, 0.2})->index, 1);
+  EXPECT_EQ(set_of(ViewSetLayout::kCrossEyed).place_at({0.2, 0.2})->index, 1);
   EXPECT_FALSE(quilt.place_at({8.01, 0}));
   EXPECT_FALSE(quilt.place_at({NAN, 0}));
 }
 
 TEST(ViewSet, TheMiddleIsAskedForFirstAndEachOnce) {
-  for (const ViewSet& set : {set_of(SetLayout::kQuilt), set_of(SetLayout::kRow, 5), set_of(SetLayout::kStereo),
-                             set_of(SetLayout::kRow, 1), set_of(SetLayout::kQuilt, 1, 1)}) {
-    const std::vector<PlaceInSet> places = set.places();
+  for (const ViewSet& set :
+       {set_of(ViewSetLayout::kQuilt), set_of(ViewSetLayout::kRow, 5), set_of(ViewSetLayout::kStereo),
+        set_of(ViewSetLayout::kRow, 1), set_of(ViewSetLayout::kQuilt, 1, 1)}) {
+    const std::vector<ViewSetPosition> places = set.places();
     std::set<int> indices;
     for (size_t i = 0; i < places.size(); i++) {
       indices.insert(places[i].index);
@@ -208,36 +208,36 @@ TEST(ViewSet, TheMiddleIsAskedForFirstAndEachOnce) {
     EXPECT_EQ(indices.size(), static_cast<size_t>(places[0].count()));
     EXPECT_EQ(*indices.rbegin(), places[0].count() - 1);
   }
-  EXPECT_EQ(set_of(SetLayout::kRow, 5).places()[0].index, 2);
+  EXPECT_EQ(set_of(ViewSetLayout::kRow, 5).places()[0].index, 2);
 }
 
 TEST(ViewSet, RefusesByName) {
-  const auto refuse = [](PlaceInSet place, int width, int height, const char* why) {
+  const auto refuse = [](ViewSetPosition place, int width, int height, const char* why) {
     EXPECT_ERROR(validate(place, width, height), why);
   };
-  refuse({SetLayout::kStereo, 3, 1, 0}, 2, 2, "set: layout 1 has no 3x1 views");
-  refuse({SetLayout::kRow, 5, 2, 0}, 2, 2, "set: layout 4 has no 5x2 views");
-  refuse({SetLayout::kMono, 2, 1, 0}, 2, 2, "set: layout 0 has no 2x1 views");
-  refuse({static_cast<SetLayout>(6), 1, 1, 0}, 2, 2, "set: layout 6 has no");
-  refuse({SetLayout::kQuilt, 0, 4, 0}, 2, 2, "set: layout 5 has no 0x4 views");
-  refuse({SetLayout::kQuilt, 16, 9, 0}, 2, 2, "set: 16x9 views are more than 128");
-  refuse({SetLayout::kRow, 5, 1, 5}, 2, 2, "set: view 5 is none of its 5");
-  refuse({SetLayout::kRow, 5, 1, -1}, 2, 2, "set: view -1 is none of its 5");
-  refuse({SetLayout::kStereo, 2, 1, 0}, 321, 240, "set: views must have an even width and height, not 321x240");
-  refuse({SetLayout::kQuilt, 8, 6, 0}, 320, 240 + 2 * kMaxImageSize / 12, "set: 8x6 views of 320x");
-  EXPECT_NO_THROW(validate({SetLayout::kQuilt, 1, 1, 0}, 321, 241));
+  refuse({ViewSetLayout::kStereo, 3, 1, 0}, 2, 2, "set: layout 1 has no 3x1 views");
+  refuse({ViewSetLayout::kRow, 5, 2, 0}, 2, 2, "set: layout 4 has no 5x2 views");
+  refuse({ViewSetLayout::kMono, 2, 1, 0}, 2, 2, "set: layout 0 has no 2x1 views");
+  refuse({static_cast<ViewSetLayout>(6), 1, 1, 0}, 2, 2, "set: layout 6 has no");
+  refuse({ViewSetLayout::kQuilt, 0, 4, 0}, 2, 2, "set: layout 5 has no 0x4 views");
+  refuse({ViewSetLayout::kQuilt, 16, 9, 0}, 2, 2, "set: 16x9 views are more than 128");
+  refuse({ViewSetLayout::kRow, 5, 1, 5}, 2, 2, "set: view 5 is out of range");
+  refuse({ViewSetLayout::kRow, 5, 1, -1}, 2, 2, "set: view -1 is out of range");
+  refuse({ViewSetLayout::kStereo, 2, 1, 0}, 321, 240, "set: views must have an even width and height, not 321x240");
+  refuse({ViewSetLayout::kQuilt, 8, 6, 0}, 320, 240 + 2 * kMaxImageSize / 12, "set: 8x6 views of 320x");
+  EXPECT_NO_THROW(validate({ViewSetLayout::kQuilt, 1, 1, 0}, 321, 241));
 }
 
 struct Display {
-  LensDisplay lenses;
+  LenticularDisplay lenses;
   int columns, rows, view_width, view_height, width, height;
 };
 
-// The same in plain double precision. NaN where it is not a matter of computing exactly which view is seen.
+// The rule in double precision. NaN where rounding decides which view is visible.
 double expected(const Display& d, const Image& quilt, int x, int y, int c) {
   const double across = x + (c - 1) / 3.0 - (d.width - 1) / 2.0, up = (d.height - 1) / 2.0 - y;
   const double lean = std::tan(d.lenses.slant * std::numbers::pi / 180);
-  double lens = (across - up * lean) / d.lenses.lens_width - d.lenses.centre + 0.5;
+  double lens = (across - up * lean) / d.lenses.lens_pitch - d.lenses.centre + 0.5;
   lens -= std::floor(lens);
   const int views = d.columns * d.rows;
   if (std::abs(lens * views - std::round(lens * views)) < 1e-4) return NAN;
@@ -254,7 +254,7 @@ double expected(const Display& d, const Image& quilt, int x, int y, int c) {
   return (at(i, j) * (1 - a) + at(i + 1, j) * a) * (1 - b) + (at(i, j + 1) * (1 - a) + at(i + 1, j + 1) * a) * b;
 }
 
-TEST(LensDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
+TEST(LenticularDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
   reference::Random random(11);
   const Display displays[] = {
       {{4.7, 0, 0}, 5, 1, 24, 16, 150, 40},    {{9.31, 12.3, 0.4}, 4, 3, 20, 18, 97, 61},
@@ -262,12 +262,12 @@ TEST(LensDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
       {{0.9, 0, 0.25}, 2, 1, 31, 1, 60, 3},    {{1e4, 80, 12}, 1, 1, 16, 12, 33, 25},
   };
   for (const Display& d : displays) {
-    SCOPED_TRACE(d.lenses.lens_width);
+    SCOPED_TRACE(d.lenses.lens_pitch);
     Image quilt(PixelFamily::kRgb, d.columns * d.view_width, d.rows * d.view_height);
     for (uint8_t& value : quilt.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
     const ptrdiff_t stride = ptrdiff_t{3} * d.width + 5;
     std::vector<uint8_t> out(static_cast<size_t>(stride * d.height), 77);
-    interleave(d.lenses, {quilt.view(), d.columns, d.rows}, d.width, d.height, stride, out.data());
+    interleave_views(d.lenses, {quilt.view(), d.columns, d.rows}, d.width, d.height, stride, out.data());
     int known = 0;
     for (int y = 0; y < d.height; y++) {
       for (int x = 0; x < d.width; x++)
@@ -277,44 +277,45 @@ TEST(LensDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
           known++;
           ASSERT_NEAR(out[y * stride + 3 * x + c], value, 2) << x << ", " << y << ", " << c;
         }
-      for (int i = 0; i < 5; i++) ASSERT_EQ(out[y * stride + 3 * d.width + i], 77) << "nothing is written beside rows";
+      for (int i = 0; i < 5; i++) ASSERT_EQ(out[y * stride + 3 * d.width + i], 77) << "row padding is unchanged";
     }
     EXPECT_GT(known, 3 * d.width * d.height * 9 / 10);
   }
 }
 
-// An eye far to the left sees, through each lens, what lies behind its right border: view 0 of the left-most eye.
-TEST(LensDisplay, TheLeftEyeSeesTheLeftView) {
-  const LensDisplay display{6, 0, 0};
+// Seen from far left, each lens shows the part behind its right border: view 0 of the left-most viewpoint.
+TEST(LenticularDisplay, TheLeftEyeSeesTheLeftView) {
+  const LenticularDisplay display{6, 0, 0};
   EXPECT_NEAR(display.place(0, 5), 0.5, 1e-12);
   EXPECT_NEAR(display.place(2.4, 0), 0.9, 1e-12);
   Image quilt(PixelFamily::kRgb, 6, 1);
   for (int view = 0; view < 6; view++)
     for (int c = 0; c < 3; c++) quilt.pixel(view, 0)[c] = static_cast<uint8_t>(40 * view);
   uint8_t out[3 * 7];
-  interleave(display, {quilt.view(), 6, 1}, 7, 1, sizeof out, out);
-  EXPECT_EQ(out[3 * 5 + 2], 0) << "2 pixels and a third to the right of the middle of a lens that is 6 wide";
+  interleave_views(display, {quilt.view(), 6, 1}, 7, 1, sizeof out, out);
+  EXPECT_EQ(out[3 * 5 + 2], 0) << "2 1/3 pixels right of the centre of a lens 6 pixels wide";
   EXPECT_EQ(out[3 * 1 + 0], 200);
 }
 
-TEST(LensDisplay, BandsMakeNoDifference) {
+TEST(LenticularDisplay, BandsMakeNoDifference) {
   reference::Random random(12);
   Image quilt(PixelFamily::kRgb, 40, 30);
   for (uint8_t& value : quilt.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
   std::vector<uint8_t> one(3 * 90 * 100), other(one.size());
-  const LensDisplay display{5.3, 10, 0.3};
-  interleave(display, {quilt.view(), 4, 3}, 90, 100, 270, one.data());
-  interleave(display, {quilt.view(), 4, 3}, 90, 100, 270, other.data(), [](size_t count, const auto& task) {
+  const LenticularDisplay display{5.3, 10, 0.3};
+  interleave_views(display, {quilt.view(), 4, 3}, 90, 100, 270, one.data());
+  interleave_views(display, {quilt.view(), 4, 3}, 90, 100, 270, other.data(), [](size_t count, const auto& task) {
     for (size_t i = count; i-- > 0;) task(i);
   });
   EXPECT_EQ(one, other);
 }
 
-TEST(LensDisplay, NeedsLensesThatThereCanBe) {
-  for (const LensDisplay& none : {LensDisplay{0}, LensDisplay{-3}, LensDisplay{NAN}, LensDisplay{INFINITY},
-                                  LensDisplay{4, 90}, LensDisplay{4, NAN}, LensDisplay{4, 0, INFINITY}})
+TEST(LenticularDisplay, NeedsLensesThatThereCanBe) {
+  for (const LenticularDisplay& none :
+       {LenticularDisplay{0}, LenticularDisplay{-3}, LenticularDisplay{NAN}, LenticularDisplay{INFINITY},
+        LenticularDisplay{4, 90}, LenticularDisplay{4, NAN}, LenticularDisplay{4, 0, INFINITY}})
     EXPECT_THROW(validate(none), Error);
-  EXPECT_NO_THROW(validate(LensDisplay{4, -89, 100}));
+  EXPECT_NO_THROW(validate(LenticularDisplay{4, -89, 100}));
 }
 
 }  // namespace

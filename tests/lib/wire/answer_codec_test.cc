@@ -125,7 +125,7 @@ TEST(AnswerCodec, RefusesEveryTruncation) {
       EXPECT_EQ(reason_of(resized(bytes, n)), plain);
     } else {
       EXPECT_EQ(plain, "length: the unit says 143 bytes" + there);
-      // With a length field that agrees, what is cut is named.
+      // The error names the truncated field if the length field matches.
       const std::string cut = reason_of(resized(bytes, n));
       if (n < 124) {
         EXPECT_EQ(cut, "fragments: a table of 2 is longer than the answer") << n;
@@ -169,7 +169,7 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {74, 2, 4, "cameras[0]: 5 to 4 is no range beyond the one before"},
       {76, 2, 7, "cameras[1]: 7 to 8 is no range beyond the one before"},
       {78, 2, 0xffff, "cameras: camera 65535 is beyond 65534"},
-      {80, 2, 4, "blind: cameras that are not the answer's"},
+      {80, 2, 4, "blind: cameras outside of the answer's"},
       {kTable + 2, 2, 1, "fragments[0].plane: 1 is not supported"},
       {kTable + 4, 2, 1, "fragments[0].rectangle: x and y must be even in YCbCr"},
       {kTable + 6, 2, 3, "fragments[0].rectangle: x and y must be even in YCbCr"},
@@ -201,7 +201,7 @@ TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
     EXPECT_EQ(text_of_error([&] { encode_answer(answer); }), reason);
   };
   refused("view_width: must be 1 to 16384 pixels, is 70000", [](Answer& a) { a.view_width = 70000; });
-  refused("blind: cameras that are not the answer's", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
+  refused("blind: cameras outside of the answer's", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
   refused("family: none, but there are 2 fragments", [](Answer& a) { a.family = PixelFamily::kNone; });
   refused("fragments[0].family: differs from the answer's", [](Answer& a) { a.family = PixelFamily::kRgb; });
   refused("fragments[1].pixels: do not fill the rectangle", [](Answer& a) { a.fragments[1].pixels.pop_back(); });
@@ -326,7 +326,7 @@ std::string reason_of_both(const std::vector<uint8_t>& bytes) {
   return reason;
 }
 
-// A sum in 16 bits, then three fragments in JPEG (the first with lost weight), then one raw, then pixels of a camera.
+// A 16-bit sum, three JPEG fragments (the first with missing weight), one raw fragment, then a camera's pixels.
 std::vector<uint8_t> mixed() {
   const AnswerHeader header = header_of_view(PixelFamily::kI420, 400, 400);
   AnswerWriter writer(header, 6);
@@ -358,7 +358,7 @@ TEST(AnswerParser, RefersToTheBytes) {
   EXPECT_EQ(view->fragments[5].camera, 9u);
   EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerPartHeader&>(*view));
   EXPECT_EQ(peek_answer_view(bytes), view->view_id);
-  EXPECT_EQ(peek_answer_view(std::span(bytes).first(16)), view->view_id) << "the rest is not looked at";
+  EXPECT_EQ(peek_answer_view(std::span(bytes).first(16)), view->view_id) << "the rest is not read";
   EXPECT_FALSE(peek_answer_view(std::span(bytes).first(15)));
 }
 
@@ -366,7 +366,7 @@ TEST(AnswerParser, RefusesEveryTruncation) {
   const std::vector<uint8_t> bytes = mixed();
   for (size_t n = 0; n < bytes.size(); n++) {
     EXPECT_FALSE(parse_answer(std::span(bytes).first(n)).has_value()) << n;
-    EXPECT_FALSE(parse_answer(resized(bytes, n)).has_value()) << n;  // with a length field that agrees
+    EXPECT_FALSE(parse_answer(resized(bytes, n)).has_value()) << n;
   }
   EXPECT_EQ(reason_of_both(resized(bytes, bytes.size() + 1)), "length: 1 bytes after the last fragment's payload");
 }
@@ -383,7 +383,6 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
     uint64_t value;
     std::string reason;
   } rows[] = {
-      // JPEG.
       {jpeg, 4, jpeg_length, "fragments[1].length: of the first scan is beyond the payload"},
       {jpeg, 4, jpeg_length - 4, "fragments[1].length: a scan of this size has at least 15 bytes, not 0"},
       {jpeg, 4, 11, "fragments[1].length: a scan of this size has at least 24 bytes, not 11"},
@@ -391,7 +390,6 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
       {at(2, kQuality), 1, 0, "fragments[2].quality: must be 1 to 100 for JPEG, is 0"},
       {at(2, kQuality), 1, 101, "fragments[2].quality: must be 1 to 100 for JPEG, is 101"},
       {at(3, 10), 2, 388, "fragments[3].length: a scan of this size has at least 300 bytes"},
-      // 16 bits, raw.
       {at(0, kQuality), 1, 1, "fragments[0].quality: must be 0 for raw pixels, is 1"},
       {at(0, kLength), 4, 71, "fragments[0].length: must be 72 bytes, is 71"},
       {at(0, kFlags), 2, 3, "fragments[0].length: must be 120 bytes, is 72"},
@@ -399,10 +397,9 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
       {at(4, kCodec), 1, 2, "fragments[4].length: must be 8 bytes, is 4"},
       {at(4, kCodec), 1, 3, "fragments[4].codec: 3 is not supported"},
       {at(4, kLength), 4, jpeg_length, "fragments[4].length: must be 4 bytes, is " + std::to_string(jpeg_length)},
-      // Of a camera.
       {at(5, 0), 2, 0xffff, "fragments[5].rectangle: is not inside the view"},
       {at(5, kFlags), 2, 1, "fragments[5].flags: a sum is weighted, and pixels of a camera are not"},
-      {at(5, kFlags), 2, 2, "fragments[5].flags: pixels of a camera have no lost weight"},
+      {at(5, kFlags), 2, 2, "fragments[5].flags: pixels of a camera have no missing weight"},
       {at(5, kCodec), 1, 2, "fragments[5].codec: 16 bits are for sums, not for pixels of a camera"},
   };
   for (const auto& row : rows) {
@@ -413,8 +410,8 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
 
 TEST(AnswerParser, SixteenBitsBeginAtEvenOffsets) {
   AnswerWriter writer(header_of_view(PixelFamily::kRgb, 8, 8), 2);
-  writer.add({{}, PixelFamily::kRgb, {0, 0, 2, 1}, Codec::kRaw, 0, false});         // 6 bytes
-  writer.add_sums({{}, PixelFamily::kRgb, {0, 0, 1, 1}, Codec::kRaw16, 0, false});  // 6 bytes
+  writer.add({{}, PixelFamily::kRgb, {0, 0, 2, 1}, Codec::kRaw, 0, false});
+  writer.add_sums({{}, PixelFamily::kRgb, {0, 0, 1, 1}, Codec::kRaw16, 0, false});
   std::vector<uint8_t> bytes = to_vector(writer.finish());
   EXPECT_TRUE(parse_answer(bytes).has_value());
   bytes = resized(with(with(bytes, kMixedTable + 8, 2, 1), kMixedTable + kLength, 4, 3), bytes.size() - 3);
@@ -431,7 +428,7 @@ TEST(AnswerParser, SurvivesRandomCorruption) {
     if (i % 8 == 0) bad = resized(std::move(bad), random() % (bad.size() + 8));
     if (bad.empty()) continue;
     corrupt(bad, kMixedTable + 6 * kEntry, random);
-    // Memory of exactly these bytes, so that a sanitizer sees what reads beyond.
+    // Exactly sized memory, so that a sanitizer detects reads beyond the end.
     const std::optional<AnswerView> view = parse_answer(bad);
     if (!view) continue;
     parsed++;
@@ -509,24 +506,24 @@ TEST(AnswerWriter, PayloadsAreWrittenInPlace) {
 }
 
 TEST(AnswerWriter, LostWeightThatIsNothingIsTakenBack) {
-  for (int which = 0; which < 8; which++) {  // bit i: fragment i has none
+  for (int which = 0; which < 8; which++) {  // bit i: fragment i has no missing weight
     AnswerWriter writer(header_of_view(kRgb, 8, 8), 3), expected(header_of_view(kRgb, 8, 8), 3);
     for (int i = 0; i < 3; i++) {
       const bool none = which >> i & 1;
       const FragmentHeader with{{}, kRgb, {0, 2 * i, 3 + i, 2 * i + 2}, Codec::kRaw16, 0, true};
       FragmentHeader without = with;
-      without.has_lost = !none;
+      without.has_missing = !none;
       const std::span<uint8_t> bytes = writer.add(with), wanted = expected.add(without);
       for (size_t k = 0; k < bytes.size(); k++) bytes[k] = static_cast<uint8_t>(50 * i + k);
       std::copy_n(bytes.begin(), wanted.size(), wanted.begin());
     }
-    writer.drop_lost([&](size_t i) { return which >> i & 1; });
+    writer.drop_missing([&](size_t i) { return which >> i & 1; });
     EXPECT_EQ(writer.fragments(), 3u);
     EXPECT_EQ(writer.finish(), expected.finish()) << which;
   }
   AnswerWriter raw(header_of_view(kRgb, 8, 8), 1);
   raw.add({{}, kRgb, {0, 0, 2, 2}, Codec::kRaw, 0, true});
-  EXPECT_THROW(raw.drop_lost([](size_t) { return true; }), Error);
+  EXPECT_THROW(raw.drop_missing([](size_t) { return true; }), Error);
 }
 
 TEST(AnswerWriter, FewerFragmentsThanRoomCloseUp) {

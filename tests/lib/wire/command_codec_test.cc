@@ -196,7 +196,7 @@ TEST(CommandCodec, NamesTheFieldThatIsWrong) {
   expect_reasons(pixel_reason, kGoldenPixels, pixel_rows);
 }
 
-// What owners are looked up with takes memory for each row of each triangle.
+// The owner lookup needs memory for each row of each triangle.
 TEST(CommandCodec, RowsAreLimited) {
   WarpCommand command = golden_warp();
   command.warp.height = kMaxImageSize;

@@ -58,10 +58,9 @@ TEST(Tiles, NotWhereAPixelDoesNotFitNorInJpeg) {
   EXPECT_FALSE(tile_raw(jpeg, 1000).has_value());
 }
 
-// The value of one sample: which plane it is of, and where in it.
 uint8_t value(int plane, int x, int y) { return static_cast<uint8_t>(37 * plane + 3 * x + 101 * y); }
 
-// A payload in which every byte tells its place in the view.
+// A payload with bytes that identify their position in the view.
 std::vector<uint8_t> payload_of(const FragmentHeader& f) {
   std::vector<uint8_t> out;
   const auto plane = [&](int number, int bytes, int side) {
@@ -75,7 +74,7 @@ std::vector<uint8_t> payload_of(const FragmentHeader& f) {
   } else {
     for (int c = 0; c < 3; c++) plane(c, sample, c > 0 && f.family == PixelFamily::kI420 ? 2 : 1);
   }
-  if (f.has_lost) plane(7, sample, 1);
+  if (f.has_missing) plane(7, sample, 1);
   return out;
 }
 
@@ -134,12 +133,11 @@ TEST(FragmentCodec, EveryQualityComesBack) {
             EXPECT_EQ(*out, in);
           }
           jpeg::compare_pixels(planes_of(in), planes_of(*out), luma, chroma);
-          if (!in.lost.empty()) jpeg::compare_lost(planes_of(in), planes_of(*out), lost);
+          if (!in.lost.empty()) jpeg::compare_missing(planes_of(in), planes_of(*out), lost);
         }
         if (quality >= 90) {
           EXPECT_GT(luma.psnr(), 34) << w << 'x' << h << " quality " << quality;
         }
-        // However coarse the pixels are, lost weight is not.
         EXPECT_LE(lost.worst, 32) << w << 'x' << h << " quality " << quality;
         EXPECT_GT(lost.psnr(), 40) << w << 'x' << h << " quality " << quality;
       }
@@ -149,7 +147,7 @@ TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
   for (const PixelFamily family : kFamilies)
     for (const int quality : {0, 90}) {
       const Fragment pixels = jpeg::patterned(family, {200, 100, 296, 172}, false, 1);
-      const AnswerHeader header = header_of_view(family, 40, 30);  // smaller than the rectangle
+      const AnswerHeader header = header_of_view(family, 40, 30);
       const std::vector<AnswerFragment> fragments{{5, planes_of(pixels)}};
       const ByteBuffer bytes = FragmentEncoder().encode(header, fragments, quality);
       std::string reason;
@@ -165,7 +163,6 @@ TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
       jpeg::compare_pixels(planes_of(pixels), *planes, luma, chroma);
       EXPECT_LE(luma.worst, quality == 0 ? 0 : 255);
       EXPECT_GT(luma.psnr(), 34);
-      // Whoever wants contributions is not given something else.
       EXPECT_FALSE(decode_answer(bytes, &reason));
       EXPECT_EQ(reason, "fragments[0].camera: pixels of one, no part of a sum");
     }
@@ -175,7 +172,7 @@ TEST(FragmentCodec, RefusesPlainPixelsThatCanNotBe) {
   const Fragment pixels = jpeg::patterned(PixelFamily::kRgb, {0, 0, 8, 8}, true, 1);
   const AnswerHeader header = header_of_view(PixelFamily::kRgb, 40, 30);
   const auto encode = [&](AnswerFragment fragment) { return FragmentEncoder().encode(header, {&fragment, 1}, 0); };
-  EXPECT_ERROR(encode({5, planes_of(pixels)}), "fragments[0].flags: pixels of a camera have no lost weight");
+  EXPECT_ERROR(encode({5, planes_of(pixels)}), "fragments[0].flags: pixels of a camera have no missing weight");
   Fragment whole = pixels;
   whole.lost.clear();
   whole.rect = {kMaxImageSize - 7, 0, kMaxImageSize + 1, 8};
@@ -186,7 +183,7 @@ TEST(FragmentCodec, DamageStaysInItsFragment) {
   const std::vector<Fragment> fragments = patterned_fragments(PixelFamily::kI420, 2, 40, 30);
   ByteBuffer bytes = FragmentEncoder().encode(header_of_view(PixelFamily::kI420, 400, 400), fragments, 90);
   const AnswerView view = parse_answer(bytes).value();
-  bytes[view.fragments[0].payload.data() - bytes.data() + 40] = 0xff;  // a marker
+  bytes[view.fragments[0].payload.data() - bytes.data() + 40] = 0xff;
   bytes[view.fragments[0].payload.data() - bytes.data() + 41] = 0xd9;
   FragmentDecoder decoder;
   EXPECT_FALSE(decoder.decode(view.fragments[0]));
@@ -213,7 +210,7 @@ TEST(FragmentCodec, SumsAreUsedWhereTheyLieIfTheyCan) {
     EXPECT_EQ(reinterpret_cast<const uint8_t*>(sums.plane[0]) == f.payload.data(), !copied);
     for (int c = 0; c < 3; c++)
       for (int x = 0; x < 2; x++) EXPECT_EQ(sums.plane[c][x], samples[2 * c + x]);
-    EXPECT_FALSE(decoder.decode(f));  // not its business
+    EXPECT_FALSE(decoder.decode(f));
   }
 }
 

@@ -46,7 +46,7 @@ ViewRequest random_request(std::mt19937& random) {
   r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
   r.absolute_time = random() % 2;
   r.probe = random() % 2;
-  r.rehearsal = random() % 2;
+  r.warmup = random() % 2;
   r.quality = random() % 101;
   r.rig_hash = (uint64_t{random()} << 32) | random();
   r.view.width = 1 + random() % kMaxViewSize;
@@ -65,10 +65,10 @@ ViewRequest random_request(std::mt19937& random) {
   return r;
 }
 
-constexpr Trial::Kind kKinds[] = {Trial::Kind::kBlurred, Trial::Kind::kFarther, Trial::Kind::kNearer,
-                                  Trial::Kind::kShifted, Trial::Kind::kPlane,   Trial::Kind::kFocused};
+constexpr DepthHypothesis::Kind kKinds[] = {DepthHypothesis::Kind::kBlurred, DepthHypothesis::Kind::kFarther,
+                                            DepthHypothesis::Kind::kNearer,  DepthHypothesis::Kind::kShifted,
+                                            DepthHypothesis::Kind::kPlane,   DepthHypothesis::Kind::kFocused};
 
-// A view with a focal map and trials.
 ViewRequest focused_request(std::mt19937& random) {
   ViewRequest r = random_request(random);
   r.view.width = 1 + static_cast<int>(random() % 300);
@@ -82,7 +82,7 @@ ViewRequest focused_request(std::mt19937& random) {
   map.nearest = 4;
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random() % 5 * 50));
   r.view.focus.map = std::make_shared<FocalMap>(map);
-  for (size_t i = random() % (kMaxTrials + 1); i > 0; i--)
+  for (size_t i = random() % (kMaxHypotheses + 1); i > 0; i--)
     r.trials.push_back({kKinds[random() % std::size(kKinds)], static_cast<int16_t>(random())});
   r.on_plane = random() % 2;
   r.gains.use = random() % 2;
@@ -106,7 +106,7 @@ TEST(RequestCodec, GoldenBytes) {
 
 TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
   ViewRequest request = golden_request();
-  request.place = {SetLayout::kQuilt, 8, 6, 47};
+  request.place = {ViewSetLayout::kQuilt, 8, 6, 47};
   std::vector<uint8_t> wanted = from_hex(kGolden);
   wanted[7] = 9;
   wanted[11] = static_cast<uint8_t>(wanted[11] + 4);
@@ -114,7 +114,7 @@ TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
   EXPECT_EQ(encode_request(request), wanted);
   EXPECT_EQ(decode_request(wanted), request);
   EXPECT_EQ(peek_request_cost(wanted), (RequestCost{.width = 640, .height = 480, .columns = 8, .rows = 6}));
-  request.view.blending = blending_of(0.25, 0);
+  request.view.blending = make_blending(0.25, 0);
   EXPECT_EQ(decode_request(encode_request(request)), request);
   EXPECT_EQ(peek_request_cost(encode_request(request)),
             (RequestCost{.width = 640, .height = 480, .aperture = 0.25, .columns = 8, .rows = 6}));
@@ -125,10 +125,10 @@ TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
     return reason_of(bytes);
   };
   using testing::HasSubstr;
-  EXPECT_THAT(with_end({5, 8, 6, 48}), HasSubstr("set: view 48 is none of its 48"));
+  EXPECT_THAT(with_end({5, 8, 6, 48}), HasSubstr("set: view 48 is out of range"));
   EXPECT_THAT(with_end({1, 8, 6, 0}), HasSubstr("set: layout 1 has no 8x6 views"));
   EXPECT_THAT(with_end({6, 1, 1, 0}), HasSubstr("set: layout 6"));
-  EXPECT_THAT(with_end({0, 1, 1, 0}), HasSubstr("set: of a view that is alone"));
+  EXPECT_THAT(with_end({0, 1, 1, 0}), HasSubstr("set: has a single view"));
   EXPECT_THAT(with_end({5, 16, 9, 0}), HasSubstr("set: 16x9 views are more than 128"));
   EXPECT_THAT(with_end({5, 40, 3, 0}), HasSubstr("16384"));
   wanted[7] = 1;
@@ -139,7 +139,7 @@ TEST(RequestCodec, ThoseOfASetRoundTripWithMapsAndWithout) {
   std::mt19937 random(5);
   for (int i = 0; i < 200; i++) {
     ViewRequest r = i % 2 ? focused_request(random) : random_request(random);
-    const ViewSet set{.layout = static_cast<SetLayout>(1 + random() % 5), .columns = 8, .rows = 2};
+    const ViewSet set{.layout = static_cast<ViewSetLayout>(1 + random() % 5), .columns = 8, .rows = 2};
     r.place = set.place(static_cast<int>(random() % static_cast<unsigned>(set.place(0).count())));
     r.view.width = 2 + 2 * static_cast<int>(random() % 500);
     r.view.height = 2 + 2 * static_cast<int>(random() % 500);
@@ -204,14 +204,14 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   };
   with([](ViewRequest&, FocalMap& map) { map.levels.pop_back(); });
   with([](ViewRequest&, FocalMap& map) { map.nearest = map.farthest; });
-  with([](ViewRequest& r, FocalMap&) { r.trials.resize(kMaxTrials + 1); });
+  with([](ViewRequest& r, FocalMap&) { r.trials.resize(kMaxHypotheses + 1); });
   ViewRequest without = good;
   without.trials.resize(1);
   without.view.focus.map = nullptr;
-  EXPECT_THROW(encode_request(without), Error) << "trials of no map";
+  EXPECT_THROW(encode_request(without), Error) << "hypotheses without a map";
   without.trials.clear();
   without.gains = {.use = true, .ask = true};
-  EXPECT_THROW(encode_request(without), Error) << "a mean that no map says where to look for";
+  EXPECT_THROW(encode_request(without), Error) << "mean without a map";
   with([](ViewRequest& r, FocalMap&) { r.gains.mean.assign(7, 100); });
   std::vector<uint8_t> flags = encode_request(golden_request());
   for (const uint8_t unknown : {2, 4, 8}) {
@@ -224,7 +224,7 @@ TEST(RequestCodec, AMapThatServesTrialsAlone) {
   std::mt19937 random(5);
   ViewRequest request = focused_request(random);
   request.on_plane = false;
-  request.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kFocused, 0}};
+  request.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kFocused, 0}};
   const std::vector<uint8_t> through = encode_request(request);
   request.on_plane = true;
   std::vector<uint8_t> bytes = encode_request(request);
@@ -233,7 +233,7 @@ TEST(RequestCodec, AMapThatServesTrialsAlone) {
   const std::optional<ViewRequest> decoded = decode_request(bytes);
   ASSERT_TRUE(decoded.has_value());
   EXPECT_EQ(*decoded, request);
-  EXPECT_EQ(shown_view(*decoded).focus.map, nullptr);
+  EXPECT_EQ(displayed_view(*decoded).focus.map, nullptr);
   EXPECT_EQ(*decode_request(through), [&] {
     ViewRequest r = request;
     r.on_plane = false;
@@ -242,11 +242,11 @@ TEST(RequestCodec, AMapThatServesTrialsAlone) {
 
   ViewRequest without = golden_request();
   without.on_plane = true;
-  EXPECT_THROW(encode_request(without), Error) << "of no map";
+  EXPECT_THROW(encode_request(without), Error) << "without a map";
   request.view.focus.map = nullptr;
   EXPECT_THROW(encode_request(request), Error);
   for (const int kind : {5, 7, 255}) {
-    // The only trial of kind 6 is followed by its value, 0.
+    // The only hypothesis of kind 6 is followed by its value, 0.
     std::vector<uint8_t> unknown = bytes;
     const auto at = std::ranges::search(unknown, std::array<uint8_t, 7>{2, 0, 0, 0, 6, 0, 0});
     ASSERT_EQ(at.size(), 7u);
@@ -285,7 +285,7 @@ TEST(RequestCodec, BlendingRoundTripsAndIsChecked) {
   ViewRequest request = golden_request();
   request.view.blending = {Blending::Kind::kAngle, 0, 4};
   const std::vector<uint8_t> by_angle = encode_request(request);
-  EXPECT_EQ(reason_of(with(by_angle, by_angle.size() - 1, 1, 33)), "blending: must be of the nearest 1 to 32 cameras");
+  EXPECT_EQ(reason_of(with(by_angle, by_angle.size() - 1, 1, 33)), "blending: must use the nearest 1 to 32 cameras");
   request.view.blending = {Blending::Kind::kAperture, 0.2, 0};
   const std::vector<uint8_t> wide = encode_request(request);
   for (const double bad : {0., -1., std::nan(""), 2e6})
@@ -311,7 +311,7 @@ TEST(RequestCodec, RefusesEveryTruncation) {
       continue;
     }
     EXPECT_EQ(plain, "length: the unit says 172 bytes, there are " + std::to_string(n));
-    // With a length field that agrees, the field that is cut is named.
+    // The error names the truncated field if the length field matches.
     const char* field = n < 100 ? "view" : n < 132 ? "lens params" : n < 164 ? "focal_plane" : "out_of_service";
     if (n < 168) {
       EXPECT_EQ(reason_of(resized(bytes, n)), std::string(field) + ": the request ends before it does") << n;
@@ -342,7 +342,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {41, 1, 5, "lens model: 5 is unknown"},
       {41, 1, 4, "focal_plane: the request ends before it does"},
       {42, 1, 2, "focal surface: kind 2 is not supported"},
-      {43, 1, 8, "gains: by a map that is not there"},
+      {43, 1, 8, "gains: require a focal map"},
       {43, 1, 0x10, "blending: the request ends before it does"},
       {43, 1, 0x30, "blending: kind 3 is not supported"},
       {44, 8, nan, "position: must be finite numbers"},
@@ -384,7 +384,7 @@ TEST(RequestCodec, APeekTellsWhatDecodingWould) {
     EXPECT_EQ(peek->type, 1);
     EXPECT_EQ(peek->head, static_cast<const RequestHeader&>(request));
     bytes.resize(12 + 29);
-    EXPECT_TRUE(peek_request(bytes)) << "the rest is not looked at";
+    EXPECT_TRUE(peek_request(bytes)) << "the rest is not read";
     bytes.resize(12 + 28);
     EXPECT_FALSE(peek_request(bytes));
   }
@@ -393,7 +393,7 @@ TEST(RequestCodec, APeekTellsWhatDecodingWould) {
   EXPECT_FALSE(peek_request(bytes)) << "an answer";
   bytes[3] = 'Q';
   bytes[4] = kVersion + 1;
-  EXPECT_FALSE(peek_request(bytes)) << "of a version that may say it elsewhere";
+  EXPECT_FALSE(peek_request(bytes)) << "unknown version";
 }
 
 TEST(RequestCodec, SurvivesRandomCorruption) {
@@ -406,7 +406,6 @@ TEST(RequestCodec, SurvivesRandomCorruption) {
   });
 }
 
-// What is looked at before anything is decoded is what decoding tells.
 TEST(RequestCodec, CostsAreThoseOfTheRequest) {
   std::mt19937 random(8);
   for (int i = 0; i < 300; i++) {
@@ -417,7 +416,7 @@ TEST(RequestCodec, CostsAreThoseOfTheRequest) {
                            .height = request.view.height,
                            .aperture = request.view.blending.aperture,
                            .trials = static_cast<unsigned>(request.trials.size()),
-                           .lens_steps = request.view.lens.mean_steps(request.view.width, request.view.height),
+                           .lens_steps = request.view.lens.mean_iterations(request.view.width, request.view.height),
                            .by_angle = request.view.blending.kind == Blending::Kind::kAngle}));
     for (size_t size = 0; size < bytes.size(); size += 7) peek_request_cost(std::span(bytes).first(size));
   }

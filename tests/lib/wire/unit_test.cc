@@ -28,7 +28,7 @@ TEST(Bytes, AreBigEndian) {
 TEST(Bytes, ComeBack) {
   const double doubles[] = {
       0., -0., 1.5, std::numeric_limits<double>::denorm_min(), -1e300, std::numeric_limits<double>::infinity()};
-  Writer out(1);  // grows
+  Writer out(1);
   out.put(uint8_t{255});
   out.put(uint64_t{UINT64_MAX});
   for (const double d : doubles) out.put(d);
@@ -98,7 +98,7 @@ TEST(Unit, HeaderIsWrittenAsRead) {
 TEST(Unit, DistanceToMagic) {
   const struct {
     const char* hex;
-    size_t more, last;  // to pass over if more bytes come, if none do
+    size_t more, last;  // bytes to skip if more bytes follow, if none follow
   } rows[] = {
       {"00", 1, 1},         {"8f", 1, 1},           {"8f4c", 2, 2},   {"00008f", 2, 3},       {"00008f4c", 2, 4},
       {"00008f4c46", 2, 2}, {"8f4c468f4c46", 3, 3}, {"8f8f4c", 1, 3}, {"8f4c8f8f4c46", 3, 3}, {"000000000000", 6, 6},
@@ -116,10 +116,10 @@ TEST(Deflate, GoesBothWays) {
     for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random() % 7);
     EXPECT_EQ(inflate_exactly(deflate_all(bytes), size), bytes);
   }
-  EXPECT_LT(deflate_all(std::vector<uint8_t>(19'200, 77)).size(), 120u) << "a flat map costs next to nothing";
+  EXPECT_LT(deflate_all(std::vector<uint8_t>(19'200, 77)).size(), 120u) << "a flat map compresses well";
 }
 
-// Blocks that are not compressed hold 65,535 bytes.
+// Uncompressed blocks hold 65,535 bytes.
 TEST(Deflate, StoresWhatNeedNotBeSmall) {
   std::mt19937 random(2);
   for (const size_t size : {0, 1, 65'534, 65'535, 65'536, 131'070, 200'000}) {
@@ -141,7 +141,7 @@ TEST(Deflate, RefusesWhatIsNotExactlyThat) {
   damaged[damaged.size() / 2] ^= 0x55;
   EXPECT_THROW(inflate_exactly(damaged, 1000), Error);
   EXPECT_THROW(inflate_exactly({}, 1000), Error);
-  EXPECT_THROW(inflate_exactly(deflated, size_t{1} << 40), Error) << "without asking for so much memory";
+  EXPECT_THROW(inflate_exactly(deflated, size_t{1} << 40), Error) << "without a huge allocation";
 }
 
 }  // namespace

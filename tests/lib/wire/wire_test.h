@@ -16,7 +16,6 @@
 #include "jpeg/fragment_codec.h"
 #include "wire/answer_codec.h"
 
-// What the tests of both directions share.
 namespace lf::jpeg {
 
 inline std::vector<FragmentPlanes> planes_of_all(const std::vector<Fragment>& fragments) {
@@ -25,12 +24,11 @@ inline std::vector<FragmentPlanes> planes_of_all(const std::vector<Fragment>& fr
   return planes;
 }
 
-// The same fragment without anything in it, for a decoder to fill.
+// Returns the same fragment without samples, for a decoder to fill.
 inline FragmentPlanes empty_like(const FragmentPlanes& fragment) {
   return {.family = fragment.family, .rect = fragment.rect};
 }
 
-// Differences of one plane's values, in levels.
 struct Errors8 {
   double squares = 0, count = 0;
   int worst = 0;
@@ -43,7 +41,6 @@ struct Errors8 {
   double psnr() const { return squares == 0 ? 99 : 10 * std::log10(255. * 255. * count / squares); }
 };
 
-// Of the pixels of two fragments of one rectangle, luma (or RGB) and chroma.
 inline void compare_pixels(const FragmentPlanes& a, const FragmentPlanes& b, Errors8& luma, Errors8& chroma) {
   const int w = a.rect.width(), h = a.rect.height();
   const bool rgb = a.family == PixelFamily::kRgb;
@@ -58,12 +55,13 @@ inline void compare_pixels(const FragmentPlanes& a, const FragmentPlanes& b, Err
                    static_cast<int8_t>(b.plane[c][y * b.stride[c] + x]));
 }
 
-inline void compare_lost(const FragmentPlanes& a, const FragmentPlanes& b, Errors8& errors) {
+inline void compare_missing(const FragmentPlanes& a, const FragmentPlanes& b, Errors8& errors) {
   for (int y = 0; y < a.rect.height(); y++)
-    for (int x = 0; x < a.rect.width(); x++) errors.add(a.lost[y * a.lost_stride + x], b.lost[y * b.lost_stride + x]);
+    for (int x = 0; x < a.rect.width(); x++)
+      errors.add(a.lost[y * a.missing_stride + x], b.lost[y * b.missing_stride + x]);
 }
 
-// A fragment of a smooth pattern under a pyramid of weights, and lost weight right of a slanting edge if `lost`.
+// A smooth pattern with a pyramid of weights; with `lost`, missing weight right of a slanted edge.
 inline Fragment patterned(PixelFamily family, const Rect& rect, bool lost = false, int seed = 1) {
   const int w = rect.width(), h = rect.height();
   Fragment f{family, rect, {}, {}};
@@ -95,7 +93,6 @@ inline Fragment patterned(PixelFamily family, const Rect& rect, bool lost = fals
 
 }  // namespace lf::jpeg
 
-// What the tests of both codecs share.
 namespace lf::wire {
 
 inline std::vector<uint8_t> from_hex(std::string_view hex) {
@@ -106,13 +103,11 @@ inline std::vector<uint8_t> from_hex(std::string_view hex) {
   return out;
 }
 
-// Overwrites a big-endian number of `size` bytes.
 inline std::vector<uint8_t> with(std::vector<uint8_t> bytes, size_t offset, int size, uint64_t value) {
   for (int i = 0; i < size; i++) bytes.at(offset + i) = static_cast<uint8_t>(value >> (8 * (size - 1 - i)));
   return bytes;
 }
 
-// Cuts or extends (with zeros), and says so in the unit's length field.
 inline std::vector<uint8_t> resized(std::vector<uint8_t> bytes, size_t size) {
   bytes.resize(size);
   return size < 12 ? bytes : with(bytes, 8, 4, size);
@@ -126,7 +121,7 @@ inline void corrupt(std::vector<uint8_t>& bytes, size_t front, std::mt19937& ran
   }
 }
 
-// A number in a unit that is wrong, and what the decoder says of it.
+// A wrong number in a unit, and the decoder's error.
 struct WrongField {
   size_t offset;
   int size;
@@ -140,7 +135,7 @@ inline void expect_reasons(std::string (*reason_of)(const std::vector<uint8_t>&)
         << "offset " << row.offset;
 }
 
-// Why `decode` refuses the bytes, with a place for the reason and without.
+// Returns the reason why `decode` refuses the bytes; tests decoding with and without a reason argument.
 template <auto decode>
 std::string refusal(const std::vector<uint8_t>& bytes) {
   std::string reason;
@@ -149,7 +144,7 @@ std::string refusal(const std::vector<uint8_t>& bytes) {
   return reason;
 }
 
-// `recode` decodes a unit and encodes what it finds; what it accepts of units with flipped bits must stay as it is.
+// `recode` decodes and re-encodes a unit; accepted units with flipped bits must not change.
 template <typename Recode>
 void expect_corruption_survived(const std::vector<std::vector<uint8_t>>& units, size_t front, std::mt19937& random,
                                 Recode recode) {
@@ -168,8 +163,6 @@ void expect_corruption_survived(const std::vector<std::vector<uint8_t>>& units, 
   EXPECT_LT(accepted, 90'000);
 }
 
-// What the tests of answers share.
-
 inline AnswerHeader header_of_view(PixelFamily family, int width, int height) {
   AnswerHeader header;
   header.view_id = 7;
@@ -181,7 +174,7 @@ inline AnswerHeader header_of_view(PixelFamily family, int width, int height) {
   return header;
 }
 
-// `count` fragments of w x h each, side by side in rows of a view of 400 x 400; every third has lost weight.
+// `count` fragments of w x h each, side by side in rows of a view of 400 x 400; every third has missing weight.
 inline std::vector<Fragment> patterned_fragments(PixelFamily family, int count, int w, int h) {
   std::vector<Fragment> out;
   for (int i = 0, x = 0, y = 0; i < count; i++) {

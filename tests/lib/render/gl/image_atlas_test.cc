@@ -7,27 +7,26 @@
 
 #include <gtest/gtest.h>
 
-#include "focus/trial_renderer.h"
-#include "image/correction.h"
+#include "focus/hypothesis_renderer.h"
 #include "image/image.h"
-#include "lib/render/gl/somebody.h"
+#include "image/image_filters.h"
+#include "lib/render/gl/external_context.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
 namespace {
 
-// Sums of cameras' images that are on the card.
 using reference::Random;
-using test::Somebody;
+using test::ExternalContext;
 using test::Sum;
 
-// An image in somebody's textures: RGB of three bytes a pixel or BGRx of four, or three planes, or two (NV12).
-class TexturedImage : public CardImage {
+// An image in an application's textures: RGB with three bytes per pixel, BGRx, three planes, or two (NV12).
+class TexturedImage : public GpuImage {
  public:
-  TexturedImage(Somebody& somebody, const Image& image, bool is_other_layout) : image_(image) {
+  TexturedImage(ExternalContext& somebody, const Image& image, bool is_other_layout) : image_(image) {
     const int width = image.width(), height = image.height(), cw = chroma_size(width), ch = chroma_size(height);
     const auto area = static_cast<size_t>(width) * height, chroma = static_cast<size_t>(cw) * ch;
     if (image.family() == PixelFamily::kRgb) {
@@ -68,13 +67,13 @@ class TexturedImage : public CardImage {
   }
   bool is_fetched() const override { return fetched_ > 0; }
 
-  // How it is on the card, as it is to be sampled.
+  // Returns the image on the GPU with its sampling parameters.
   ImageView view(float gain, bool sharpened) const {
     return {.family = image_.family(),
             .width = image_.width(),
             .height = image_.height(),
             .layout = layout_,
-            .on_card = {this, gain, sharpened}};
+            .on_gpu = {this, gain, sharpened}};
   }
   void lose() { is_gone_ = true; }
   int waited() const { return waited_; }
@@ -89,23 +88,22 @@ class TexturedImage : public CardImage {
   mutable std::atomic<int> fetched_ = 0, waited_ = 0;
 };
 
-class CardImages : public testing::TestWithParam<EGLenum> {
+class GpuImages : public testing::TestWithParam<EGLenum> {
  protected:
   void SetUp() override {
     std::string why;
-    card_ = gl::SumDrawer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
-    ASSERT_TRUE(card_) << why;
+    gpu_ = gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
+    ASSERT_TRUE(gpu_) << why;
   }
 
-  // A view of an array, most of whose images are on the card; and the same of images that are here, as the CPU makes
-  // them.
+  // A view with most images on the GPU, and a view with the same images in main memory as the CPU processes them.
   struct Scene {
-    Scene(Somebody& somebody, int seed, int width = 150, int height = 111)
+    Scene(ExternalContext& somebody, int seed, int width = 150, int height = 111)
         : random(seed),
           family(seed / 2 % 2 ? PixelFamily::kI420 : PixelFamily::kRgb),
           rig(test::jittered_array(random, 3, 161, 121, seed % 3 ? -0.25 : 0)),
           view(test::view_into(rig, 3, width, height, random.small_rotation(seed % 2 ? 0.05 : 0.5))) {
-      if (seed % 5 == 1) view.focus.map = test::depths(random, view, FocalMap::kFinestStep, true);
+      if (seed % 5 == 1) view.focus.map = test::depths(random, view, FocalMap::kMinStep, true);
       production = std::make_unique<const test::Production>(rig, build_mesh(rig), view);
       const auto rgb = images_of(rig, random, reference::smooth_image);
       images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
@@ -117,8 +115,8 @@ class CardImages : public testing::TestWithParam<EGLenum> {
         }
         const bool is_other = random.integer(0, 1) == 1, sharpened = random.integer(0, 1) == 1;
         const float gain = random.integer(0, 1) ? static_cast<float>(random.uniform(0.5, 2)) : 1;
-        if (random.integer(0, 4) == 0) continue;  // here, as it is
-        const TexturedImage& image = on_card.emplace_back(somebody, images[here[i].camera], is_other);
+        if (random.integer(0, 4) == 0) continue;
+        const TexturedImage& image = on_gpu.emplace_back(somebody, images[here[i].camera], is_other);
         there[i].image = image.view(gain, sharpened);
         const Rect all{0, 0, 161, 121};
         ImageView& made = here[i].image = image.fetch();
@@ -126,20 +124,19 @@ class CardImages : public testing::TestWithParam<EGLenum> {
         if (sharpened) made = sharpen(made, all, memory.emplace_back());
       }
     }
-    std::unique_ptr<SumRenderer> renderer(bool of_there, gl::SumDrawer* card,
+    std::unique_ptr<SumRenderer> renderer(bool of_there, gl::GlesRenderer* gpu,
                                           Coordinates coordinates = Coordinates::kExact) const {
       return std::make_unique<SumRenderer>(production->plan, production->owners.runs(), of_there ? there : here, family,
-                                           coordinates, card);
+                                           coordinates, gpu);
     }
     Sum sum_of(const SumRenderer& renderer) const {
       Sum sum(family, test::whole(view));
       renderer.render_rows(0, view.height, sum.planes);
       return sum;
     }
-    // How often images have come from the card.
     int fetches() const {
       int all = 0;
-      for (const TexturedImage& image : on_card) all += image.fetches();
+      for (const TexturedImage& image : on_gpu) all += image.fetches();
       return all;
     }
 
@@ -149,44 +146,43 @@ class CardImages : public testing::TestWithParam<EGLenum> {
     View view;
     std::unique_ptr<const test::Production> production;
     std::vector<Image> images;
-    std::list<TexturedImage> on_card;
+    std::list<TexturedImage> on_gpu;
     std::list<ByteBuffer> memory;
     std::vector<Source> here, there;
   };
 
-  Somebody somebody_{GetParam()};
-  std::shared_ptr<gl::SumDrawer> card_;
+  ExternalContext somebody_{GetParam()};
+  std::shared_ptr<gl::GlesRenderer> gpu_;
 };
-INSTANTIATE_TEST_SUITE_P(, CardImages, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), [](const auto& of) {
+INSTANTIATE_TEST_SUITE_P(, GpuImages, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), [](const auto& of) {
   return std::string(of.param == EGL_OPENGL_ES_API ? "OpenGlEs" : "OpenGl");
 });
 
-// Divided by their gains, sharpened, in whichever layout: to the bit the sum of images that the CPU has made so and
-// sent. They come here where the card is in doubt, and nowhere else.
-TEST_P(CardImages, AreSampledThere) {
+// Gains, sharpening and layouts on the GPU: bit-identical to images processed by the CPU and uploaded. Images are
+// downloaded only where the GPU is in doubt.
+TEST_P(GpuImages, AreSampledThere) {
   size_t images = 0;
   for (int seed = 0; seed < 24; seed++) {
     SCOPED_TRACE(seed);
     const Scene scene(somebody_, seed);
     const int before = scene.fetches();
-    const auto sent = scene.renderer(false, card_.get());
+    const auto sent = scene.renderer(false, gpu_.get());
     if (sent->rect().empty()) continue;
     ASSERT_TRUE(sent->drawing().drawn) << sent->drawing().why_not;
-    const auto there = scene.renderer(true, card_.get());
+    const auto there = scene.renderer(true, gpu_.get());
     ASSERT_TRUE(there->drawing().drawn) << there->drawing().why_not;
-    images += scene.on_card.size();
-    if (card_->mended() == 0) {
+    images += scene.on_gpu.size();
+    if (gpu_->fixed_up() == 0) {
       EXPECT_EQ(scene.fetches(), before);
     }
     EXPECT_TRUE(scene.sum_of(*there) == scene.sum_of(*sent));
-    for (const TexturedImage& image : scene.on_card) EXPECT_EQ(image.waited(), 1);
+    for (const TexturedImage& image : scene.on_gpu) EXPECT_EQ(image.waited(), 1);
   }
   EXPECT_GT(images, 100u);
 }
 
-// A view from a camera's place, pixel for pixel, that is larger than its image: the card can't tell of what is on the
-// border, so that the CPU has to look at it.
-TEST_P(CardImages, ComeHereForWhatTheCardLeavesOpen) {
+// A view from a camera's pose, larger than its image: the GPU cannot decide border pixels, so the CPU must.
+TEST_P(GpuImages, ComeHereForWhatTheGpuLeavesOpen) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
     const Rig rig = test::jittered_array(random, 3, 161, 121, 0);
@@ -198,17 +194,17 @@ TEST_P(CardImages, ComeHereForWhatTheCardLeavesOpen) {
     const auto rgb = images_of(rig, random, reference::smooth_image);
     const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
     std::vector<Source> here = test::sources_of(rig, production.plan, images), there = here;
-    std::list<TexturedImage> on_card;
+    std::list<TexturedImage> on_gpu;
     std::list<ByteBuffer> memory;
     for (size_t i = 0; i < here.size(); i++) {
-      there[i].image = on_card.emplace_back(somebody_, images[here[i].camera], true).view(0.8f, true);
+      there[i].image = on_gpu.emplace_back(somebody_, images[here[i].camera], true).view(0.8f, true);
       const Rect all{0, 0, 161, 121};
       here[i].image =
-          sharpen(divide_by_gain(on_card.back().fetch(), all, 0.8f, memory.emplace_back()), all, memory.emplace_back());
+          sharpen(divide_by_gain(on_gpu.back().fetch(), all, 0.8f, memory.emplace_back()), all, memory.emplace_back());
     }
     const auto sum_of = [&](const std::vector<Source>& sources) {
       const SumRenderer renderer(production.plan, production.owners.runs(), sources, family, Coordinates::kExact,
-                                 card_.get());
+                                 gpu_.get());
       EXPECT_TRUE(renderer.drawing().drawn) << renderer.drawing().why_not;
       Sum sum(family, test::whole(view));
       renderer.render_rows(0, view.height, sum.planes);
@@ -216,10 +212,9 @@ TEST_P(CardImages, ComeHereForWhatTheCardLeavesOpen) {
     };
     const Sum sent = sum_of(here);
     EXPECT_TRUE(sum_of(there) == sent);
-    const size_t mended = card_->mended();
-    EXPECT_GT(mended, 200u);
-    // Where they can't come it is lost weight.
-    for (TexturedImage& image : on_card) image.lose();
+    const size_t fixed_up = gpu_->fixed_up();
+    EXPECT_GT(fixed_up, 200u);
+    for (TexturedImage& image : on_gpu) image.lose();
     const Sum gone = sum_of(there);
     size_t more = 0;
     for (size_t i = 0; i < sent.lost.size(); i++) {
@@ -227,39 +222,38 @@ TEST_P(CardImages, ComeHereForWhatTheCardLeavesOpen) {
       more += gone.lost[i] > sent.lost[i];
     }
     EXPECT_GT(more, 0u);
-    EXPECT_LE(more, mended);
+    EXPECT_LE(more, fixed_up);
   }
 }
 
-// Several views look at the same images, made differently of them.
-TEST_P(CardImages, AreSharedByTheViewsOfAPass) {
+TEST_P(GpuImages, AreSharedByTheViewsOfAPass) {
   for (int seed = 0; seed < 4; seed++) {
     SCOPED_TRACE(seed);
     const Scene scene(somebody_, seed);
     std::vector<std::vector<Source>> sources(3, scene.there);
-    for (Source& source : sources[1]) source.image.on_card.sharpened = !source.image.on_card.sharpened;
+    for (Source& source : sources[1]) source.image.on_gpu.sharpened = !source.image.on_gpu.sharpened;
     for (Source& source : sources[2])
-      if (source.image.on_card.image) source.image.on_card.gain = 1.25;
+      if (source.image.on_gpu.image) source.image.on_gpu.gain = 1.25;
     std::vector<std::unique_ptr<SumRenderer>> together;
     std::vector<SumRenderer*> all;
-    const auto make = [&](const std::vector<Source>& of, gl::SumDrawer* card) {
+    const auto make = [&](const std::vector<Source>& of, gl::GlesRenderer* gpu) {
       return std::make_unique<SumRenderer>(scene.production->plan, scene.production->owners.runs(), of, scene.family,
-                                           Coordinates::kExact, card);
+                                           Coordinates::kExact, gpu);
     };
     for (const auto& of : sources) all.push_back(together.emplace_back(make(of, nullptr)).get());
-    SumRenderer::draw(all, *card_, serial_for);
-    EXPECT_EQ(card_->passes(), 1u);
+    SumRenderer::draw(all, *gpu_, serial_for);
+    EXPECT_EQ(gpu_->passes(), 1u);
     for (size_t i = 0; i < all.size(); i++) {
-      const auto alone = make(sources[i], card_.get());
+      const auto alone = make(sources[i], gpu_.get());
       ASSERT_TRUE(alone->drawing().drawn) << alone->drawing().why_not;
       EXPECT_TRUE(scene.sum_of(*all[i]) == scene.sum_of(*alone)) << i;
     }
   }
 }
 
-// Nobody need know where images are: without a card, and where it refuses, the CPU has the same to the bit of what has
-// come. Those that can't come are lost weight.
-TEST_P(CardImages, ComeHereForTheCpu) {
+// Without a GPU, or if the GPU refuses, the CPU gets bit-identical results from downloaded images. Images that cannot
+// be downloaded are missing weight.
+TEST_P(GpuImages, ComeHereForTheCpu) {
   for (int seed = 0; seed < 6; seed++) {
     SCOPED_TRACE(seed);
     Scene scene(somebody_, seed);
@@ -268,21 +262,20 @@ TEST_P(CardImages, ComeHereForTheCpu) {
       if (coordinates == Coordinates::kGrid) there->fetch(serial_for);
       EXPECT_TRUE(scene.sum_of(*there) == scene.sum_of(*here));
     }
-    for (TexturedImage& image : scene.on_card) image.lose();
+    for (TexturedImage& image : scene.on_gpu) image.lose();
     for (size_t i = 0; i < scene.here.size(); i++)
-      if (scene.there[i].image.on_card.image) scene.here[i].image = {.family = PixelFamily::kNone};
+      if (scene.there[i].image.on_gpu.image) scene.here[i].image = {.family = PixelFamily::kNone};
     const auto lost = scene.renderer(false, nullptr), gone = scene.renderer(true, nullptr);
     EXPECT_TRUE(scene.sum_of(*gone) == scene.sum_of(*lost));
   }
   const Scene scene(somebody_, 3);
-  card_->lose();
-  const auto here = scene.renderer(false, nullptr), there = scene.renderer(true, card_.get());
+  gpu_->lose();
+  const auto here = scene.renderer(false, nullptr), there = scene.renderer(true, gpu_.get());
   EXPECT_TRUE(there->drawing().refused);
   EXPECT_TRUE(scene.sum_of(*there) == scene.sum_of(*here));
 }
 
-// What surfaces are found by.
-TEST_P(CardImages, AreTriedThere) {
+TEST_P(GpuImages, AreTriedThere) {
   for (int seed = 0; seed < 8; seed++) {
     SCOPED_TRACE(seed);
     Scene scene(somebody_, seed, 320, 240);
@@ -291,21 +284,21 @@ TEST_P(CardImages, AreTriedThere) {
     const Mesh mesh = build_mesh(scene.rig);
     std::vector<CameraIndex> own;
     for (CameraIndex camera = 0; camera < scene.rig.cameras.size(); camera++) own.push_back(camera);
-    const RenderJob job(scene.rig, mesh, trial_view(view), own);
+    const RenderJob job(scene.rig, mesh, hypothesis_view(view), own);
     std::vector<std::vector<uint8_t>> trials;
     for (const uint8_t step : {0, 40, 90}) {
       trials.push_back(job.plan().view().focus.map->levels);
       for (uint8_t& level : trials.back()) level = static_cast<uint8_t>(std::min(level + step, 255));
     }
-    const auto moments_of = [&](const std::vector<Source>& sources, gl::SumDrawer* card) {
-      std::vector<Moments> sums(trials.size());
-      for (Moments& sum : sums) sum.reset(job.plan().view().width, job.plan().view().height);
-      const Drawing drawing = add_moments(job, sources, trials, sums, serial_for, card);
-      EXPECT_EQ(drawing.drawn, card != nullptr) << drawing.why_not;
+    const auto consistency_of = [&](const std::vector<Source>& sources, gl::GlesRenderer* gpu) {
+      std::vector<PhotoConsistency> sums(trials.size());
+      for (PhotoConsistency& sum : sums) sum.reset(job.plan().view().width, job.plan().view().height);
+      const GpuStatus drawing = add_consistency(job, sources, trials, sums, serial_for, gpu);
+      EXPECT_EQ(drawing.drawn, gpu != nullptr) << drawing.why_not;
       return sums;
     };
-    for (gl::SumDrawer* const card : {card_.get(), static_cast<gl::SumDrawer*>(nullptr)}) {
-      const auto here = moments_of(scene.here, card), there = moments_of(scene.there, card);
+    for (gl::GlesRenderer* const gpu : {gpu_.get(), static_cast<gl::GlesRenderer*>(nullptr)}) {
+      const auto here = consistency_of(scene.here, gpu), there = consistency_of(scene.there, gpu);
       for (size_t t = 0; t < trials.size(); t++) {
         EXPECT_TRUE(there[t].weight == here[t].weight);
         EXPECT_TRUE(there[t].luma == here[t].luma);

@@ -7,14 +7,13 @@
 #include <gtest/gtest.h>
 
 #include "lib/render/sum_arrays.h"
-#include "render/gl/card_sum.h"
-#include "render/gl/sum_drawer.h"
+#include "render/gl/gles_renderer.h"
+#include "render/gl/gpu_sum.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
 namespace {
 
-// Sums of several views that are drawn together.
 using reference::Random;
 using test::Eye;
 using test::Sum;
@@ -23,23 +22,22 @@ class SeveralViews : public testing::Test {
  protected:
   void SetUp() override {
     std::string why;
-    card_ = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-    ASSERT_TRUE(card_) << why;
+    gpu_ = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+    ASSERT_TRUE(gpu_) << why;
   }
 
   using Eyes = std::vector<std::unique_ptr<Eye>>;
 
-  // Those of all eyes, drawn at once.
-  std::vector<std::unique_ptr<SumRenderer>> draw(const Eyes& eyes, bool may_stay = false,
+  std::vector<std::unique_ptr<SumRenderer>> draw(const Eyes& eyes, bool keep_on_gpu = false,
                                                  const ParallelFor& parallel = serial_for) {
     std::vector<std::unique_ptr<SumRenderer>> renderers;
     std::vector<SumRenderer*> all;
-    for (const auto& eye : eyes) all.push_back(renderers.emplace_back(eye->renderer(nullptr, may_stay)).get());
-    SumRenderer::draw(all, *card_, parallel);
+    for (const auto& eye : eyes) all.push_back(renderers.emplace_back(eye->renderer(nullptr, keep_on_gpu)).get());
+    SumRenderer::draw(all, *gpu_, parallel);
     return renderers;
   }
 
-  std::shared_ptr<gl::SumDrawer> card_;
+  std::shared_ptr<gl::GlesRenderer> gpu_;
 };
 
 bool same(const ConstSumPlanes& a, const Sum& b) {
@@ -49,10 +47,10 @@ bool same(const ConstSumPlanes& a, const Sum& b) {
                 : std::ranges::all_of(b.lost, [](uint16_t weight) { return weight == 0; });
 }
 
-// Whatever is beside it: views of other sizes, with other maps or on planes, distorted or nearly empty, cameras without
-// an image, images that only one view has, other samples.
+// Combines views of other sizes, maps and planes, distorted or nearly empty views, missing images, images that only one
+// view has, and other resampling.
 TEST_F(SeveralViews, AreWhatEachIsAlone) {
-  size_t passes = 0, views = 0, mended = 0;
+  size_t passes = 0, views = 0, fixed_up = 0;
   for (int seed = 0; seed < 12; seed++) {
     Random random(seed);
     constexpr int kSide = 4;
@@ -80,26 +78,25 @@ TEST_F(SeveralViews, AreWhatEachIsAlone) {
       if (i == 1) eye.sources.resize(1);
     }
     const auto together = draw(eyes);
-    passes += card_->passes();
+    passes += gpu_->passes();
     const bool are_alike = seed % 4 != 2;
-    EXPECT_LE(card_->passes(), are_alike ? 2 : eyes.size()) << "one of another's samples";
+    EXPECT_LE(gpu_->passes(), are_alike ? 2 : eyes.size()) << "one of another's samples";
     views += eyes.size();
-    mended += card_->mended();
+    fixed_up += gpu_->fixed_up();
     for (size_t i = 0; i < eyes.size(); i++) {
       SCOPED_TRACE(testing::Message() << "seed " << seed << ", view " << i);
-      const auto alone = eyes[i]->renderer(card_.get());
+      const auto alone = eyes[i]->renderer(gpu_.get());
       ASSERT_EQ(together[i]->drawing().drawn, alone->drawing().drawn) << together[i]->drawing().why_not;
       EXPECT_TRUE(alone->drawing().drawn || alone->rect().empty());
       EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*alone));
     }
   }
-  std::printf("%zu views in %zu passes, %zu mended\n", views, passes, mended);
+  std::printf("%zu views in %zu passes, %zu fixed up\n", views, passes, fixed_up);
   EXPECT_GE(passes, 12u);
 }
 
-// A display's views, of which some stay on the card and are mended there.
 TEST_F(SeveralViews, StayAsOnePass) {
-  size_t mended = 0;
+  size_t fixed_up = 0;
   for (int seed = 0; seed < 6; seed++) {
     const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
     Random random(seed);
@@ -111,26 +108,26 @@ TEST_F(SeveralViews, StayAsOnePass) {
     for (int i = 0; i < 9; i++) {
       View view = test::view_into(rig, 4, 140, 100, i % 4 == 1 ? random.small_rotation(0.9) : Quat(1, 0, 0, 0));
       view.pose.position.x += 0.02 * (i - 4);
-      view.focus.map = test::depths(random, view, FocalMap::kFinestStep, i == 2);
+      view.focus.map = test::depths(random, view, FocalMap::kMinStep, i == 2);
       eyes.push_back(std::make_unique<Eye>(rig, mesh, view, images, family));
     }
     const auto together = draw(eyes, true);
-    EXPECT_EQ(card_->passes(), 1u);
+    EXPECT_EQ(gpu_->passes(), 1u);
     size_t stayed = 0;
-    mended += card_->mended();
-    std::vector<std::shared_ptr<gl::CardSum>> held;
+    fixed_up += gpu_->fixed_up();
+    std::vector<std::shared_ptr<gl::GpuSum>> held;
     for (const auto& renderer : together) {
       EXPECT_FALSE(renderer->drawing().refused) << renderer->drawing().why_not;
-      held.push_back(renderer->card_sum());
+      held.push_back(renderer->gpu_sum());
       stayed += held.back() != nullptr;
     }
     EXPECT_GE(stayed, 6u);
-    // What is drawn afterwards is drawn elsewhere, as long as any of them is held.
+    // A held sum keeps its memory: later passes use other memory.
     draw(eyes, true);
     for (size_t i = eyes.size(); i-- > 0;) {
       SCOPED_TRACE(i);
-      if (!held[i]) continue;  // there is nothing in it
-      const auto alone = eyes[i]->renderer(card_.get());
+      if (!held[i]) continue;
+      const auto alone = eyes[i]->renderer(gpu_.get());
       const Rect rect = held[i]->rect();
       Sum sum(family, rect);
       alone->render_rows(rect.y0, rect.y1, sum.planes);
@@ -138,39 +135,37 @@ TEST_F(SeveralViews, StayAsOnePass) {
       held[i].reset();
     }
   }
-  std::printf("%zu mended\n", mended);
-  EXPECT_GT(mended, 0u);
+  std::printf("%zu fixed up\n", fixed_up);
+  EXPECT_GT(fixed_up, 0u);
 }
 
-// Maps are below each other in one texture; what is more goes in another pass.
 TEST_F(SeveralViews, GoInMorePassesWhereTheyAreTooMany) {
   GLint most = 0;
-  card_->work([&](gl::Programs&, gl::Buffer&) {
+  gpu_->work([&](gl::Programs&, gl::Buffer&) {
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     return true;
   });
   constexpr int kHeight = 4096;
-  const int views = most / (kHeight / FocalMap::kFinestStep) + 1;
+  const int views = most / (kHeight / FocalMap::kMinStep) + 1;
   Random random(4);
   const Rig rig = test::jittered_array(random, 2, 40, 30, 0);
   const Mesh mesh = build_mesh(rig);
   const auto images = images_of(rig, random, reference::smooth_image);
   View view = test::view_into(rig, 2, 16, kHeight, Quat(1, 0, 0, 0));
-  view.focus.map = test::depths(random, view, FocalMap::kFinestStep, false);
+  view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
   Eyes eyes;
   for (int i = 0; i < views; i++) {
     view.pose.position.x += 1e-3;
     eyes.push_back(std::make_unique<Eye>(rig, mesh, view, images, PixelFamily::kRgb));
   }
   const auto together = draw(eyes);
-  EXPECT_EQ(card_->passes(), 2u);
+  EXPECT_EQ(gpu_->passes(), 2u);
   for (const size_t i : {size_t{0}, eyes.size() / 2, eyes.size() - 1}) {
     ASSERT_TRUE(together[i]->drawing().drawn) << together[i]->drawing().why_not;
-    EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*eyes[i]->renderer(card_.get())));
+    EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*eyes[i]->renderer(gpu_.get())));
   }
 }
 
-// One that no card can draw is nobody else's trouble.
 TEST_F(SeveralViews, AreRefusedOneByOne) {
   Random random(5);
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
@@ -188,8 +183,8 @@ TEST_F(SeveralViews, AreRefusedOneByOne) {
   const auto together = draw(eyes);
   for (size_t i = 0; i < eyes.size(); i++) EXPECT_EQ(together[i]->drawing().refused, i == 2);
   EXPECT_EQ(together[2]->drawing().why_not, "the view is too large");
-  EXPECT_TRUE(eyes[3]->sum_of(*together[3]) == eyes[3]->sum_of(*eyes[3]->renderer(card_.get())));
-  card_->lose();
+  EXPECT_TRUE(eyes[3]->sum_of(*together[3]) == eyes[3]->sum_of(*eyes[3]->renderer(gpu_.get())));
+  gpu_->lose();
   for (const auto& renderer : draw(eyes)) EXPECT_TRUE(renderer->drawing().refused);
 }
 

@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/depth_estimator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "focus/hypothesis_levels.h"
+#include "focus/photo_consistency.h"
+
+namespace lf {
+namespace {
+
+// A search and an autofocus sweep have no earlier surface to start from and need larger patches: 36 pixels distinguish
+// depths that 12 pixels cannot.
+constexpr int kSearchRadius = 4;
+// Largest patch, as a part of the shorter side of a map. A larger one would merge near and far.
+constexpr double kLargestPatch = 0.3;
+int search_radius(const FocalMap& map) {
+  const int side = std::min(map.columns, map.rows);
+  return std::clamp(static_cast<int>((kLargestPatch * side - 1) / 2), 1, kSearchRadius);
+}
+
+// Minimum number of nodes to show a surface: with fewer nodes in a quarter of the picture, lost light is
+// indistinguishable from chance.
+constexpr size_t kFewestNodes = 150;
+
+// Minimum mean evidence, over the nodes with evidence, to show a surface.
+constexpr double kEnoughEvidence = 0.15;
+
+// `least_radius`: smallest averaging radius of deviations, nodes. The radius grows if the view enlarges the cameras'
+// pixels, to cover as many of these pixels. `is_still`: the viewpoint has not moved, so a plane far from the surface
+// more likely fits by chance than because it is right.
+DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
+                         int least_radius, bool is_still) {
+  std::vector<std::vector<uint8_t>> levels;
+  for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+  const FocalMap& map = *request.view.focus.map;
+  const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
+  constexpr double kMostRadius = 4;
+  const double larger = array.focal() > 0 ? request.view.lens.fx() / array.focal() * FocalMap::kMinStep / map.step : 1;
+  DepthSelectionParams terms{
+      .evidence = evidence,
+      .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
+  if (array.disparity() > 0)
+    terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
+  if (is_still && request.trials.size() < kSweep)
+    for (size_t t = 1; t < request.trials.size(); t++)
+      if (request.trials[t].kind == DepthHypothesis::Kind::kPlane ||
+          request.trials[t].kind == DepthHypothesis::Kind::kFocused)
+        terms.jumps |= 1u << t;
+  return select_depths(map, levels, moments, terms);
+}
+
+// True if the array sees so little of a view that any surface fits. Nodes without evidence are outside the covered part
+// of the view and are ignored.
+bool sees_little(const std::vector<float>& evidence) {
+  const auto seen = static_cast<size_t>(std::ranges::count_if(evidence, [](float of_node) { return of_node > 0; }));
+  const double all = std::accumulate(evidence.begin(), evidence.end(), 0.);
+  return seen < kFewestNodes || all < kEnoughEvidence * static_cast<double>(seen);
+}
+
+}  // namespace
+
+void DepthEstimator::judge(const DepthSelection& choice, const ViewRequest& request, FocalMap& map) {
+  const std::vector<DepthHypothesis>& trials = request.trials;
+  if (settings_.mode != FocusMode::kAuto) return;
+  const double enough = std::max(kWorthwhile, kWorthwhilePart * choice.residual);
+  const bool gains = choice.gained >= enough, worthwhile = is_worthwhile(choice, enough);
+  if (gains) state_.flat = false;
+  // A plane gives way to better planes only.
+  double least = choice.cost[0] + (state_.flat ? 0 : kFlatEnough);
+  for (size_t t = 1; t < trials.size() && !gains; t++) {
+    if (trials[t].kind != DepthHypothesis::Kind::kPlane || !(choice.cost[t] <= least)) continue;
+    state_.flat = true;
+    flat_inverse_ = request.view.focus.map->inverse_of(trials[t].value);
+    least = choice.cost[t];
+  }
+  if (state_.flat) std::ranges::fill(map.levels, map.level_of(flat_inverse_));
+  if (worthwhile) {
+    quiet_ = 0;
+    state_.interval = 1;
+  } else if (++quiet_ >= kQuietRounds) {
+    state_.interval = std::min(2 * state_.interval, state_.flat ? kLongestFlatRest : kLongestRest);
+  }
+}
+
+// Edges gain in every round, because smoothed levels become sharp again. A round is worthwhile if the result improves,
+// or at rest, if the gain is larger than before the rest.
+bool DepthEstimator::is_worthwhile(const DepthSelection& choice, double enough) {
+  const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
+  if (state_.flat && choice.gained >= enough) return true;
+  if (state_.interval > 1) {
+    if (gained < kMoreAtRest * usual_gain_ + enough && choice.cost[0] < kMoreAtRest * rested_ + enough) return false;
+    least_reached_ = std::numeric_limits<double>::infinity();
+    return true;
+  }
+  usual_gain_ = gained;
+  rested_ = choice.cost[0];
+  const double reached = choice.cost[0] - choice.gained;
+  const bool better = reached < least_reached_ - enough;
+  if (better) least_reached_ = reached;
+  return better;
+}
+
+// True if the cameras disagree much more than usual.
+bool DepthEstimator::is_another_scene() {
+  const double now = state_.deviation;
+  if (stage_ != Stage::kBetter) return false;
+  if (settling_ > 0) {
+    settling_--;
+    return false;
+  }
+  if (!(usual_ > 0)) usual_ = now;
+  // Moving objects make cameras disagree for a while. A surface that is still far better than any plane is about right.
+  constexpr double kStillBetter = 0.2;
+  if (now <= kOtherFactor * usual_ + kOtherMore || state_.bought > kStillBetter * now) {
+    constexpr double kSlowly = 0.1;
+    usual_ += kSlowly * (now - usual_);
+    looks_ = 0;
+    return false;
+  }
+  if (looks_ >= kMostLooks) {  // accept the new deviation
+    usual_ = now;
+    return false;
+  }
+  looks_++;
+  state_.looks++;
+  state_.flat = false;
+  state_.interval = 1;
+  quiet_ = round_ = 0;
+  least_reached_ = std::numeric_limits<double>::infinity();
+  settling_ = kSettling + static_cast<unsigned>(latest_.underway());
+  return true;
+}
+
+// Updates the advantage of the surface over the recently tried planes.
+void DepthEstimator::count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& trials) {
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t t = 0; t < trials.size(); t++)
+    if ((trials[t].kind == DepthHypothesis::Kind::kPlane || state_.flat) && choice.cost[t] < least)
+      least = choice.cost[t];
+  plane_deviations_.push_back(least);
+  if (plane_deviations_.size() > kSweepPlanes) plane_deviations_.erase(plane_deviations_.begin());
+  const double best = *std::ranges::min_element(plane_deviations_);
+  state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
+}
+
+// Returns the squared width of the blur, relative to the side of a quarter of the picture. Blur occurs for objects
+// at the ends of the depth range, focused on the viewer's plane, with cameras `width` metres apart (0: unknown). Blur
+// moves light across the borders of the quarters.
+double DepthEstimator::moved_by_blur(const View& view, double width) {
+  if (!(width > 0)) return 1;
+  constexpr double kLeast = 0.05;  // light moved by noise and by differences between cameras
+  const FocalMap& map = *view.focus.map;
+  const double plane = std::max(plane_inverse(view, map.from, {0, 0, 1}), 0.);
+  const double apart = std::max(map.nearest, plane) - std::min(map.farthest, plane);
+  const double blur = width * view.lens.fx() * apart;  // pixels
+  const double quarter = std::sqrt(static_cast<double>(view.width) * view.height) / 2;
+  const double part = std::max(blur / quarter, kLeast);
+  return part * part;
+}
+
+// Decides whether to show the surface: the cameras must agree better than through the viewer's plane.
+void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
+                                        const ViewRequest& request, const FocusArray& array) {
+  const std::vector<DepthHypothesis>& trials = request.trials;
+  const auto focused = std::ranges::find(trials, DepthHypothesis::Kind::kFocused, &DepthHypothesis::kind);
+  if (focused == trials.end() || stage_ == Stage::kSearch) return;
+  const auto plane = static_cast<size_t>(focused - trials.begin());
+  const double of_plane = choice.energy[plane];
+  if (!(of_plane >= 0)) return;
+  // The result of a sweep has not been measured yet and looks better than it is.
+  const bool is_sweep = trials.size() >= kSweep;
+  const std::vector<uint8_t> surface(choice.chosen.size(), 0);
+  const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
+  const double of_lost =
+      std::min(kMovedLight / moved_by_blur(request.view, array.width_of(request.view)), 1 / kSmallestLost);
+  doubt(request, choice, moments, plane);
+  const bool is_doubtful = disagreement + doubt_ * of_plane > kDoubtful * of_plane;
+  const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  constexpr double kClearly = 0.3, kWorthClearly = 20;
+  const bool is_clear = !is_doubtful && of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
+  if (is_sweep) {
+    if (sweeps_.empty() && is_clear) state_.on_plane = false;
+  } else if (state_.on_plane) {
+    // A single plane for all nodes does not fit by chance. One better round may be chance: a moving viewpoint passes
+    // objects that appear and disappear.
+    const double worth = state_.flat ? 0 : kWorthShowing;
+    const bool is_better = !is_doubtful && of_surface < kShown * of_plane && of_plane - of_surface > worth;
+    if (is_better && (is_clear || was_better_)) state_.on_plane = false;
+    was_better_ = is_better;
+  } else if (is_doubtful || of_surface > kHidden * of_plane) {
+    state_.on_plane = true;
+  }
+}
+
+void DepthEstimator::keep_up(bool complete) {
+  constexpr unsigned kRecovered = 30;  // pictures
+  if (!complete) {
+    load_ = std::min(2 * load_, kMinHypotheses);
+    in_time_ = 0;
+  } else if (++in_time_ >= kRecovered) {
+    load_ = std::max(load_ / 2, 1u);
+    in_time_ = 0;
+  }
+}
+
+void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsistency> moments,
+                          const FocusArray& array, FocalMap& map) {
+  const bool is_still = request.view.pose == tried_with_;
+  if (stage_ == Stage::kSearch) unanswered_--;
+  tried_with_ = request.view.pose;
+  DepthSelection choice =
+      choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1, is_still);
+  FocalMap chosen = map;
+  chosen.levels = choice.levels;
+  if (stage_ != Stage::kSearch || state_.on_plane)
+    map.levels = chosen.levels;
+  else  // a search is coarser than the displayed surface
+    std::ranges::fill(choice.chosen, 0);
+  state_.rounds++;
+  state_.residual = choice.residual;
+  state_.gained = choice.gained;
+  if (range_) set_range(*range_, map);
+  latest_.merge(request, choice, map);
+  if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
+  state_.deviation = choice.cost[0];
+  votes_.add(chosen, choice);
+  remember_planes(request, moments);
+  compare_with_plane(choice, moments, request, array);
+  count_planes(choice, request.trials);
+  if (stage_ == Stage::kSearch) return;
+  judge(choice, request, map);
+  if (is_another_scene()) {
+    if (!is_automatic()) return sweep(map);
+    search_around(map);
+  } else {
+    follow_range(map);
+  }
+}
+
+DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<const PhotoConsistency> moments,
+                                          const FocusArray& array) {
+  Plan plan{.view = request.view};
+  const std::shared_ptr<const FocalMap>& map = request.view.focus.map;
+  if (settings_.mode == FocusMode::kPlane) {
+    plan.view.focus.map = nullptr;
+    if (!map || moments.empty()) return plan;
+    // An autofocus request: see add_focus_sweep().
+    auto found = std::make_shared<FocalMap>(*map);
+    found->levels = choice_of(request, moments, array, kSearchRadius, true).levels;
+    plan.view.focus.map = std::move(found);
+    return plan;
+  }
+  if (array.is_known() && !(array.disparity() > 0)) {  // a single camera sees the same through any surface
+    plan.view.focus.map = nullptr;
+    return plan;
+  }
+  const bool is_first = !begun_;
+  if (is_first)
+    begin(request, array, plan.view);
+  else
+    reach_ = reach_from(request.view, array);
+  if (!is_first && map && moments.empty() && !request.trials.empty()) latest_.lose(request);
+  if (!is_first && map && !moments.empty()) {
+    auto better = std::make_shared<FocalMap>(*map);
+    take(request, moments, array, *better);
+    plan.view.focus.map = std::move(better);
+  } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view); latest && !is_first) {
+    plan.view.focus.map = std::move(latest);
+  }
+  for (const std::vector<DepthHypothesis>& lost : latest_.take_lost(request.sequence)) ask_again(lost);
+  // A search ends when all of its requests are answered or lost.
+  if (stage_ == Stage::kSearch && sweeps_.empty() && latest_.underway() == 0) {
+    auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
+    end_search(request.view, array, *searched);
+    plan.view.focus.map = std::move(searched);
+  }
+  if (const double apart = glm::length(plan.view.pose.position - tried_from_.position); apart > 0) {
+    moved_ = moved_ || apart > 0.25 * array.spacing() || !(tried_from_.orientation == plan.view.pose.orientation);
+    if (moved_) tried_from_ = plan.view.pose;
+  }
+  latest_.set(plan.view);
+  const FocalMap& next = *plan.view.focus.map;
+  state_.near = 1 / next.nearest;
+  state_.far = 1 / next.farthest;
+  plan.trials = next_hypotheses(next);
+  if (!plan.trials.empty()) latest_.leaves(plan.trials, request.sequence);
+  // If one camera contributes nearly all of the picture, every surface seems to fit but only displaces the image.
+  const bool little = sees_little(array.evidence(plan.view, request.out_of_service));
+  plan.on_plane = state_.on_plane || state_.flat || little;
+  state_.mixed = !little;
+  // A plane at infinity has no distance.
+  constexpr double kFarthestPlane = 1e-6;  // 1/m
+  if (state_.flat && !state_.on_plane && !little)
+    plan.plane =
+        Plane{next.from.normal, next.from.d - 1 / std::max(next.inverse_of(next.levels.front()), kFarthestPlane)};
+  return plan;
+}
+
+}  // namespace lf

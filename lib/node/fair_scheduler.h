@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <mutex>
+
+#include "base/schedule.h"
+#include "base/worker_pool.h"
+#include "view/view_request.h"
+
+namespace lf {
+
+// Fair queueing: shares the one rendering thread of a node among views.
+//
+// Each view has at most one request in flight. The next request is from the view with the smallest total usage after
+// its answer. A view with less usage interrupts a running answer between two parallel tasks. A view that has used
+// little time keeps a credit of at most kMaxCredit.
+//
+// All views younger than RequestLimiter::kViewTimeout (2 s) count as one view, which starts kMaxCredit behind, and
+// share its part in the same way. Inventing view ids therefore gives a client no more time. A view is forgotten after
+// the same time without requests.
+//
+// Call add() from any thread, work() from the rendering thread.
+class FairScheduler {
+ public:
+  // Most requests of a view that wait: two rounds of lfviewrequest with their extra requests. A view of a set has room
+  // for two more per other view of the set. The newest requests are kept.
+  static constexpr size_t kMaxQueued = 8;
+  static constexpr int kMaxDepth = 8;           // nested interruptions
+  static constexpr double kMaxCredit = 0.25e9;  // largest usage deficit of a view, nanoseconds of work
+
+  // `parallel`: runs the tasks of an answer in `threads` threads. `now`: monotonic clock, nanoseconds.
+  explicit FairScheduler(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
+      : parallel_(std::move(parallel)), threads_(threads), now_(std::move(now)) {}
+
+  using Answer = std::function<void(const ParallelFor&)>;
+  // `work`: estimated duration in nanoseconds; 0: unknown, and the request never interrupts another. Drops the oldest
+  // request of the view if too many wait, and sets *dropped (may be null) to true. `of_set`: number of views in the
+  // request's set. Returns false while stopped.
+  bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr, size_t of_set = 1);
+  // Waits for a request and answers it, and the requests that interrupt the answer. Returns false once stopped.
+  // Exceptions of an answer propagate; later requests are not affected.
+  bool work();
+  // Returns when no request waits or is in flight, or after stop().
+  void drain();
+  // Wakes all waiting threads and drops all waiting requests.
+  void stop();
+  void start();
+  void clear();
+  size_t waiting() const;
+  size_t views() const;
+
+ private:
+  struct Waiting {
+    double work;
+    Answer answer;
+  };
+  struct View {
+    std::deque<Waiting> waiting;
+    bool in_flight = false;
+    bool is_new = true;
+    // Thread time used, as virtual time, nanoseconds; for new views, since their first request.
+    double used = 0;
+    uint64_t began = 0, asked = 0;  // time of the first and latest request, now_()
+    uint64_t since = 0;
+    bool waits() const { return !waiting.empty() && !in_flight; }
+    double end() const { return used + waiting.front().work; }  // usage after the next answer
+  };
+  using Views = std::map<uint32_t, View>;
+  // The caller holds mutex_, unless noted otherwise.
+  double virtual_usage(const View& view) const { return view.is_new ? new_views_usage_ : view.used; }
+  double ahead(const View& view, uint32_t running) const;
+  bool goes_before(const View& view, uint32_t running) const;
+  void look_ahead();
+  void resume(uint32_t view);
+  template <typename May>
+  Views::iterator first_of(const May& may);  // best waiting view that fulfils may(view)
+  Views::iterator first_waiting();
+  void charge_running();
+  void enqueue(View& view);
+  void answer(Views::iterator first, std::unique_lock<std::mutex>& lock);
+  bool is_urgent() const;                                                                // takes no lock
+  void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);  // caller does not hold mutex_
+  void yield_to_others(uint32_t view);                                                   // caller does not hold mutex_
+
+  const ParallelFor parallel_;
+  const size_t threads_;
+  const std::function<uint64_t()> now_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  Views views_;
+  double virtual_time_ = 0;     // usage of the most recently chosen view
+  double new_views_usage_ = 0;  // usage of the group of new views
+  uint64_t order_ = 0;
+  bool stopped_ = false;
+  static constexpr uint64_t kNever = UINT64_MAX;
+  int depth_ = 0;
+  std::atomic<uint64_t> urgent_at_ = kNever;  // time when a waiting view must interrupt, now_()
+  uint32_t running_ = 0;                      // valid while depth_ > 0
+  uint64_t since_ = 0;                        // time of the latest charge, now_()
+};
+
+// Returns the `of_set` argument of add() for a request. It is limited so that the waiting requests use no more memory
+// than the largest requests of a single view.
+size_t queued_views_of_set(const ViewRequest& request);
+
+}  // namespace lf

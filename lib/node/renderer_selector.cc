@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/renderer_selector.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/text.h"
+
+namespace lf {
+namespace {
+
+std::string per_pixel(double nanoseconds) { return format_text("%.2f", nanoseconds); }
+
+}  // namespace
+
+std::optional<RendererChoice> renderer_choice(const std::string& name) {
+  if (name == "cpu") return RendererChoice::kCpu;
+  if (name == "gl") return RendererChoice::kGl;
+  if (name == "auto") return RendererChoice::kAuto;
+  return std::nullopt;
+}
+
+bool RendererTuner::gpu_is_next() const {
+  if (decided()) return best(true) < best(false);
+  return rounds_[true] <= rounds_[false];
+}
+
+void RendererTuner::add(bool drawn, size_t pixels, uint64_t nanoseconds) {
+  if (decided() || pixels == 0) return;
+  if (drawn && !std::exchange(warm_, true)) return;
+  rounds_[drawn]++;
+  best_[drawn] = std::min(best_[drawn], static_cast<double>(nanoseconds) / static_cast<double>(pixels));
+}
+
+void Backoff::add(bool refused, uint64_t now) {
+  refusals_ = refused ? refusals_ + 1 : 0;
+  rests_until_ = refusals_ < kMaxRefusals ? 0 : now + kRest;
+}
+
+RendererSelector::RendererSelector(Open open, Clock now) : open_(std::move(open)), now_(std::move(now)) {}
+
+bool RendererSelector::is_open(RendererChoice choice, std::string& news) {
+  const auto drivers = choice == RendererChoice::kAuto ? gl::Context::Drivers::kHardware : gl::Context::Drivers::kAny;
+  if (!drawer_ && tried_ != drivers && tried_ != gl::Context::Drivers::kAny) {
+    tried_ = drivers;
+    drawer_ = open_(drivers, why_);
+    if (!drawer_ && choice == RendererChoice::kGl)
+      news = "OpenGL ES 3.1 is not available, rendering on the CPU: " + why_ +
+             " (check the EGL driver of the GPU and the access rights of /dev/dri/renderD*)";
+  }
+  if (!drawer_) return false;
+  if (!drawer_->is_lost()) return choice == RendererChoice::kGl || !drawer_->is_software();
+  if (!std::exchange(loss_reported_, true))
+    news = drawer_->device() + " is lost to this process, the CPU renders from now on";
+  return false;
+}
+
+std::shared_ptr<gl::GlesRenderer> RendererSelector::open(RendererChoice choice, std::string& news) {
+  if (choice == RendererChoice::kCpu) return nullptr;
+  const std::lock_guard lock(mutex_);
+  if (!is_open(choice, news)) return nullptr;
+  if (backoff_.is_exhausted(now_())) {
+    if (choice == RendererChoice::kGl && std::exchange(reported_refusal_, refusal_) != refusal_)
+      news = drawer_->device() + " cannot draw this view, rendering on the CPU: " + refusal_;
+    return nullptr;
+  }
+  return draws(choice) ? drawer_ : nullptr;
+}
+
+bool RendererSelector::can_batch(RendererChoice choice) const {
+  if (choice == RendererChoice::kCpu) return false;
+  const std::lock_guard lock(mutex_);
+  const bool is_decided = choice == RendererChoice::kGl || tuner_.decided();
+  return drawer_ && !drawer_->is_lost() && is_decided && draws(choice) && !backoff_.is_exhausted(now_());
+}
+
+void RendererSelector::rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before) {
+  if (choice == RendererChoice::kCpu || answer.pixels == 0) return;
+  const GpuStatus& drawing = answer.drawing;
+  const std::lock_guard lock(mutex_);
+  const uint64_t now = now_();
+  if (drawing.drawn || drawing.refused) backoff_.add(drawing.refused, now);
+  if (drawing.refused) refusal_ = drawing.why_not;
+  const bool is_left_alone = !drawing.drawn && backoff_.is_exhausted(now);
+  why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
+  // An answer that the GPU cannot draw does not show which renderer is faster.
+  if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
+  if (is_in_race()) tuner_.add(drawing.drawn, answer.pixels, before + answer.render_ns);
+}
+
+bool RendererSelector::move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open,
+                               std::string& why) {
+  const std::lock_guard lock(mutex_);
+  const bool is_decided = choice == RendererChoice::kGl || tuner_.decided();
+  if (choice == RendererChoice::kCpu || !drawer_ || drawer_->is_lost()) return false;
+  if (choice == RendererChoice::kAuto && drawer_->is_software()) return false;
+  if (!draws(choice) || !(is_decided || early)) return false;
+  if (!groups_.insert(group).second) return drawer_->group() == group;
+  std::shared_ptr<gl::GlesRenderer> drawer = open(why);
+  if (!drawer) return false;
+  if (drawer->device() != drawer_->device()) {
+    why = drawer->device() + " is not the same GPU as " + drawer_->device();
+    return false;
+  }
+  drawer_ = std::move(drawer);
+  if (!tuner_.decided()) tuner_.begin_again();
+  if (!depth_tuner_.decided()) depth_tuner_.begin_again();
+  return true;
+}
+
+void RendererSelector::leave() {
+  const std::lock_guard lock(mutex_);
+  groups_.clear();
+  if (!drawer_ || drawer_->group() == 0) return;
+  left_ = drawer_->device();
+  drawer_.reset();
+  tried_.reset();
+  loss_reported_ = false;
+}
+
+std::shared_ptr<gl::GlesRenderer> RendererSelector::open_for_depth(RendererChoice choice) {
+  if (choice == RendererChoice::kCpu) return nullptr;
+  const std::lock_guard lock(mutex_);
+  if (!drawer_ || drawer_->is_lost() || depth_backoff_.is_exhausted(now_())) return nullptr;
+  const bool is_wanted = choice == RendererChoice::kGl || (!drawer_->is_software() && depth_tuner_.gpu_is_next());
+  return is_wanted ? drawer_ : nullptr;
+}
+
+void RendererSelector::tried(RendererChoice choice, const RenderedConsistency& trials) {
+  if (choice == RendererChoice::kCpu || trials.nodes == 0) return;
+  const GpuStatus& drawing = trials.drawing;
+  const std::lock_guard lock(mutex_);
+  draws_consistency_ = drawing.drawn;
+  if (drawing.drawn || drawing.refused) depth_backoff_.add(drawing.refused, now_());
+  if (choice == RendererChoice::kAuto && !drawing.refused && is_in_race())
+    depth_tuner_.add(drawing.drawn, trials.nodes, trials.ns);
+}
+
+std::string RendererSelector::explain(RendererChoice choice) const {
+  if (choice == RendererChoice::kCpu) return "cpu";
+  const std::lock_guard lock(mutex_);
+  return explain_answers(choice) + (draws_consistency_ ? ", trials, too" : "");
+}
+
+std::string RendererSelector::explain_answers(RendererChoice choice) const {
+  const bool is_auto = choice == RendererChoice::kAuto;
+  const std::string name = is_auto ? "auto: " : "";
+  const std::string device = drawer_ ? drawer_->device() : left_;
+  if (!drawer_ && (tried_ || device.empty()))
+    return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";
+  if (drawer_ && drawer_->is_lost()) return name + "cpu, " + device + " is lost";
+  if (drawer_ && is_auto && drawer_->is_software()) return name + "cpu, " + device + " is the CPU, too";
+  if (!why_not_.empty()) return name + "cpu, " + device + " cannot draw this view: " + why_not_;
+  if (!is_auto) return "gl: " + device;
+  if (!tuner_.decided()) return name + "cpu and " + device + " by turns, to see which is faster";
+  return name + (tuner_.gpu_is_next() ? "gl" : "cpu") + ", " + device + " takes " + per_pixel(tuner_.best(true)) +
+         " ns a pixel, the CPU " + per_pixel(tuner_.best(false));
+}
+
+}  // namespace lf

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <list>
+#include <string>
+#include <unordered_map>
+
+#include "image/image.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// Returns a camera's image; the reference is valid until the next call. May throw Error.
+using CameraImages = std::function<const Image&(CameraIndex)>;
+
+// True if every camera has a still image.
+bool has_images(const Rig& rig);
+
+// Returns a notice about the images of a rig that have an EXIF orientation, which the library ignores; empty if no
+// image has one. Names the first such image and counts the rest. Reads the first 64 KiB of each image; skips unreadable
+// files.
+std::string orientation_notice(const Rig& rig);
+
+// Loads the `image` files of a rig's cameras on first use, applies their `colour` correction, and caches the result.
+// Not thread-safe.
+class StillImageCache {
+ public:
+  static constexpr size_t kDefaultCacheBytes = size_t{1} << 30;  // bytes
+
+  // `rig` must outlive this object. `family`: pixel family of the result of get(). `room`: cache size in bytes; at
+  // least one image is kept.
+  explicit StillImageCache(const Rig& rig, PixelFamily family = PixelFamily::kRgb, size_t room = kDefaultCacheBytes)
+      : rig_(rig), family_(family), room_(room) {}
+
+  // Returns an image that is valid until the next call. Throws Error with camera and file if the rig has no image for
+  // the camera, or the file is missing, unreadable or of the wrong size.
+  const Image& get(CameraIndex camera);
+
+ private:
+  struct CacheEntry {
+    CameraIndex camera;
+    Image image;
+  };
+  const Rig& rig_;
+  PixelFamily family_;
+  size_t room_, used_ = 0;
+  std::list<CacheEntry> cache_;  // most recently used first
+  std::unordered_map<CameraIndex, std::list<CacheEntry>::iterator> place_;
+};
+
+}  // namespace lf

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/depth_loop.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+#include "wire/consistency_codec.h"
+
+namespace lf {
+namespace {
+
+constexpr DepthEstimator::Settings kSurface{FocusMode::kSurface, 1.2, 6};
+
+class DepthLoopTest : public testing::Test {
+ protected:
+  DepthLoopTest() { finder_.set_rig(std::make_shared<const Rig>(walls_.rig)); }
+
+  // Creates the viewer's next request from `found`, and lets `node` answer its depth hypotheses.
+  ViewRequest turn(const std::optional<DepthEstimate>& found) {
+    ViewRequest request;
+    request.view_id = 3;
+    request.sequence = sequence_++;
+    request.view = walls_.view(0);
+    request.view.focus.map = nullptr;
+    if (found) {
+      request.trials = found->plan.trials;
+      request.gains = found->gains;
+      apply_plan(found->plan, request);
+    }
+    finder_.begin();
+    if (request.trials.empty()) return request;
+    const wire::ConsistencyHeader header{3, request.sequence, walls_.rig.hash(), 0, {}};
+    unit_ = wire::encode_consistency(header, walls_.moments(request.view, request.trials, walls_.own));
+    return request;
+  }
+  DepthLoop::Taken take(const ViewRequest& request) { return finder_.take({unit_.data(), unit_.size()}, request); }
+
+  test::ArrayOfWalls walls_;
+  DepthLoop finder_;
+  uint32_t sequence_ = 0xfffffffa;
+  ByteBuffer unit_;
+};
+
+TEST_F(DepthLoopTest, FindsTheSurfaceFromUnitsOfMoments) {
+  std::optional<DepthEstimate> found;
+  ViewRequest request;
+  for (int i = 0; i < 10; i++) {
+    request = turn(found);
+    if (!request.trials.empty()) {
+      const DepthLoop::Taken taken = take(request);
+      EXPECT_EQ(taken.ahead, 0);
+      EXPECT_EQ(taken.problem, "");
+      EXPECT_EQ(finder_.bytes(), unit_.size());
+    }
+    finder_.adapt_rate(true, 1);
+    found = finder_.next(request, kSurface, true);
+    ASSERT_TRUE(found);
+    EXPECT_EQ(found->sequence, request.sequence);
+    finder_.heard(true);
+  }
+  ASSERT_TRUE(request.view.focus.map);
+  EXPECT_NEAR(request.view.focus.map->inverse_at(20, 60), 1 / 3., 0.05);
+  EXPECT_NEAR(request.view.focus.map->inverse_at(140, 60), 1 / 1.5, 0.05);
+  EXPECT_TRUE(found->gains.use) << "the surface is where the scene is";
+  EXPECT_GT(finder_.state().rounds, 5u);
+
+  finder_.clear();
+  EXPECT_EQ(finder_.state().rounds, 0u);
+  EXPECT_EQ(finder_.bytes(), 0u);
+}
+
+TEST_F(DepthLoopTest, UnitsOfOtherRequestsAreToldApart) {
+  const ViewRequest first = turn({});
+  ViewRequest request = turn(finder_.next(first, kSurface, false));
+  ASSERT_FALSE(request.trials.empty());
+  request.sequence -= 2;
+  EXPECT_EQ(take(request).ahead, 2);
+  request.sequence += 3;
+  EXPECT_EQ(take(request).ahead, -1);
+  request.sequence -= 1;
+  request.view_id = 4;
+  EXPECT_LT(take(request).ahead, 0) << "for another view";
+  EXPECT_EQ(finder_.bytes(), 0u);
+  request.view_id = 3;
+  request.rig_hash = 77;
+  EXPECT_EQ(take(request).problem, "of another rig");
+  unit_.resize(unit_.size() - 1);
+  request.rig_hash = 0;
+  EXPECT_NE(take(request).problem, "");
+  unit_.resize(3);
+  const DepthLoop::Taken taken = take(request);
+  EXPECT_LT(taken.ahead, 0);
+  EXPECT_NE(taken.problem, "");
+  EXPECT_EQ(finder_.bytes(), 0u);
+}
+
+TEST_F(DepthLoopTest, WhatCameGoesOnAsUnitsOfOneNode) {
+  EXPECT_TRUE(finder_.units(turn({}), 1, 0).empty());
+  const ViewRequest request = turn(finder_.next(turn({}), kSurface, false));
+  ASSERT_EQ(take(request).problem, "");
+  ASSERT_EQ(take(request).problem, "") << "another node with the same payload";
+  const std::vector<ByteBuffer> units = finder_.units(request, walls_.rig.hash(), 9);
+  ASSERT_EQ(units.size(), 1u);
+  DepthLoop root;
+  EXPECT_EQ(root.take({units[0].data(), units[0].size()}, request).problem, "");
+  const auto header = wire::parse_consistency_header({units[0].data(), units[0].size()});
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->node, 9u);
+  EXPECT_EQ(header->sequence, request.sequence);
+}
+
+TEST_F(DepthLoopTest, OnAPlaneThereIsNothingToSayButThatItIsOneAgain) {
+  const DepthEstimator::Settings plane;
+  EXPECT_FALSE(finder_.next(turn({}), plane, true));
+  EXPECT_TRUE(finder_.next(turn({}), kSurface, true));
+  const auto last = finder_.next(turn({}), plane, true);
+  ASSERT_TRUE(last);
+  EXPECT_TRUE(last->plan.trials.empty());
+  EXPECT_FALSE(last->gains.use);
+  EXPECT_FALSE(finder_.next(turn({}), plane, true));
+}
+
+TEST_F(DepthLoopTest, WhereNobodyTakesItItIsLookedForNowAndThen) {
+  unsigned said = 0;
+  for (unsigned i = 0; i < 2 * (DepthLoop::kUnheardInterval + 1); i++)
+    if (finder_.next(turn({}), kSurface, false)) {
+      said++;
+      finder_.heard(false);
+    }
+  EXPECT_EQ(said, 2u);
+}
+
+}  // namespace
+}  // namespace lf

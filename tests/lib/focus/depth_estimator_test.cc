@@ -1,0 +1,560 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/depth_estimator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <string>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+using test::ArrayOfWalls;
+
+struct Loop {
+  Loop(FocusMode mode, bool flat, double near = 1.2, double far = 6)
+      : walls(flat), array(walls.rig), control({mode, near, far}), is_automatic(near == 0) {
+    request.view = walls.view(0);
+    request.view.focus.map = nullptr;
+    viewers = request.view;
+  }
+  void focus(double distance) {
+    viewers.focus.plane = request.view.focus.plane = plane_through({0, 0, distance}, {0, 0, -1});
+  }
+  void look_from(const Vec3& eye) { viewers.pose.position = request.view.pose.position = eye; }
+  void run(int requests) {
+    for (int i = 0; i < requests; i++) {
+      std::vector<PhotoConsistency> moments;
+      if (!request.trials.empty() && !loses)
+        moments = walls.moments(request.view, request.trials, walls.own, request.out_of_service);
+      trials += request.trials.size();
+      request.sequence++;
+      const DepthEstimator::Plan plan = control.next(request, moments, array);
+      // Like lfviewrequest, omits the surface if no picture and no hypothesis needs the map.
+      request.view = viewers;
+      request.out_of_service = out_of_service;
+      request.trials = plan.trials;
+      if (drops && !request.trials.empty()) {  // lost in transit: the next request arrives instead
+        request.trials.clear();
+        request.sequence++;
+        dropped++;
+        if (dropped == drops) drops = 0;
+      }
+      request.on_plane = plan.on_plane && !plan.trials.empty();
+      if (!plan.on_plane || request.on_plane) request.view.focus.map = plan.view.focus.map;
+      if (plan.plane) request.view.focus.plane = *plan.plane;
+      if (plan.view.focus.map) {
+        surface = plan.view;
+        EXPECT_NO_THROW(validate(surface));
+        if (is_automatic) {
+          EXPECT_LE(surface.focus.map->nearest, array.nearest() + 1e-9) << "within the array's resolution";
+        }
+      }
+    }
+  }
+  bool shows_surface() const { return displayed_view(request).focus.map != nullptr; }
+  // Returns the fraction of nodes within a tenth of their true distance.
+  double right() const {
+    const FocalMap& map = *surface.focus.map;
+    int good = 0, all = 0;
+    for (int j = 0; j < map.rows; j++)
+      for (int i = 0; i < map.columns; i++) {
+        const double middle = (map.step - 1) / 2.;
+        const double u = (*surface.lens.unproject({map.step * i + middle, map.step * j + middle})).x;
+        const double x = surface.pose.position.x + 1.5 / walls.nearer * u;
+        const double distance = walls.nearer / map.inverse_of(map.levels[j * map.columns + i]);
+        if (!walls.is_flat && std::abs(x) < 0.06) continue;  // at the depth edge
+        all++;
+        good += std::abs(distance / (!walls.is_flat && x > 0 ? 1.5 : 3) - 1) < 0.1;
+      }
+    return static_cast<double>(good) / all;
+  }
+  ArrayOfWalls walls;
+  FocusArray array;
+  DepthEstimator control;
+  bool is_automatic;
+  View viewers;
+  CameraSet out_of_service;
+  ViewRequest request;
+  View surface;
+  size_t trials = 0;
+  bool loses = false;  // photo-consistency sums are lost
+  int drops = 0;       // number of following requests with hypotheses to drop
+  int dropped = 0;
+};
+
+// Nodes closer together than camera pixels cost as much and give no information.
+TEST(DepthEstimator, NodesOfALargeViewAreFartherApart) {
+  for (const auto& [times, step] : {std::pair{1., 4}, {3.9, 4}, {4.1, 8}, {8.2, 16}}) {
+    Loop loop(FocusMode::kSurface, false);
+    const double larger = times * loop.array.focal() / loop.viewers.lens.fx();
+    View& view = loop.viewers;
+    view.width = static_cast<int>(std::lround(larger * view.width));
+    view.height = static_cast<int>(std::lround(larger * view.height));
+    view.lens = Lens::from_fov_y(25, view.width, view.height);
+    loop.request.view = view;
+    loop.run(12);
+    ASSERT_TRUE(loop.surface.focus.map) << times;
+    EXPECT_EQ(loop.surface.focus.map->step, step) << times;
+    EXPECT_GT(loop.right(), 0.95) << times;
+  }
+}
+
+TEST(DepthEstimator, LeavesAPlaneAlone) {
+  Loop loop(FocusMode::kPlane, false);
+  loop.run(3);
+  EXPECT_EQ(loop.request.view.focus.map, nullptr);
+  EXPECT_EQ(loop.trials, 0u);
+}
+
+TEST(DepthEstimator, BeginsOnTheViewersPlane) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(1);
+  EXPECT_FALSE(loop.shows_surface());
+  const FocalMap& map = *loop.surface.focus.map;
+  for (const uint8_t level : map.levels) EXPECT_NEAR(1 / map.inverse_of(level), 3, 0.03);
+  EXPECT_NEAR(1 / map.nearest, 1.2, 1e-12);
+  EXPECT_NEAR(1 / map.farthest, 6, 1e-12);
+  EXPECT_FALSE(loop.request.trials.empty());
+  EXPECT_NO_THROW(validate(loop.request.view));
+}
+
+TEST(DepthEstimator, FindsTwoWallsWithinADozenRounds) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false);
+    loop.run(14);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_TRUE(loop.shows_surface());
+    EXPECT_FALSE(loop.control.state().flat);
+  }
+}
+
+// When a pipeline starts on a busy machine, nodes answer the first requests too late.
+TEST(DepthEstimator, WhatIsLostOfASearchIsAskedAgain) {
+  for (const bool automatic : {true, false})
+    for (const int lost : {2, 5}) {
+      SCOPED_TRACE(lost);
+      Loop loop = automatic ? Loop(FocusMode::kSurface, false, 0, 0) : Loop(FocusMode::kSurface, false);
+      loop.loses = true;
+      loop.run(lost);
+      loop.loses = false;
+      loop.run(16);
+      EXPECT_GT(loop.right(), 0.97);
+      EXPECT_TRUE(loop.shows_surface());
+    }
+}
+
+// Requests can be dropped by a full queue, or by a compositor that skips late requests.
+TEST(DepthEstimator, RequestsOfASearchThatAreDroppedAreAskedAgain) {
+  for (const bool automatic : {true, false}) {
+    Loop loop = automatic ? Loop(FocusMode::kSurface, false, 0, 0) : Loop(FocusMode::kSurface, false);
+    loop.run(2);
+    loop.drops = 3;
+    loop.run(60);
+    EXPECT_EQ(loop.dropped, 3);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_TRUE(loop.shows_surface());
+  }
+}
+
+TEST(DepthEstimator, IsFoundSoonAfterAMachineHasBeenTooBusy) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.control.spare(8);
+  loop.loses = true;
+  loop.run(3000);
+  loop.loses = false;
+  loop.run(300);
+  EXPECT_GT(loop.right(), 0.9);
+  EXPECT_TRUE(loop.shows_surface());
+}
+
+// A busy machine runs fewer rounds; the resting scene must not reduce them further.
+TEST(DepthEstimator, RestsNoLongerWhereTimeIsShort) {
+  Loop loop(FocusMode::kAuto, false);
+  loop.run(100);
+  ASSERT_EQ(loop.control.state().interval, DepthEstimator::kLongestRest);
+  loop.control.spare(8);
+  const unsigned before = loop.control.state().rounds;
+  loop.run(80);
+  EXPECT_GE(loop.control.state().rounds - before, 9u);
+}
+
+TEST(DepthEstimator, WhatIsAlwaysLostIsAskedMoreAndMoreRarely) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.loses = true;
+  loop.run(200);
+  loop.trials = 0;
+  loop.run(400);
+  EXPECT_LT(loop.trials, 400u * 4);
+}
+
+TEST(DepthEstimator, RestsWhereThereIsNothingMoreToFind) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(60);
+  EXPECT_EQ(loop.control.state().interval, DepthEstimator::kLongestFlatRest);
+  EXPECT_TRUE(loop.control.state().flat);
+  const std::vector<uint8_t>& levels = loop.surface.focus.map->levels;
+  EXPECT_EQ(std::ranges::adjacent_find(levels, std::not_equal_to<>()), levels.end()) << "one plane";
+  EXPECT_GT(loop.right(), 0.99);
+  const size_t before = loop.trials;
+  loop.run(64);
+  EXPECT_LE(loop.trials - before, 20u) << "four requests of five hypotheses";
+}
+
+TEST(DepthEstimator, WakesUpWhenTheSceneChanges) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(60);
+  loop.walls = ArrayOfWalls(false);
+  loop.run(2 * DepthEstimator::kLongestFlatRest + 14);
+  EXPECT_GT(loop.right(), 0.97);
+}
+
+TEST(DepthEstimator, AFlatSceneEndsWithNextToNoTrials) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(30);
+  EXPECT_TRUE(loop.control.state().flat);
+  loop.trials = 0;
+  loop.run(64);
+  // A hypothesis costs at most a 16th of the picture's samples, at the same number of bits: 2 % are 20 hypotheses.
+  EXPECT_LE(loop.trials, 0.02 * 64 * 16);
+  EXPECT_NEAR(loop.control.state().bought, 0, DepthEstimator::kFlatEnough) << "no gain from a surface";
+}
+
+TEST(DepthEstimator, TellsWhatASurfaceBought) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(20);
+  EXPECT_GT(loop.control.state().bought, 1);
+  EXPECT_EQ(loop.control.state().trials, 4u);
+}
+
+TEST(DepthEstimator, TheRangeOfDepthsFollowsTheScene) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    loop.run(1);
+    EXPECT_NEAR(loop.control.state().near, 1 / loop.array.nearest(), 1e-9) << "full range of the array";
+    EXPECT_EQ(loop.control.state().far, std::numeric_limits<double>::infinity());
+    loop.run(30);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_LT(loop.control.state().near, 1.5);
+    EXPECT_GT(loop.control.state().far, 3);
+    EXPECT_EQ(loop.control.state().looks, 0u);
+  }
+  Loop flat(FocusMode::kAuto, true, 0, 0);
+  flat.run(30);
+  const double near = 1 / flat.control.state().near, far = 1 / flat.control.state().far;
+  EXPECT_LT((near - far) * flat.array.disparity(), 255 / 16. + 0.1) << "levels need be no finer than 1/16 pixel";
+  EXPECT_GT(near, 1.4 / 3) << "1.5 times as near";
+  EXPECT_LT(far, 1 / 4.5);
+}
+
+TEST(DepthEstimator, WithoutARigThePlaneSaysWhatIsNear) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.array = Plane{{0, 0, 1}, 0};
+  loop.is_automatic = false;
+  loop.run(1);
+  EXPECT_NEAR(loop.control.state().near, DepthEstimator::kNearest * 3, 1e-9);
+  loop.run(30);
+  EXPECT_GT(loop.right(), 0.97);
+}
+
+TEST(DepthEstimator, AViewersPlaneThatIsFarOffEndsAtTheSurface) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const double too_far : {1 / 40., 1 / 5., 1., 5., 40.}) {
+      SCOPED_TRACE(std::to_string(too_far) + " times as far");
+      Loop loop(mode, false, 0, 0);
+      loop.focus(3 * too_far);
+      loop.run(15);
+      EXPECT_GT(loop.right(), 0.97);
+      EXPECT_TRUE(loop.shows_surface());
+      loop.run(40);
+      EXPECT_GT(loop.right(), 0.97);
+      EXPECT_TRUE(loop.shows_surface());
+      EXPECT_EQ(loop.control.state().looks, 0u);
+    }
+}
+
+// The plane is far too near or too far; few hypotheses must suffice.
+TEST(DepthEstimator, AFlatSceneIsFoundFromAPlaneThatIsFarOff) {
+  for (const double too_far : {1 / 40., 1 / 5., 5., 40.}) {
+    SCOPED_TRACE(std::to_string(too_far) + " times as far");
+    Loop loop(FocusMode::kAuto, true, 0, 0);
+    loop.focus(3 * too_far);
+    loop.run(60);
+    EXPECT_GT(loop.right(), 0.99);
+    if (!loop.shows_surface()) {
+      const Plane shown = displayed_view(loop.request).focus.plane;
+      EXPECT_NEAR(-shown.normal.z / shown.d, 1 / 3., 0.5 / loop.array.disparity()) << "to half a pixel";
+    }
+    const size_t before = loop.trials;
+    loop.run(64);
+    EXPECT_LE(loop.trials - before, 64u / DepthEstimator::kLongestRest * 5);
+  }
+}
+
+TEST(DepthEstimator, ASingleCameraNeverLeavesThePlane) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    const Rig one = scene_rig(1, 1, 160, 120);
+    loop.array = FocusArray(one);
+    for (int i = 0; i < 30; i++) {
+      loop.run(1);
+      EXPECT_EQ(loop.request.view.focus.map, nullptr);
+    }
+    EXPECT_EQ(loop.trials, 0u);
+  }
+}
+
+TEST(DepthEstimator, WithOneCameraInServiceThePlaneIsShown) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    loop.run(20);
+    EXPECT_TRUE(loop.shows_surface());
+    for (CameraIndex i = 0; i < loop.walls.rig.cameras.size(); i++)
+      if (i != 4) loop.out_of_service.push_back(i);
+    loop.run(2);
+    for (int i = 0; i < 40; i++) {
+      loop.run(1);
+      EXPECT_FALSE(loop.shows_surface()) << i;
+    }
+  }
+}
+
+TEST(DepthEstimator, WithTheEyeAtACameraThePlaneIsShown) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const double beside : {0., 0.0005}) {
+      Loop loop(mode, false, 0, 0);
+      loop.look_from(loop.walls.rig.cameras[4].pose.position + Vec3(beside, 0, 0));
+      for (int i = 0; i < 100; i++) {
+        loop.run(1);
+        ASSERT_FALSE(loop.shows_surface()) << i << ", " << beside;
+      }
+      loop.look_from({0.013, -0.017, 0});
+      loop.run(40);
+      EXPECT_TRUE(loop.shows_surface());
+      EXPECT_GT(loop.right(), 0.97);
+    }
+}
+
+// Photo-consistency sums of a scene at two depths; at most nodes, another depth far outside the scene fits equally
+// well.
+struct MisleadingScene {
+  static constexpr double kLeft = 1 / 3., kRight = 1 / 1.5;  // 1/m
+  double misleading, disparity;
+
+  PhotoConsistency moments(const View& view, const DepthHypothesis& trial) const {
+    const FocalMap& map = *view.focus.map;
+    const std::vector<uint8_t> levels = hypothesis_levels(view, trial);
+    PhotoConsistency out;
+    out.reset(map.columns, map.rows);
+    for (size_t i = 0; i < levels.size(); i++) {
+      const int x = static_cast<int>(i) % map.columns, y = static_cast<int>(i) / map.columns;
+      const double inverse = map.inverse_of(levels[i]), truth = 2 * x < map.columns ? kLeft : kRight;
+      const double off = disparity * std::abs(inverse - truth), elsewhere = disparity * std::abs(inverse - misleading);
+      const int bright = (x + y) % 2 == 0 ? 120 : 80;
+      double luma = 100, deviation = std::min(30., 2 + off);
+      if (off < 10) luma = bright;
+      if (elsewhere < 3 && y % 10 < 7) {
+        luma = 200 - bright;
+        deviation = 2;
+      }
+      out.weight[i] = PhotoConsistency::kWeightOne;
+      out.luma[i] = static_cast<uint16_t>(std::lround(luma * PhotoConsistency::kLumaOne));
+      out.square[i] = static_cast<uint16_t>(std::lround(luma * luma + deviation * deviation));
+    }
+    return out;
+  }
+};
+
+// By chance, some of the many planes of a search fit. They must not cast doubt on the scene once it is found.
+TEST(DepthEstimator, DepthsOutsideOfTheSceneThatWasFoundAreForgotten) {
+  const ArrayOfWalls walls;
+  const FocusArray array(walls.rig);
+  const MisleadingScene scene{0.8 * array.nearest(), array.disparity()};
+  DepthEstimator control({.mode = FocusMode::kSurface});
+  ViewRequest request;
+  request.view = walls.view(0);
+  request.view.focus = {.plane = plane_through({0, 0, 20}, {0, 0, -1})};
+  bool tried = false;
+  for (int i = 0; i < 20; i++) {
+    std::vector<PhotoConsistency> moments;
+    for (const DepthHypothesis& trial : request.trials) {
+      moments.push_back(scene.moments(request.view, trial));
+      if (trial.kind != DepthHypothesis::Kind::kPlane) continue;
+      tried =
+          tried || std::abs(request.view.focus.map->inverse_of(trial.value) - scene.misleading) < 3 / scene.disparity;
+    }
+    request.sequence++;
+    const DepthEstimator::Plan plan = control.next(request, moments, array);
+    request.view = plan.view;
+    request.trials = plan.trials;
+  }
+  EXPECT_TRUE(tried) << "tried in the search";
+  EXPECT_NEAR(1 / control.state().near, 1.5 * MisleadingScene::kRight, 0.5);
+  EXPECT_FALSE(control.state().on_plane);
+}
+
+TEST(DepthEstimator, APartOfAViewIsFocusedAsWell) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  View& view = loop.viewers;
+  view.width *= 3;
+  view.height *= 3;
+  view.lens = Lens::from_fov_y(70, view.width, view.height);
+  view.pose.position = {0.013, -0.017, -0.15};
+  loop.request.view = view;
+  loop.run(2);
+  const std::vector<float> evidence = loop.array.evidence(loop.surface, {});
+  const auto seen = std::ranges::count_if(evidence, [](float of_node) { return of_node > 0; });
+  ASSERT_LT(static_cast<double>(seen), 0.2 * static_cast<double>(evidence.size()));
+  loop.run(28);
+  EXPECT_TRUE(loop.shows_surface());
+}
+
+TEST(DepthEstimator, ASurfaceIsFoundOutsideOfTheArray) {
+  for (const bool by_angle : {false, true}) {
+    Loop loop(FocusMode::kSurface, false, 0, 0);
+    const Vec3& corner = loop.walls.rig.cameras.back().pose.position;
+    loop.look_from(corner + 0.5 * (corner - loop.walls.rig.cameras[4].pose.position));
+    if (by_angle) loop.viewers.blending = loop.request.view.blending = {Blending::Kind::kAngle, 0, 4};
+    loop.run(30);
+    EXPECT_EQ(loop.shows_surface(), by_angle) << "no triangle there";
+    if (by_angle) {
+      EXPECT_GT(loop.right(), 0.9);
+    }
+  }
+}
+
+TEST(DepthEstimator, TheSurfaceIsHiddenWhenThePlaneBecomesBetter) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.run(20);
+  EXPECT_TRUE(loop.shows_surface());
+  loop.walls = ArrayOfWalls(true);
+  loop.run(8);
+  EXPECT_FALSE(loop.shows_surface());
+  for (int i = 0; i < 60; i++) {
+    loop.run(1);
+    EXPECT_FALSE(loop.shows_surface()) << i << ": no surface is better";
+  }
+  loop.walls = ArrayOfWalls(false);
+  loop.run(30);
+  EXPECT_TRUE(loop.shows_surface());
+  EXPECT_GT(loop.right(), 0.97);
+}
+
+TEST(DepthEstimator, FindsASceneThatLeftTheRange) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    for (const double nearer : {3., 0.4}) {
+      SCOPED_TRACE(nearer);
+      Loop loop(mode, false, 0, 0);
+      loop.run(30);
+      loop.walls = ArrayOfWalls(false, nearer);
+      loop.run(60);
+      EXPECT_GT(loop.right(), 0.95);
+      EXPECT_GE(loop.control.state().looks, 1u);
+    }
+  }
+}
+
+// Results of a request reach the request sent `underway` requests later, as with a long latency.
+struct DelayedLoop : Loop {
+  DelayedLoop(FocusMode mode, size_t underway) : Loop(mode, false, 0, 0), requests(underway, request) {}
+  void run_delayed(size_t count) {
+    for (size_t i = 0; i < count; i++) {
+      request = requests.front();
+      requests.pop_front();
+      run(1);
+      requests.push_back(request);
+      surfaces.push_back(surface);
+      if (surfaces.size() > requests.size()) surfaces.pop_front();
+    }
+  }
+  // Over all surfaces in flight.
+  double least_right() {
+    double least = 1;
+    for (const View& underway : surfaces) {
+      surface = underway;
+      least = std::min(least, right());
+    }
+    return least;
+  }
+  std::deque<ViewRequest> requests;
+  std::deque<View> surfaces;
+};
+
+TEST(DepthEstimator, ManyRequestsUnderwayMakeOneSurface) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const size_t underway : {1, 2, 3, 4, 8, 16}) {
+      SCOPED_TRACE(underway);
+      DelayedLoop loop(mode, underway);
+      loop.run_delayed(14 + 3 * underway);
+      for (int i = 0; i < 20; i++) {
+        EXPECT_GT(loop.least_right(), 0.97) << i;
+        loop.run_delayed(1);
+      }
+      EXPECT_EQ(loop.control.state().looks, 0u);
+    }
+}
+
+TEST(DepthEstimator, FindsASceneThatLeftTheRangeWithManyRequestsUnderway) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const size_t underway : {2, 3, 4, 8})
+      for (const double nearer : {3., 0.4}) {
+        SCOPED_TRACE(std::to_string(underway) + " underway, " + std::to_string(nearer) + " times nearer");
+        DelayedLoop loop(mode, underway);
+        loop.run_delayed(30 + 3 * underway);
+        loop.walls = ArrayOfWalls(false, nearer);
+        loop.run_delayed(60 + 6 * underway);
+        EXPECT_GT(loop.least_right(), 0.95);
+        const DepthEstimator::State& state = loop.control.state();
+        EXPECT_GE(state.looks, 1u);
+        EXPECT_LE(state.looks, DepthEstimator::kMostLooks) << "not one per request in flight";
+        EXPECT_LT(state.near, 1.5 / nearer);
+        EXPECT_GT(state.far, 3 / nearer);
+      }
+}
+
+TEST(DepthEstimator, KeepsTheRangeItWasTold) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(20);
+  loop.walls = ArrayOfWalls(false, 3);
+  loop.run(20);
+  EXPECT_NEAR(loop.control.state().near, 1.2, 1e-12);
+  EXPECT_NEAR(loop.control.state().far, 6, 1e-12);
+}
+
+TEST(DepthEstimator, FewerRequestsHaveTrialsWherePicturesAreLate) {
+  Loop punctual(FocusMode::kSurface, false), late(FocusMode::kSurface, false);
+  for (int i = 0; i < 60; i++) {
+    punctual.control.keep_up(true);
+    punctual.run(1);
+    late.control.keep_up(false);
+    late.run(1);
+  }
+  EXPECT_LE(late.trials, punctual.trials / 2);
+  EXPECT_GT(late.right(), 0.95) << "the surface converges nevertheless";
+  late.trials = 0;
+  for (int i = 0; i < 180; i++) {
+    late.control.keep_up(true);
+    late.run(1);
+  }
+  EXPECT_GT(late.trials, 4 * 60u) << "rate restored";
+}
+
+TEST(DepthEstimator, FewerRequestsHaveTrialsWhereTheyAreToBeSpared) {
+  Loop all(FocusMode::kSurface, false), spared(FocusMode::kSurface, false);
+  for (int i = 0; i < 120; i++) {
+    all.run(1);
+    spared.control.spare(4);
+    spared.run(1);
+  }
+  EXPECT_LE(spared.trials, all.trials / 3);
+  EXPECT_GT(spared.trials, 0u);
+  EXPECT_GT(spared.right(), 0.9) << "the surface converges nevertheless";
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,498 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
+#include "reference/generators.h"
+#include "render/gl/gles_renderer.h"
+#include "render/sum_renderer.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+using test::Eye, test::Sum;
+
+struct Difference {
+  double level = 0, lost = 0;  // largest error of all samples and pixels, in levels of 255 and in weight 1
+  size_t fixed_up = 0;
+};
+
+// Accepts any driver. setup.sh installs a software renderer.
+gl::GlesRenderer& shared_gpu() {
+  static std::string why;
+  static const std::unique_ptr<gl::GlesRenderer> drawer = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
+  return *drawer;
+}
+
+class GlesRenderer : public testing::Test {
+ protected:
+  gl::GlesRenderer& gpu() const { return shared_gpu(); }
+  // Returns the difference between the sums of GPU and CPU. `change` edits the sources.
+  Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                        const std::function<void(std::vector<Source>&)>& change = {}) const;
+};
+
+Image checkered(Random&, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  return image;
+}
+
+Difference GlesRenderer::difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                                    const std::function<void(std::vector<Source>&)>& change) const {
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  if (change) change(sources);
+  const FaceRuns& runs = production.owners.runs();
+  const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
+  const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &gpu());
+  EXPECT_TRUE(drawn.drawing().drawn || drawn.rect().empty()) << drawn.drawing().why_not;
+  const Rect whole = test::whole(view);
+  Sum a(family, whole), b(family, whole);
+  const auto has_missing = [](const Sum& sum) {
+    return std::any_of(sum.lost.begin(), sum.lost.end(), [](auto weight) { return weight != 0; });
+  };
+  // The CPU may report missing weight too if it rounds to zero.
+  const bool cpu_says_lost = cpu.render_rows(0, view.height, a.planes);
+  const bool gpu_says_lost = drawn.render_rows(0, view.height, b.planes);
+  EXPECT_EQ(gpu_says_lost, has_missing(b));
+  EXPECT_GE(cpu_says_lost, has_missing(a));
+  EXPECT_GE(cpu_says_lost, has_missing(b));
+  const test::SumDifference most = test::difference_of(a, b);
+  return {most.level, most.lost, gpu().fixed_up()};
+}
+
+TEST_F(GlesRenderer, DrawsWhatTheCpuDoes) {
+  std::printf("%s\n", gpu().device().c_str());
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const bool map : {false, true})
+      for (const bool hard : {false, true}) {
+        Difference worst;
+        for (int trial = 0; trial < 4; trial++) {
+          Random random(trial);
+          const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+          const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+          View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
+          if (map) view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kMinStep, trial == 2);
+          const auto images = images_of(rig, random, hard ? checkered : reference::smooth_image);
+          const Difference one = difference(rig, view, images, family);
+          worst.level = std::max(worst.level, one.level);
+          worst.lost = std::max(worst.lost, one.lost);
+          worst.fixed_up += one.fixed_up;
+        }
+        std::printf("%s %s %-12s: levels %.3f, lost %.2g, %zu fixed up\n",
+                    family == PixelFamily::kI420 ? "I420" : "RGB ", map ? "map  " : "plane",
+                    hard ? "checkerboard" : "smooth", worst.level, worst.lost, worst.fixed_up);
+        EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+        EXPECT_LE(worst.lost, 1e-4);
+      }
+}
+
+// Views a few pixels wide, with pixels as wide as faces, exercise incomplete blocks. Other views see camera pixels
+// enlarged or reduced. `LF_SCALES` sets the number of views.
+TEST_F(GlesRenderer, DrawsTinyViewsAndAllScales) {
+  const char* const asked = std::getenv("LF_SCALES");
+  const int views = asked ? std::atoi(asked) : 150;
+  Difference worst;
+  for (int n = 0; n < views; n++) {
+    SCOPED_TRACE(n);
+    Random random(n);
+    const Rig rig = test::jittered_array(random, 4, 160, 120, n % 3 ? 0 : -0.25);
+    const bool tiny = n % 2;
+    View view = test::view_into(rig, 4, tiny ? random.integer(1, 9) : random.integer(30, 120),
+                                tiny ? random.integer(1, 7) : random.integer(20, 90), random.small_rotation(0.1));
+    const double focal =
+        tiny ? random.uniform(0.8, 2.5) * view.width : 1.25 * 160 / std::exp2(random.uniform(-2.5, 2.5));
+    view.lens = Lens::pinhole(focal, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
+    if (n % 5 == 0) view.focus.map = test::depths(random, view, FocalMap::kMinStep, n % 10 == 0);
+    view.pose.position.z = random.uniform(-0.2, 0.05);
+    const auto images = images_of(rig, random, reference::smooth_image);
+    const PixelFamily family = n % 4 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    const Difference one = difference(rig, view, images, family);
+    EXPECT_LE(one.level, 0.2) << view.width << "x" << view.height;
+    EXPECT_LE(one.lost, 1e-4);
+    worst.level = std::max(worst.level, one.level);
+    worst.fixed_up += one.fixed_up;
+  }
+  std::printf("levels %.3f, %zu fixed up\n", worst.level, worst.fixed_up);
+}
+
+// Planes and surfaces through viewpoints, arrays behind them, folded meshes, slivers: cases that the CPU decides per
+// face and cases left to the GPU's doubt mask.
+TEST_F(GlesRenderer, DrawsTheHardCases) {
+  for (const reference::HardCase& small : reference::hard_cases())
+    for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
+      Difference worst;
+      for (int trial = 0; trial < 2; trial++) {
+        Random random(trial);
+        const auto [rig, view] = hard.make(random);
+        const auto images = images_of(rig, random, reference::smooth_image);
+        const Difference one = difference(rig, view, images, PixelFamily::kI420);
+        worst.level = std::max(worst.level, one.level);
+        worst.lost = std::max(worst.lost, one.lost);
+      }
+      SCOPED_TRACE(hard.name);
+      EXPECT_LE(worst.level, 0.2);
+      EXPECT_LE(worst.lost, 1e-4);
+    }
+}
+
+TEST_F(GlesRenderer, DrawsWhateverSourcesThereAre) {
+  constexpr int kSide = 4, kWidth = 161, kHeight = 121;
+  Random random(5);
+  const Rig rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.2);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  std::vector<Image> bgrx;
+  for (const Image& image : images) {
+    Image& made = bgrx.emplace_back(PixelFamily::kRgb, 4 * kWidth, kHeight);
+    for (int y = 0; y < kHeight; y++)
+      for (int x = 0; x < kWidth; x++)
+        for (int c = 0; c < 3; c++) made.data()[(size_t(y) * 4 * kWidth * 3) + 4 * x + 2 - c] = image.pixel(x, y)[c];
+  }
+  const auto others = [](std::vector<Source>& sources) {
+    std::erase_if(sources, [](const Source& source) { return source.camera % 2 == 0; });
+  };
+  const auto blind = [](std::vector<Source>& sources) {
+    for (Source& source : sources)
+      if (source.camera % 3 == 0) source.image = {};
+    for (Source& source : sources)
+      if (source.camera % 3 == 0) source.image.family = PixelFamily::kNone;
+  };
+  const auto mixed_layouts = [&](std::vector<Source>& sources) {
+    for (Source& source : sources) {
+      if (source.image.family != PixelFamily::kRgb || source.camera % 2 == 0) continue;
+      source.image.plane[0] = bgrx[source.camera].data().data();
+      source.image.stride[0] = 3 * 4 * kWidth;
+      source.image.layout = {4, 2, 1, 0};
+    }
+  };
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const bool lens : {false, true})
+      for (const bool map : {false, true}) {
+        View view = test::view_into(rig, kSide, kWidth, kHeight, random.small_rotation(0.2));
+        if (lens) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * kWidth, 78, 60, -0.1});
+        if (map) view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
+        int number = 0;
+        for (const auto& change : {std::function<void(std::vector<Source>&)>{}, {others}, {blind}, {mixed_layouts}}) {
+          SCOPED_TRACE(testing::Message() << (family == PixelFamily::kRgb ? "RGB" : "I420") << (lens ? ", lens" : "")
+                                          << (map ? ", map" : "") << ", sources " << number++);
+          const Difference one = difference(rig, view, images, family, change);
+          EXPECT_LE(one.level, 0.2);
+          EXPECT_LE(one.lost, 1e-4);
+        }
+      }
+}
+
+// Samples exactly on the image border: (-0.5, y) is inside, but float cannot tell.
+TEST_F(GlesRenderer, LeavesWhatItCannotTellToTheCpu) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    Random random(1);
+    const Lens lens = Lens::pinhole(200, 79.5, 59.5);
+    Rig rig;
+    for (int i = 0; i < 4; i++)
+      rig.cameras.push_back(
+          reference::make_camera(i, 160, 120, lens, {Vec3(0.1 * (i % 2), 0.1 * (i / 2), 0), Quat(1, 0, 0, 0)}));
+    rig.topology = {Topology::Type::kGrid, 2, 2, {}};
+    View view;
+    view.width = 200;
+    view.height = 140;
+    view.pose = rig.cameras[0].pose;
+    view.lens = Lens::pinhole(200, 79.5 + 10.5, 59.5);
+    view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+    const Difference one = difference(rig, view, images_of(rig, random, reference::smooth_image), family);
+    EXPECT_LE(one.level, 0.2);
+    EXPECT_LE(one.lost, 1e-4);
+    EXPECT_GE(one.fixed_up, 100u);
+  }
+}
+
+TEST_F(GlesRenderer, IsLostForGoodAndTheCpuGoesOn) {
+  std::string why;
+  const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  Random random(2);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
+  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const test::Production production(rig, build_mesh(rig), view);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  const auto render = [&](Sum& sum) {
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
+                               Coordinates::kExact, drawer.get());
+    renderer.render_rows(0, view.height, sum.planes);
+    return renderer.drawing().drawn;
+  };
+  const Rect whole = test::whole(view);
+  Sum before(PixelFamily::kRgb, whole), after(PixelFamily::kRgb, whole), later(PixelFamily::kRgb, whole);
+  EXPECT_TRUE(render(before));
+  drawer->lose();
+  EXPECT_FALSE(render(after));
+  EXPECT_TRUE(drawer->is_lost());
+  EXPECT_FALSE(render(later));
+  for (size_t i = 0; i < before.memory[0].size(); i++)
+    ASSERT_NEAR(before.memory[0][i], after.memory[0][i], 128 / 5) << i;
+}
+
+// A thread that copies images for one sum may be assigned another sum meanwhile (FairScheduler).
+TEST_F(GlesRenderer, DrawsOthersWhileImagesAreCopied) {
+  Random random(3);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
+  const Mesh mesh = build_mesh(rig);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const View left = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2)),
+             right = test::view_into(rig, 3, 200, 90, random.small_rotation(0.2));
+  const test::Production of_left(rig, mesh, left), of_right(rig, mesh, right);
+  const auto render = [&](const test::Production& production, const View& view, const ParallelFor& parallel) {
+    const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
+                               Coordinates::kExact, &gpu(), parallel);
+    EXPECT_TRUE(renderer.drawing().drawn) << renderer.drawing().why_not;
+    Sum sum(PixelFamily::kRgb, test::whole(view));
+    renderer.render_rows(0, view.height, sum.planes);
+    return sum;
+  };
+  const Sum left_alone = render(of_left, left, serial_for), right_alone = render(of_right, right, serial_for);
+  for (int depth = 1; depth <= 3; depth++) {
+    int level = 0;
+    std::vector<Sum> between;
+    const ParallelFor nesting = [&](size_t count, const std::function<void(size_t)>& task) {
+      for (size_t i = 0; i < count; i++) {
+        task(i);
+        if (i == count / 2 && level++ < depth) between.push_back(render(of_right, right, nesting));
+      }
+    };
+    const Sum sum = render(of_left, left, nesting);
+    EXPECT_EQ(between.size(), static_cast<size_t>(depth));
+    EXPECT_TRUE(sum == left_alone);
+    for (const Sum& other : between) EXPECT_TRUE(other == right_alone);
+  }
+}
+
+TEST_F(GlesRenderer, MayBeLostBeforeItHasDrawnAnything) {
+  std::string why;
+  const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  drawer->lose();
+  Random random(4);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
+  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const test::Production production(rig, build_mesh(rig), view);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb, Coordinates::kExact,
+                             drawer.get());
+  EXPECT_TRUE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the context is lost");
+  EXPECT_TRUE(drawer->is_lost());
+}
+
+// Larger than the storage buffers that OpenGL ES 3.1 guarantees.
+TEST(SumDrawerLimits, LargerSumsAreTheCpus) {
+  gl::GlesRenderer& gpu = shared_gpu();
+  Random random(6);
+  const Rig rig = test::jittered_array(random, 2, 160, 120, 0);
+  View view = test::view_into(rig, 2, 160, 120, random.small_rotation(0.2));
+  view.width = view.height = 15000;
+  view.lens = Lens::pinhole(200 * 100, 7500, 7500);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  const FaceRuns runs(plan, {0, 0, view.width, view.height});
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, plan, images);
+  const SumRenderer renderer(plan, runs, sources, PixelFamily::kRgb, Coordinates::kExact, &gpu);
+  EXPECT_TRUE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the view is too large");
+  EXPECT_FALSE(gpu.is_lost());
+}
+
+TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
+  std::string why;
+  const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kHardware, why);
+  if (drawer)
+    EXPECT_FALSE(drawer->is_software()) << drawer->device();
+  else
+    EXPECT_NE(why, "");
+}
+
+// A renderer without uploaded images renders a view that no camera sees.
+TEST_F(GlesRenderer, BeginsWithBlindCameras) {
+  std::string why;
+  const auto fresh = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(fresh) << why;
+  Random random(7);
+  const Rig rig = test::jittered_array(random, 3, 64, 48, 0);
+  const View view = test::view_into(rig, 3, 64, 48, {1, 0, 0, 0});
+  const test::Production production(rig, build_mesh(rig), view);
+  const std::vector<Image> images = images_of(rig, random, reference::smooth_image);
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+    for (Source& source : sources) source.image = {.family = PixelFamily::kNone};
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, family, Coordinates::kExact,
+                               fresh.get());
+    ASSERT_TRUE(renderer.drawing().drawn) << renderer.drawing().why_not;
+    Sum sum(family, test::whole(view));
+    EXPECT_TRUE(renderer.render_rows(0, view.height, sum.planes));
+    EXPECT_EQ(sum.missing_weight(32, 24), 1);
+  }
+}
+
+Blending within(double aperture) { return {.kind = Blending::Kind::kAperture, .aperture = aperture}; }
+Blending nearest(int count) { return {.kind = Blending::Kind::kAngle, .nearest = count}; }
+
+// Views with more than three cameras per pixel, rendered by compute shaders.
+class BlendedViews : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string why;
+    gpu_ = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+    ASSERT_TRUE(gpu_) << why;
+  }
+
+  test::SumDifference difference(const Eye& eye) {
+    const auto cpu = eye.renderer(nullptr), drawn = eye.renderer(gpu_.get());
+    EXPECT_TRUE(drawn->drawing().drawn || drawn->rect().empty()) << drawn->drawing().why_not;
+    return test::difference_of(eye.sum_of(*cpu), eye.sum_of(*drawn));
+  }
+
+  static std::vector<Image> images_of_family(const Rig& rig, Random& random, PixelFamily family) {
+    const auto rgb = images_of(rig, random, reference::smooth_image);
+    return family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  }
+
+  std::shared_ptr<gl::GlesRenderer> gpu_;
+};
+
+// Apertures from less than the pitch to the whole array, and 1 to 8 nearest cameras; planes and maps, distorted lenses,
+// borders, rotated views, nodes with some of the cameras, missing images.
+TEST_F(BlendedViews, AreTheCpus) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    test::SumDifference worst;
+    size_t fixed_up = 0;
+    for (int seed = 0; seed < 20; seed++) {
+      SCOPED_TRACE(seed);
+      Random random(seed);
+      const Rig rig = test::jittered_array(random, 4, 161, 120, seed % 3 ? -0.25 : 0);
+      View view = test::view_into(rig, 4, 150 + seed % 5, 111, random.small_rotation(seed % 4 == 2 ? 0.5 : 0.1));
+      view.blending = seed % 2 ? within(random.uniform(0.02, 0.5)) : nearest(random.integer(1, 8));
+      if (seed % 5 < 2) view.focus.map = test::depths(random, view, 8, seed % 5 == 1);
+      if (seed % 7 == 3) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * view.width, 70, 50, -0.1});
+      const std::vector<Image> images = images_of_family(rig, random, family);
+      Eye eye(rig, build_mesh(rig), view, images, family);
+      if (seed % 6 == 5) std::erase_if(eye.sources, [](const Source& source) { return source.camera % 3 == 0; });
+      for (Source& source : eye.sources) {
+        if (seed % 3 == 1 && source.camera % 5 == 2) source.image = {.family = PixelFamily::kNone};
+      }
+      worst.add(difference(eye));
+      fixed_up += gpu_->fixed_up();
+    }
+    std::printf("%s: levels %.3f, lost %.2g, %zu fixed up\n", family == PixelFamily::kI420 ? "I420" : "RGB",
+                worst.level, worst.lost, fixed_up);
+    EXPECT_LE(worst.level, 0.1);
+    EXPECT_LE(worst.lost, 1.01 / kMissingOne) << "the CPU does not sum the total weight";
+  }
+}
+
+// Nodes with sums at odd offsets, and with more cameras than a grid point has.
+TEST_F(BlendedViews, NodesOfSomeCamerasAre) {
+  int odd = 0;
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    Random random(3);
+    const Rig rig = test::jittered_array(random, 9, 97, 72, -0.2);
+    View view = test::view_into(rig, 9, 150, 111, random.small_rotation(0.1));
+    const std::vector<Image> images = images_of_family(rig, random, family);
+    for (const Blending& blending : {within(0.2), within(1.3), nearest(6)}) {
+      view.blending = blending;
+      const Eye all(rig, build_mesh(rig), view, images, family);
+      test::SumDifference worst = difference(all);
+      for (int node = 0; node < 9; node++) {
+        Eye eye = all;
+        std::erase_if(eye.sources, [&](const Source& of) {
+          return static_cast<int>(of.camera % 9) / 3 != node % 3 || static_cast<int>(of.camera / 27) != node / 3;
+        });
+        const Rect rect = eye.renderer(nullptr)->rect();
+        odd += rect.x0 % 2 && rect.y0 % 2;
+        worst.add(difference(eye));
+      }
+      EXPECT_LE(worst.level, 0.2);
+      EXPECT_LE(worst.lost, 1.01 / kMissingOne);
+    }
+  }
+  EXPECT_GT(odd, 0);
+}
+
+// The viewpoint at a camera, in the array's plane, and behind the array; a single camera; coincident cameras; a view
+// from a camera's pose, with borders that float cannot decide.
+TEST_F(BlendedViews, HardOnesAre) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const Blending& blending : {within(0.25), nearest(4)}) {
+      test::SumDifference worst;
+      size_t fixed_up = 0;
+      for (int hard = 0; hard < 6; hard++) {
+        SCOPED_TRACE(hard);
+        Random random(hard);
+        Rig rig = test::jittered_array(random, 3, 161, 120, hard == 5 ? 0 : -0.2);
+        View view = test::view_into(rig, 3, 201, 161, random.small_rotation(0.05));
+        const Camera& middle = rig.cameras[4];
+        if (hard == 0) view.pose.position = middle.pose.position;
+        if (hard == 1) view.pose.position = {0.12, 0.07, 1e-12};
+        if (hard == 2) view.pose.position.z = 0.4;
+        if (hard == 3) rig.cameras[5].pose.position = rig.cameras[3].pose.position = middle.pose.position;
+        if (hard == 5) {
+          view.pose = middle.pose;
+          view.lens = Lens::pinhole(middle.lens.fx(), middle.lens.cx() + 20.5, middle.lens.cy() + 20.5);
+        }
+        view.blending = blending;
+        const std::vector<Image> images = images_of_family(rig, random, family);
+        Eye eye(rig, build_mesh(rig), view, images, family);
+        if (hard == 4) eye.sources.resize(1);
+        worst.add(difference(eye));
+        fixed_up += gpu_->fixed_up();
+      }
+      EXPECT_LE(worst.level, 0.1);
+      EXPECT_LE(worst.lost, 1.01 / kMissingOne);
+      EXPECT_GT(fixed_up, 100u);
+    }
+}
+
+TEST_F(BlendedViews, GoInOnePass) {
+  for (int seed = 0; seed < 4; seed++) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    const Rig rig = test::jittered_array(random, 4, 161, 120, -0.2);
+    const std::vector<Image> images = images_of_family(rig, random, family);
+    std::vector<std::unique_ptr<Eye>> eyes;
+    for (int i = 0; i < 6; i++) {
+      View view = test::view_into(rig, 4, random.integer(33, 150), random.integer(30, 120), random.small_rotation(0.1));
+      if (seed > 1) view.focus.map = test::depths(random, view, 8, false);
+      if (i < 4) view.blending = i % 2 ? within(0.15) : nearest(3);
+      eyes.push_back(std::make_unique<Eye>(rig, build_mesh(rig), view, images, family));
+    }
+    std::vector<std::unique_ptr<SumRenderer>> together;
+    std::vector<SumRenderer*> all;
+    for (const auto& eye : eyes) all.push_back(together.emplace_back(eye->renderer(nullptr)).get());
+    SumRenderer::draw(all, *gpu_, serial_for);
+    EXPECT_EQ(gpu_->passes(), 2u);
+    for (size_t i = 0; i < eyes.size(); i++) {
+      const auto alone = eyes[i]->renderer(gpu_.get());
+      ASSERT_TRUE(alone->drawing().drawn) << alone->drawing().why_not;
+      EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*alone)) << i;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lf

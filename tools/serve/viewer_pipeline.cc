@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "serve/viewer_pipeline.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "wire/request_codec.h"
+
+namespace lf::serve {
+namespace {
+
+// Maximum time to wait for the answers of a picture. Local cameras always answer, however busy the machine is; remote
+// ones after a round trip. The picture is complete as soon as all have answered.
+constexpr GstClockTime kPatience = 500 * GST_MSECOND;
+
+std::optional<ViewRequest> request_in(GstBuffer* buffer) {
+  GstMapInfo map;
+  if (!gst_buffer_map(buffer, &map, GST_MAP_READ)) return std::nullopt;
+  auto request = wire::decode_request({map.data, map.size});
+  gst_buffer_unmap(buffer, &map);
+  return request;
+}
+
+using nlohmann::json;
+
+std::string camel_case(const std::string& name) {
+  std::string text;
+  for (size_t i = 0; i < name.size(); i++)
+    text += name[i] == '-' && i + 1 < name.size() ? g_ascii_toupper(name[++i]) : name[i];
+  return text;
+}
+
+json json_report(const GstStructure* structure);
+
+json json_report(const GValue* value) {
+  if (GST_VALUE_HOLDS_STRUCTURE(value)) return json_report(gst_value_get_structure(value));
+  if (G_VALUE_HOLDS_STRING(value)) return g_value_get_string(value);
+  if (G_VALUE_HOLDS_BOOLEAN(value)) return g_value_get_boolean(value) != FALSE;
+  if (G_VALUE_HOLDS_UINT(value)) return g_value_get_uint(value);
+  if (G_VALUE_HOLDS_INT(value)) return g_value_get_int(value);
+  if (G_VALUE_HOLDS_UINT64(value)) return g_value_get_uint64(value);
+  if (G_VALUE_HOLDS_DOUBLE(value))  // JSON has no infinity
+    return std::isfinite(g_value_get_double(value)) ? json(g_value_get_double(value)) : json();
+  json array = json::array();
+  if (GST_VALUE_HOLDS_ARRAY(value))
+    for (guint i = 0; i < gst_value_array_get_size(value); i++)
+      array.push_back(json_report(gst_value_array_get_value(value, i)));
+  return array;
+}
+
+json json_report(const GstStructure* structure) {
+  json object = json::object();
+  for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
+    const gchar* name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    object[camel_case(name)] = json_report(gst_structure_get_value(structure, name));
+  }
+  return object;
+}
+
+}  // namespace
+
+bool is_probe(GstBuffer* request) {
+  uint8_t header[wire::kUnitHeaderBytes] = {};
+  gst_buffer_extract(request, 0, header, sizeof header);
+  const auto unit = wire::peek_unit(header);
+  return !unit || (unit->flags & wire::kProbe);
+}
+
+// Only the newest picture counts between the light field and the encoder. min-latency gives the appsrcs an unlimited
+// maximum latency. If a source's maximum were below the latency of the requests, the compositor would have no latency,
+// behave as not live, and wait for silent hosts.
+std::string ViewerPipeline::launch_line(size_t nodes) {
+  std::ostringstream line;
+  for (size_t i = 0; i < nodes; i++)
+    line << " appsrc name=answers" << i << " is-live=true format=time max-bytes=0 max-buffers=64 "
+         << "leaky-type=downstream min-latency=0 caps=application/x-lightfield-answer ! compositor.sink_" << i;
+  line << " lfviewrequest name=view is-live=true eager=true ! tee name=r  r. ! appsink name=requests sync=false "
+          "async=false enable-last-sample=false  r. ! queue leaky=downstream max-size-buffers=4 ! compositor.request  "
+          "lfcompositor name=compositor ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! "
+          "videoconvert ! video/x-raw,format=I420,colorimetry=bt601 ! ";
+  return line.str();
+}
+
+ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const ViewerPipelineSettings& settings,
+                               OnRequest on_request)
+    : field_(field), id_(settings.view), on_request_(std::move(on_request)) {
+  const auto find = [pipeline](const std::string& name) {
+    return gst_bin_get_by_name(GST_BIN(pipeline), name.c_str());
+  };
+  compositor_ = find("compositor");
+  view_ = find("view");
+  view_pad_ = gst_element_get_static_pad(view_, "src");
+  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", settings.width, "height", settings.height,
+               "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, nullptr);
+  if (settings.eye_distance > 0) {
+    gst_util_set_object_arg(G_OBJECT(view_), "views", "stereo");
+    g_object_set(view_, "eye-distance", settings.eye_distance, "converged", FALSE, nullptr);
+  }
+  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", settings.focus_settings.near,
+               "focus-far", settings.focus_settings.far, nullptr);
+  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", settings.focus_settings.mode.c_str());
+  if (!settings.focus_settings.gains.empty())
+    gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_settings.gains.c_str());
+  g_object_set(compositor_, "latency", kPatience, nullptr);
+  if (field.is_local()) {
+    g_object_set(view_, "quality", 0u, nullptr);  // local requests stay in this process
+  }
+  if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
+  if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);
+
+  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  gst_pad_add_probe(pictures, GST_PAD_PROBE_TYPE_BUFFER, on_picture, this, nullptr);
+  gst_object_unref(pictures);
+  GstElement* requests = find("requests");
+  GstAppSinkCallbacks sink_callbacks = {};
+  sink_callbacks.new_sample = take_request;
+  gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
+  gst_object_unref(requests);
+  for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
+  field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
+}
+
+ViewerPipeline::~ViewerPipeline() {
+  for (GstAppSrc* source : answers_) gst_object_unref(source);
+  gst_object_unref(view_pad_);
+  gst_object_unref(view_);
+  gst_object_unref(compositor_);
+  gst_clear_buffer(&last_request_);
+  gst_clear_structure(&picture_fields_);
+}
+
+void ViewerPipeline::close() { field_.leave(id_); }
+
+bool ViewerPipeline::send_navigation(GstEvent* event) { return gst_pad_send_event(view_pad_, event); }
+
+GstStructure* ViewerPipeline::stats() const {
+  GstStructure* stats = nullptr;
+  g_object_get(compositor_, "stats", &stats, nullptr);
+  return stats;
+}
+
+nlohmann::json ViewerPipeline::numbers() const {
+  nlohmann::json view = nlohmann::json::object();
+  guint count = 0;
+  g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(view_), &count);
+  for (guint i = 0; i < count; i++) {
+    if (!G_IS_PARAM_SPEC_DOUBLE(specs[i]) || !(specs[i]->flags & GST_PARAM_CONTROLLABLE)) continue;
+    gdouble value = 0;
+    g_object_get(view_, specs[i]->name, &value, nullptr);
+    view[specs[i]->name] = value;
+  }
+  return view;
+}
+
+GstPadProbeReturn ViewerPipeline::on_picture(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
+  if (!meta) return GST_PAD_PROBE_OK;
+  ViewerPipeline* self = static_cast<ViewerPipeline*>(data);
+  GstStructure* shown = gst_structure_copy(gst_custom_meta_get_structure(meta));
+  {
+    const std::lock_guard lock(self->mutex_);
+    std::swap(shown, self->picture_fields_);
+  }
+  gst_clear_structure(&shown);
+  return GST_PAD_PROBE_OK;
+}
+
+json ViewerPipeline::shown() const {
+  const std::lock_guard lock(mutex_);
+  return picture_fields_ ? json_report(picture_fields_) : json();
+}
+
+std::optional<View> ViewerPipeline::asked() const {
+  GstBuffer* request = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!last_request_) return std::nullopt;
+    request = gst_buffer_ref(last_request_);
+  }
+  const auto decoded = request_in(request);
+  gst_buffer_unref(request);
+  return decoded ? std::optional(decoded->view) : std::nullopt;
+}
+
+GstFlowReturn ViewerPipeline::take_request(GstAppSink* sink, gpointer data) {
+  ViewerPipeline* self = static_cast<ViewerPipeline*>(data);
+  GstSample* sample = gst_app_sink_pull_sample(sink);
+  if (!sample) return GST_FLOW_OK;
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  self->field_.request(buffer);
+  if (!is_probe(buffer) && self->begins(buffer))
+    self->on_request_(
+        gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
+  gst_sample_unref(sample);
+  return GST_FLOW_OK;
+}
+
+// All requests of one picture are consecutive and have the same time.
+bool ViewerPipeline::begins(GstBuffer* request) {
+  const std::lock_guard lock(mutex_);
+  if (last_request_ && GST_BUFFER_PTS(last_request_) == GST_BUFFER_PTS(request)) return false;
+  gst_buffer_replace(&last_request_, request);
+  return true;
+}
+
+void ViewerPipeline::take_answer(size_t node, GstBuffer* answer) {
+  GstBuffer* buffer = gst_buffer_copy(answer);
+  GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
+  gst_app_src_push_buffer(answers_[node], buffer);
+}
+
+}  // namespace lf::serve
