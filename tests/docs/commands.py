@@ -1,11 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks the commands of all documents: the blocks of shell and Python, and commands between backquotes in the text.
+"""Checks the commands of all documents: shell and Python blocks, and commands between backquotes in the text.
 
-Launch lines and our tools run as they are pasted, in a folder with a film of 64 cameras and a path. What can't be run
-here is verified: words in CAPITALS stand for another host or for something of the reader's, /dev is hardware, scripts and
-test programs take long. Of these every element, property and link, every program and every option has to be known.
-Commands of others (apt, npm, chronyc) are looked at by the shell's parser alone.
+Runs launch lines and our quick tools exactly as written, in a folder with a film of 64 cameras and a path. Does not run
+commands with placeholders in CAPITALS, devices in /dev, scripts or test programs, but checks that their elements,
+properties, links, programs and options exist. Commands of other programs (apt, npm, chronyc) only need valid syntax.
 
     commands.py BUILD_ROOT SOURCE_ROOT
 """
@@ -29,19 +28,19 @@ from gi.repository import GLib, Gst, GstGL, GstGLEGL  # noqa: E402
 
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 PICTURES, PATIENCE_S, LISTENING_S = 3, 60, 1
-# Elements that documents name and that are not of Debian 12, or of a package that nothing else needs.
+# Elements in the documents that Debian 12 lacks, or that are in a package without other use.
 OF_OTHERS = {"whepclientsrc"}
 CAPITALS = re.compile(r"\b[A-Z][A-Z0-9_]{2,}\b")
-# Words in capitals that mean themselves: of caps.
+# Words in capitals that are not placeholders, but part of caps.
 THEMSELVES = {"JPEG", "RGB", "LIGHTFIELD", "REQUEST", "ANSWER"}
-# Commands in the text begin with one of these.
+# The start of a command in the text.
 OURS = re.compile(r"(gst-launch-1\.0|lf-[a-z]+|bench-[a-z-]+|(build|tests|tools|pipelines)/[\w./-]+|ninja|meson test) .")
 
 
 def documents():
-    """{name: text} of all that people read."""
-    names = ["README.md", "CONTRIBUTING.md", "calib/README.md", "web/README.md", "lib/wire/spec.md", "lib/rtp/spec.md"]
-    names += sorted(f"docs/{path.name}" for path in (SOURCE / "docs").glob("*.md"))
+    """Returns {name: text} of all documents."""
+    names = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "calib/README.md", "web/README.md", "lib/wire/spec.md", "lib/rtp/spec.md"]
+    names += sorted(str(path.relative_to(SOURCE)) for path in (SOURCE / "docs").rglob("*.md"))
     return {name: (SOURCE / name).read_text() for name in names}
 
 
@@ -54,7 +53,7 @@ def python_blocks(text):
 
 
 def run_python(block):
-    """Runs a program of a document in the folder with the film. It has to print something."""
+    """Runs a program of a document in the folder with the film. Raises Wrong if the program fails or prints nothing."""
     result = subprocess.run([sys.executable, "-"], input=block, capture_output=True, text=True, timeout=PATIENCE_S)
     if result.returncode != 0 or not result.stdout:
         raise Wrong(result.stderr or "prints nothing")
@@ -67,7 +66,7 @@ def inline_commands(text):
 
 
 def simple_commands(block):
-    """The commands of a block, each a list of words, and whether the shell waits for it."""
+    """Yields the commands of a block, each as a list of words."""
     block = re.sub(r"\\\n", " ", block)
     for line in block.splitlines():
         lexer = shlex.shlex(line, posix=True, punctuation_chars="();<>|&")
@@ -95,7 +94,7 @@ class Wrong(Exception):
 
 @functools.cache
 def display():
-    """A display of OpenGL without a screen: Mesa's, of which GStreamer 1.22 has to be told."""
+    """Returns Mesa's OpenGL display without a screen. GStreamer 1.22 does not find this display itself."""
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
     egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
@@ -109,7 +108,7 @@ def display():
 
 
 def launch(words):
-    """A pipeline of the words behind gst-launch-1.0, without windows; None where an element is of somebody else."""
+    """Returns a gst-launch-1.0 pipeline without windows, or None with a missing element of OF_OTHERS."""
     line = " ".join(word for word in words if not word.startswith("-")).replace("$PWD", os.getcwd())
     if any(re.search(rf"\b{name}\b", line) and not Gst.ElementFactory.find(name) for name in OF_OTHERS):
         return None
@@ -127,7 +126,7 @@ def launch(words):
 
 
 def run_line(words):
-    """Until its end, until every sink has had a few pictures, or, where it listens to others or records, for a moment."""
+    """Runs a pipeline to its end, until every sink has a few frames, or briefly if the pipeline listens or records."""
     pipeline = launch(words)
     if pipeline is None:
         return "not here"
@@ -171,7 +170,8 @@ def run_line(words):
 
 @functools.cache
 def help_of(program, *subcommand):
-    """What a program says of itself; of a script, which hands options on, what it, those beside it and our tools say."""
+    """Returns the --help text of a program. Scripts pass options on: returns the texts of a script, of the scripts in
+    its folder, and of the tools in the script."""
     if program.suffix != ".sh":
         return subprocess.run([program, *subcommand, "--help"], capture_output=True, text=True, timeout=60).stdout
     ours = [BUILD / "tools" / name for name in set(re.findall(r"\blf-[a-z]+\b", program.read_text()))]
@@ -180,7 +180,7 @@ def help_of(program, *subcommand):
 
 
 def find_program(name):
-    """A program of ours, by its path or, as if it was installed, by its name; None for those of others."""
+    """Finds a program of ours by its path or installed name. Returns None for other programs."""
     if "/" in name:
         path = (BUILD / name[len("build/"):]) if name.startswith("build/") else SOURCE / name
         if path.exists() or path.name in TARGETS:
@@ -198,7 +198,7 @@ def find_program(name):
 
 def check_options(program, words):
     if not program.is_file() or program.name.startswith(("test-", "bench-sum")):
-        return "known"  # Google's options; or built by name alone
+        return "known"  # GoogleTest's or Google Benchmark's options, or not built
     text, subcommand = help_of(program), []
     level = text
     for word in words:
@@ -215,7 +215,7 @@ def check_options(program, words):
 
 
 def check_names(words, known, with_option):
-    """Of `ninja -C build TARGET...` or `meson test -C build [--suite SUITE] [NAME...]`."""
+    """Checks the names in `ninja -C build TARGET...` or `meson test -C build [--suite SUITE] [NAME...]`."""
     names = [w for i, w in enumerate(words) if not w.startswith("-") and (i == 0 or words[i - 1] != "-C")]
     for name in names[with_option:]:
         if name.split("/")[-1] not in known:
@@ -223,12 +223,12 @@ def check_names(words, known, with_option):
     return "names are known"
 
 
-# Quick, and all that they need is here.
+# Tools that are quick and find all their input files.
 RUN = {"lf-rig", "lf-path", "lf-show"}
 
 
 def check(words, is_mention):
-    """How a command was checked; one that is only mentioned does not run. Raises Wrong."""
+    """Runs or checks a command and returns the result. Commands in running text (`is_mention`) do not run. Raises Wrong."""
     words = [word for i, word in enumerate(words) if not re.fullmatch(r"[<>]+", word) and
              not (i > 0 and re.fullmatch(r"[<>]+", words[i - 1]))]
     name, rest = words[0], words[1:]
@@ -253,7 +253,7 @@ def check(words, is_mention):
 
 
 def make_film():
-    """What documents begin with: a film with its rig, a path, requests in a file, a key."""
+    """Creates the files that documents assume: a film with its rig, a path, requests in a file, and a key."""
     tools = BUILD / "tools"
     quiet = {"check": True, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     subprocess.run([tools / "lf-scene", "--out", ".", "--width", "48", "--height", "36", "--frames", "8"], **quiet)
@@ -266,7 +266,7 @@ def make_film():
               "filesink location=quickstart-out/view.mkv").split())
 
 
-# What has to be found out, so that the checks above are known to find anything.
+# Wrong commands, to test the checks themselves.
 WRONG = """\
 gst-launch-1.0 lfviewsrc rig=rig.json nosuch=1 ! videoconvert ! autovideosink
 gst-launch-1.0 lfnosuch ! fakesink
@@ -292,7 +292,8 @@ def main():
     os.environ |= {"GST_GL_PLATFORM": "egl", "GST_GL_WINDOW": "egl-device"}  # without a display
     Gst.init(None)
     TARGETS = {pathlib.Path(name).name for target in introspect("--targets")
-               for name in [target["name"], *target["filename"]]} | {"benchmarks", "elements-md", "install"}
+               for name in [target["name"], *target["filename"]]}
+    TARGETS |= {"benchmarks", "elements-md", "tools-md", "install", "uninstall"}
     tests = introspect("--tests")
     TESTS = {test["name"] for test in tests} | {suite.split(":")[-1] for test in tests for suite in test["suite"]}
     failures, checked = 0, {}

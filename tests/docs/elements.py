@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Writes docs/elements.md of what the plugin says of itself and of the documentation comments in gst/.
+"""Generates docs/reference/elements.md from the plugin's introspection data and from the documentation comments in gst/.
 
 usage: elements.py PLUGIN.so SOURCES FILE [--check]
 
-With --check nothing is written, and the exit status is 1 if FILE is not what would be.
+With --check, writes nothing and exits 1 if FILE is outdated.
 """
 import argparse
 import pathlib
@@ -18,29 +18,29 @@ from gi.repository import GObject, Gst  # noqa: E402
 
 HEAD = """# Elements
 
-Made by `ninja -C build elements-md` from the plugin and from the comments in [gst](../gst); a test keeps it so.
-`gst-inspect-1.0 ELEMENT` says the same of the installed plugin.
+This page is generated: `ninja -C build elements-md` makes it from the plugin and from the comments in [gst](../../gst).
+`gst-inspect-1.0 ELEMENT` prints the same reference for the installed plugin.
 """
 
 LIMITS = """
 ## limits
 
-{elements} refuse requests that ask for more than
-their property `limits` allows: a structure, such as `limits="limits,max-pixels=4000000,max-views=100"`. A limit that it does
-not give has its default, whatever it was before. A field of another name, or with a value that is no number or out of range, is
-ignored: a warning names it, at once while the element runs, else when it starts. The value that is read has all limits.
+{elements} refuse requests that exceed
+the property `limits`: a structure such as `limits="limits,max-pixels=4000000,max-views=100"`. Missing fields have their
+default values. An element ignores fields with unknown names, wrong types or values out of range, and posts a warning that
+names the field: at once while the element runs, else when it starts. Reading the property returns all fields.
 
-[`lfcameranode`](#lfcameranode) and [`lfnodesink`](#lfnodesink) hand them to the [`lffragment`](#lffragment) inside,
-[`lfviewsrc`](#lfviewsrc) to its compositors and cameras, and both of those that use RTP to their
-[`rtplfdepay`](#rtplfdepay). What limits do, and what else bounds the cost of a message, is in
-[guide-network.md](guide-network.md#what-a-message-may-cost).
+[`lfcameranode`](#lfcameranode) and [`lfnodesink`](#lfnodesink) pass the limits to their [`lffragment`](#lffragment), and
+[`lfviewsrc`](#lfviewsrc) passes them to its compositors and cameras. `lfnodesink` and `lfviewsrc` also pass them to their
+[`rtplfdepay`](#rtplfdepay). [limits.md](limits.md) explains the effect of each limit and
+the other bounds on the cost of a message.
 
 | limit | type | unit | range | default | what it is |
 | --- | --- | --- | --- | --- | --- |
 {rows}
 """
 
-# Properties that every element has from its base classes.
+# Base classes with properties that every element has.
 INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement", "GstVideoFilter", "GstBaseTransform",
              "GstPad", "GstAggregatorPad", "GstGhostPad", "GstProxyPad"}
 
@@ -48,7 +48,7 @@ WHEN = ((1 << 12, "any time"), (1 << 11, "paused or before"), (1 << 10, "ready o
 
 
 def comment_of(element, sources):
-    """The text of the element's documentation comment, as Markdown."""
+    """Returns the element's documentation comment as Markdown."""
     for path in sorted(sources.rglob("*.cc")):
         match = re.search(r"SECTION:element-" + element + r"\n(.*?)\*/", path.read_text(), re.S)
         if match:
@@ -98,12 +98,12 @@ def default_of(prop, value):
 
 
 def value_at_first(element, prop):
-    """What a new element has, as gst-inspect-1.0 shows it; of our own classes this is what the class says, too."""
+    """Returns the value of a new element, like gst-inspect-1.0. Exits if the default of one of our classes differs."""
     both = GObject.ParamFlags.READABLE | GObject.ParamFlags.WRITABLE
     if int(prop.flags) & both != both:
         return prop.default_value
     value = element.get_property(prop.name)
-    is_known = not isinstance(value, (Gst.Fraction, Gst.Structure))  # PyGObject knows no defaults of these
+    is_known = not isinstance(value, (Gst.Fraction, Gst.Structure))  # PyGObject has no defaults for these types
     if prop.owner_type.name.startswith("Lf") and is_known and value != prop.default_value:
         sys.exit(f"elements.py: {element.get_factory().get_name()} {prop.name}: its class says {prop.default_value}, "
                  f"it has {value}")
@@ -125,7 +125,7 @@ def when_of(prop):
 
 
 def table_of(properties, element):
-    """The rows of a table of properties, but for those that every element or pad has."""
+    """Returns the rows of a table of properties, without inherited properties of GStreamer's base classes."""
     rows = []
     for prop in sorted(properties, key=lambda p: p.name):
         if prop.owner_type.name in INHERITED:
@@ -140,7 +140,7 @@ def table_of(properties, element):
 
 
 def limits_section(factories):
-    """The table of what the property `limits` may have, as its description says: NAME (UNIT, RANGE: MEANING)."""
+    """Returns the section about the property `limits`. Its blurb lists limits as NAME (UNIT, RANGE: MEANING)."""
     elements = [element for element in (f.create() for f in factories) if element.find_property("limits")]
     first = elements[0].get_property("limits")
     rows, names = [], set()
@@ -156,7 +156,7 @@ def limits_section(factories):
 
 
 def pad_properties(element):
-    """Tables of the properties that pads have of their own."""
+    """Returns tables of pad properties."""
     out = []
     for templ in sorted(element.get_pad_template_list(), key=lambda t: t.name_template):
         gtype = templ.get_property("gtype")
@@ -171,7 +171,7 @@ def pad_properties(element):
 
 
 def comment_of_signal(gtype, name, sources):
-    """The text of a signal's documentation comment: parameters as a list, then what it does and returns."""
+    """Returns a signal's documentation comment as (description, list of parameters)."""
     for path in sorted(sources.rglob("*.cc")):
         match = re.search(rf"/\*\*\n\s*\* {gtype.name}::{name}:\n(.*?)\*/", path.read_text(), re.S)
         if match:
@@ -187,7 +187,7 @@ def comment_of_signal(gtype, name, sources):
 
 
 def action_signals(element, sources):
-    """A table of the element's signals that applications emit."""
+    """Returns a table of the element's action signals, which applications emit."""
     rows = []
     for signal in sorted(GObject.signal_list_names(element)):
         query = GObject.signal_query(signal, element.__gtype__)

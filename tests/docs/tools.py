@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Generates docs/reference/tools.md from the --help texts of all programs.
+
+usage: tools.py BUILD_ROOT FILE [--check]
+
+With --check, writes nothing and exits 1 if FILE is outdated.
+"""
+import argparse
+import dataclasses
+import pathlib
+import re
+import subprocess
+import sys
+
+HEAD = """# Tools
+
+This page is generated: `ninja -C build tools-md` makes it from the `--help` texts of the programs. All programs and
+subcommands have the option `--help`.
+
+## Overview
+
+| tool | what it does | options |
+| --- | --- | --- |
+"""
+
+TYPES = {"INT": "integer", "UINT": "integer", "FLOAT": "number", "TEXT": "text"}
+COLUMN = 28  # width of CLI11's column of names
+
+
+@dataclasses.dataclass
+class Row:
+    head: str
+    text: str
+
+
+def help_of(command):
+    result = subprocess.run([*command, "--help"], capture_output=True, text=True, timeout=60)
+    if result.returncode != 0:
+        sys.exit(f"tools.py: {command[0]} --help: {result.stderr or result.stdout}")
+    return result.stdout
+
+
+def parse(text):
+    """Returns (description, {heading: rows}) of a --help text of CLI11."""
+    description, _, rest = text.partition("Usage:")
+    lines, sections, rows = rest.splitlines()[1:], {}, []
+    for i, line in enumerate(lines):
+        indent = len(line) - len(line.lstrip())
+        if heading := re.fullmatch(r"\s*(Positionals|Options|Subcommands):", line):
+            rows = sections.setdefault(heading[1], [])
+        elif not line.strip() or line.lstrip().startswith("["):
+            continue
+        elif indent >= COLUMN:
+            rows[-1].text = f"{rows[-1].text} {line.strip()}".strip()
+        else:
+            column = indent + COLUMN
+            head, tail = line[:column], line[column:]
+            follows = i + 1 < len(lines) and re.match(" {%d}" % COLUMN, lines[i + 1])
+            if follows or not head.endswith(" ") or head.count("[") != head.count("]"):
+                head, tail = line, ""
+            rows.append(Row(head.strip(), tail.strip()))
+    return " ".join(description.split()), sections
+
+
+def values(kind):
+    """Describes a type such as "INT:INT in [1 - 100]" for a reader."""
+    name, _, limit = kind.partition(":")
+    word = TYPES.get(name, f"`{name}`" if name else "")
+    if choice := re.fullmatch(r"\{(.*)\}", limit):
+        return ", ".join(f"`{value}`" for value in choice[1].split(","))
+    if bounds := re.search(r"\[(\S+) - (\S+)\]", limit):
+        return f"{word}, {bounds[1]} to {bounds[2]}"
+    if limit.startswith(("PATH", "FILE", "DIR")):
+        return "path" if name == "TEXT" else word
+    return word + {"POSITIVE": ", more than 0", "NONNEGATIVE": ", 0 or more"}.get(limit, "")
+
+
+def table_row(row):
+    """Returns a row of an option or a positional argument."""
+    names, _, rest = row.head.partition(" ")
+    notes = []
+    for label, word in ("Excludes", "not with"), ("Needs", "requires"):
+        if found := re.search(label + r": ((?:--?[\w-]+ ?)+)", rest):
+            notes.append(word + " " + ", ".join(f"`{name}`" for name in found[1].split()))
+            rest = rest.replace(found[0], "")
+    if re.search(r"\bREQUIRED\b", rest):
+        notes.insert(0, "required")
+    if re.search(r"\.\.\.", rest) and "repeat" not in row.text:
+        notes.append("may be repeated")
+    rest = re.sub(r"\b(REQUIRED)\b|\.\.\.", "", rest).strip()
+    kind, equals, default = rest.rpartition("=")
+    if not equals or re.fullmatch(r"[A-Z]+", default):
+        kind, default = rest, ""
+    if names == "--threads" and default:
+        default = "number of processors"  # of the machine that generates the page
+    elif default:
+        default = f"`{default.strip('[]')}`"
+    text = row.text + ("" if not notes else f" ({'; '.join(notes)})")
+    names = ", ".join(f"`{name}`" for name in names.split(","))
+    return "| " + " | ".join(cell.strip().replace("|", "\\|") for cell in (names, values(kind), default, text)) + " |"
+
+
+def sections_of(command, depth):
+    """Yields the Markdown of a command and its subcommands."""
+    description, sections = parse(help_of(command))
+    name = " ".join([command[0].name, *command[1:]])
+    yield f"\n{'#' * depth} {name}\n\n{description.rstrip('.')}.\n"
+    rows = [row for heading in ("Positionals", "Options") for row in sections.get(heading, [])
+            if not row.head.startswith("-h,")]
+    if rows:
+        yield "\n| option | value | default | what it is |\n| --- | --- | --- | --- |\n"
+        yield "".join(table_row(row) + "\n" for row in rows)
+    for row in sections.get("Subcommands", []):
+        yield from sections_of([*command, row.head], depth + 1)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("file", type=pathlib.Path)
+    parser.add_argument("--check", action="store_true")
+    args = parser.parse_args()
+    programs = sorted((path for folder in ("tools", "calib") for path in (args.build / folder).glob("lf-*")
+                       if path.is_file()), key=lambda path: path.name)
+    text = HEAD
+    for program in programs:
+        what = parse(help_of([program]))[0].split(". ")[0].rstrip(".").replace("|", "\\|")
+        text += f"| `{program.name}` | {what} | [options](#{program.name}) |\n"
+    text += "".join(part for program in programs for part in sections_of([program], 2))
+    if not args.check:
+        args.file.write_text(text)
+    elif not args.file.exists() or args.file.read_text() != text:
+        sys.exit(f"{args.file} is not of these programs: ninja -C build tools-md")
+
+
+main()
