@@ -2,6 +2,7 @@
 #include "rig/still_image_cache.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -19,6 +20,8 @@ bool has_images(const Rig& rig) {
 namespace {
 
 std::string orientation_notice_of(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return "";
   std::vector<uint8_t> header(64 << 10);
   std::ifstream file(path, std::ios::binary);
   file.read(reinterpret_cast<char*>(header.data()), static_cast<std::streamsize>(header.size()));

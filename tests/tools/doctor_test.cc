@@ -130,7 +130,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
 TEST(Doctor, WhatAllCamerasSeeIsOneFinding) {
   Healthy array(4);
   for (CameraReport& camera : array.exam.cameras) camera.darkest = 70;
-  EXPECT_THAT(array.findings(), HasSubstr("warning: the array: 4 of 4 cameras change their brightness"));
+  EXPECT_THAT(array.findings(), HasSubstr("warning: the array: 4 of 4 cameras vary in brightness"));
 }
 
 TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {

@@ -43,7 +43,7 @@ TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
   const Outcome outcome = run("films/rig.json --out archive");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
   EXPECT_LT(number(outcome.output, "MB -> "), number(outcome.output, "archive: ") / 3) << outcome.output;
-  EXPECT_GT(number(outcome.output, "times less, "), 38) << outcome.output;
+  EXPECT_GT(number(outcome.output, "times smaller, "), 38) << outcome.output;
   const Rig before = load_rig(dir_ / "films/rig.json"), after = load_rig(dir_ / "archive/rig.json");
   EXPECT_EQ(after.hash(), before.hash());
   for (size_t i = 0; i < 2; i++) {
@@ -57,7 +57,7 @@ TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
     EXPECT_TRUE(archived.keys[0]);
   }
   const Outcome better = run("films/rig.json --out better --quantizer 10");
-  EXPECT_GT(number(better.output, "times less, "), number(outcome.output, "times less, ") + 2) << better.output;
+  EXPECT_GT(number(better.output, "times smaller, "), number(outcome.output, "times smaller, ") + 2) << better.output;
   EXPECT_GT(number(better.output, "MB -> "), number(outcome.output, "MB -> "));
 }
 
@@ -165,7 +165,7 @@ TEST_F(LfArchive, SaysWhatItCantDo) {
   Rig rig = load_rig(dir_ / "films/rig.json");
   rig.cameras[1].source = "videotestsrc is-live=true";
   save_rig(rig, dir_ / "films/live.json");
-  expect_failure("films/live.json --out out", "camera 1: its source is no file");
+  expect_failure("films/live.json --out out", "camera 1: its source is not a file");
   dir_.write("films/broken.mkv", "no film");
   rig.cameras[1].source = "broken.mkv";
   save_rig(rig, dir_ / "films/broken.json");

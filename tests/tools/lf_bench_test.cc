@@ -77,7 +77,7 @@ TEST_F(LfBench, ErrorsNameTheOptionOrTheFile) {
   EXPECT_THAT(run("--rig rig.json --size 200").output, HasSubstr("--size 200: must be WIDTHxHEIGHT"));
   EXPECT_THAT(run("--rig nowhere.json").output, HasSubstr("nowhere.json"));
   save_rig(scene_rig(2, 2, 40, 30), folder_ / "bare.json");
-  test::expect_outcome(run("--rig bare.json"), 1, HasSubstr("the rig names no image"));
+  test::expect_outcome(run("--rig bare.json"), 1, HasSubstr("the rig has no image"));
 }
 
 }  // namespace

@@ -10,25 +10,25 @@ namespace lf::gl {
 inline constexpr std::string_view kRule = R"(
 precision highp float;
 precision highp int;
-uniform highp usampler2D levels;     // of focal maps' nodes: of all views of a pass, one map below the other
-uniform highp sampler2D rays;        // of distorted views: lines of sight of pixels,
-uniform highp sampler2D centre_rays; // and of the middle of four
+uniform highp usampler2D levels;     // levels of map nodes; the maps of all views are stacked vertically
+uniform highp sampler2D rays;        // distorted views: lines of sight of pixels
+uniform highp sampler2D centre_rays; // distorted views: lines of sight of the centres of 2x2 blocks
 
-// begin_view() sets what is of a view.
-ivec2 nodes;         // of the focal map
-int first_level_row; // where they begin in `levels`
+// Variables of the view, set by begin_view(), and of the face.
+ivec2 nodes;         // columns and rows of the focal map
+int first_level_row; // first row of the map in `levels`
 layout(std430, binding = TABLES) readonly buffer Tables { vec4 tables[]; };
-int face_row; // of the face that is looked at now
+int face_row; // table row of the current face
 #define FACE(texel) tables[face_row * FACE_TEXELS + texel]
-ivec2 origin;   // the sum's first pixel in the view
-ivec2 size;     // the sum's width and height, pixels
-vec4 map_scale; // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
+ivec2 origin;   // first pixel of the sum, in the view
+ivec2 size;     // width and height of the sum, pixels
+vec4 map_scale; // MapScale: pixels per node; inverse distance of level 0, and per level; eye distance
 vec4 edge(int k) { return FACE(FACE_EDGE + k); }
 vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
 
 bool doubt = false;
 
-// Of the face's cameras, 0 for those of others. `d`: from the anchor.
+// Returns the weights of the face's cameras, 0 for remote cameras. `d`: see from_anchor().
 vec3 weights_at(vec2 d) {
   vec3 e, ours;
   float terms = 0.0;
@@ -47,15 +47,15 @@ vec3 weights_at(vec2 d) {
   return clamp(e / sum, 0.0, 1.0) * ours;
 }
 
-// Of what textureGather() has of four neighbours: (0, 1), (1, 1), (1, 0) and (0, 0), if it is asked for what is between
-// them, from a texture's pixel (1, 1) / size on.
+// Interpolates 2x2 texels in the order of textureGather(): (0, 1), (1, 1), (1, 0), (0, 0). The gather coordinate must
+// be the corner that the texels share: (x + 1, y + 1) / size for the upper left texel (x, y).
 float bilinear(vec4 gathered, vec2 part) {
   vec2 column = mix(gathered.wx, gathered.zy, part.x);
   return mix(column.x, column.y, part.y);
 }
 
 #ifdef MAP
-// From the face's level.
+// Interpolates the map at a pixel of the view. The level is relative to the face's anchor.
 float level_at(vec2 pixel) {
   vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(nodes - 1));
   ivec2 cell = min(ivec2(at), max(nodes - 2, 0));
@@ -67,7 +67,8 @@ float level_at(vec2 pixel) {
 float level_at(vec2 pixel) { return 0.0; }
 #endif
 
-// In camera k, up to a positive factor.
+// Returns the point in the coordinates of camera k, up to a positive factor. `nearer`: inverse distance relative to the
+// face's anchor.
 vec3 camera_point(int k, vec2 d, float nearer) {
   vec3 x = corner(k, CORNER_FROM).xyz + (d.x * corner(k, CORNER_ALONG).xyz + d.y * corner(k, CORNER_DOWN).xyz);
 #ifdef MAP
@@ -90,8 +91,8 @@ vec2 through_lens(int k, vec2 u) {
 #ifdef CAREFUL
 const int kLost = 0, kSeen = 1, kUnknown = 2;
 
-// Where camera k's image has what is in focus, and whether it does; `beyond`: whether places outside of the image are
-// good, too.
+// Projects the point in focus into camera k. kLost: the camera does not see the point. kUnknown: float cannot decide,
+// or the error of `position` may exceed MAX_POSITION_ERROR. `beyond`: positions outside the image are valid as well.
 int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
   position = vec2(0.0);
   if ((int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) == 0) return kLost;
@@ -130,8 +131,8 @@ int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
 }
 #endif
 
-// The least of the pixels that a sample is made of, and where in between it is; beyond the outer pixels' centres these
-// go on.
+// Returns the upper left of the four pixels to interpolate, and reduces `position` to the fraction. Positions beyond
+// the centres of the outer pixels are clamped.
 ivec2 pixel_before(inout vec2 position, vec2 image_size) {
 #ifdef CAREFUL
   position = clamp(position, vec2(0.0), image_size - 1.0);
@@ -143,10 +144,10 @@ ivec2 pixel_before(inout vec2 position, vec2 image_size) {
   return first;
 }
 
-// Where the camera's image, or its luma, begins in the atlas.
+// Returns the offset of the camera's image (kI420: its luma) in the atlas.
 ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
 
-// What is lost is looked up as well, anywhere.
+// Clamps, because branch-free code may fetch texels at arbitrary positions for cameras that do not see the point.
 #ifdef CAREFUL
 #define IN_ATLAS(at) clamp(at, ivec2(0), textureSize(images, 0) - 1)
 #else
@@ -154,9 +155,9 @@ ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_
 #endif
 
 uniform highp sampler2D images; // the atlas
-uniform ivec4 chroma_places;    // kI420: where its Cb and Cr begin
+uniform ivec4 chroma_places;    // kI420: offsets of Cb and Cr in the atlas
 
-// 0..1, at a position in an image of that size, which begins in the atlas at `place`.
+// Bilinear samples, 0 to 1. `place`: offset of the image in the atlas.
 #define TEXEL(at) texelFetch(images, IN_ATLAS(place + (at)), 0)
 #ifdef RGB
 vec3 rgb_of(int k, vec4 bytes) {
@@ -177,7 +178,7 @@ float sampled_byte(ivec2 place, vec2 image_size, vec2 position) {
 vec3 colour_at(int k, vec2 position) {
   return vec3(sampled_byte(place_of(k), corner(k, CORNER_IMAGE).xy, position));
 }
-// `position`: in the image of luma. Cb and Cr, in levels from grey on.
+// Returns Cb and Cr in levels, with grey = 0. `position`: in the luma image.
 vec2 chroma_at(int k, vec2 position) {
   vec2 image_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
   ivec2 place = place_of(k) / 2;
@@ -194,13 +195,13 @@ uint bits(float value) { return uint(int(floor(value + 0.5))) & 0xffffu; }
 inline constexpr std::string_view kRuns = R"(
 layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
-// Words of ViewWord for each view of the pass. Then for each of them: for each row of the sum where its runs begin, and
-// where the last one's end, counted in runs; then of each run its ends, the first in the low 16 bits, and its face.
+// First the ViewWords of all views of the pass. Then for each view: the index of the first run of each row of the sum,
+// and the number of runs; then two words per run: x0 in the low and x1 in the high 16 bits, and the face.
 layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
-uint first_row;    // of the view's, in `runs`
-int first_face;    // row of the tables
-uint of_result[6]; // where the view's sum is: kViewResult
-uint cells;        // where its cells begin
+uint first_row;    // index in `runs` of the view's first row
+int first_face;    // table row of the view's first face
+uint of_result[6]; // location of the view's sum: kViewResult
+uint cells;        // index in `runs` of the view's first cell
 
 void begin_view(uint view) {
   uint head = VIEW_WORDS * view;
@@ -215,7 +216,7 @@ void begin_view(uint view) {
   cells = runs[head + VIEW_CELLS];
 }
 
-// The row of the tables for the face that owns a pixel of the sum; -1: none that has a camera of ours.
+// Returns the table row of the face that owns a pixel of the sum; -1: no face with a local camera.
 int face_at(ivec2 at) {
   uint row = first_row + uint(at.y), first = runs[row], end = runs[row + 1u], last = end;
   uint all = first_row + uint(size.y) + 1u;
@@ -230,7 +231,7 @@ int face_at(ivec2 at) {
   return first_face + int(runs[all + 2u * first + 1u]);
 }
 
-// Where it is, from where its face counts, whose number is face_row.
+// Returns the position of a pixel of the sum relative to the anchor of face_row; with RAYS its line of sight.
 vec2 from_anchor(ivec2 at) {
 #ifdef RAYS
   return texelFetch(rays, at, 0).xy;
@@ -242,12 +243,13 @@ vec2 from_anchor(ivec2 at) {
 
 // Follows the rule and kRuns in the shader of BlockSums. An invocation computes and writes 2x2 pixels and their chroma.
 inline constexpr std::string_view kBlocks = R"(
-// Of each view, as of_result has it: a word for each row of blocks, the draw's number if that has missing weight or doubts,
-// else anything; another one for each, the draw's number if it has doubts; pixels, chroma and missing weight as in
-// ReadbackBuffer, two samples in 32 bits; the draw's number.
+// The sums of all views, with the layout of BlockSum::Parts at the offsets in of_result. missing_rows has the number of
+// the draw if a row of blocks has missing weight or undecided samples, undecided_rows if it has undecided samples.
+// Other values there are stale. The samples are as in ReadbackBuffer, two per word.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 
-// `first`: the block's first pixel. In levels / 128, but for the missing weight, or DOUBT.
+// `first`: first pixel of the block. `sums`: in units of 1/128 level. `missing_of`: 32768 = weight 1, or DOUBT.
+// `chroma`: in levels.
 void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, bool chroma_doubt) {
   ivec2 block = first / 2;
   uint row_words = uint(size.x + 1) / 2u;
@@ -283,7 +285,8 @@ void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, boo
 
 // The view is blended by the mesh: each pixel from the cameras of its face.
 inline constexpr std::string_view kBlockOfFaces = R"(
-// Of a pixel: what its face's cameras weigh in it that see it. Its sum, and missing weight or DOUBT.
+// Computes the sum of a pixel and its missing weight or DOUBT. Returns the weights of the face's cameras, 0 for cameras
+// that do not see the pixel.
 vec3 weights_of(ivec2 at, out vec3 sum, out uint missing_bits) {
   vec2 d = from_anchor(at);
   doubt = false;
@@ -336,7 +339,7 @@ void main() {
 #endif
       }
 #ifndef RGB
-    // A camera's chroma is sampled in the middle of four pixels and weighs the mean of what it gives to them.
+    // Sample a camera's chroma at the centre of the block. Its weight is the camera's mean weight in the four pixels.
 #ifdef RAYS
     vec2 centre = texelFetch(centre_rays, block, 0).xy;
 #else
@@ -359,7 +362,7 @@ void main() {
 
 // The view is blended by a WeightGrid: a pixel in focus from all cameras of its cell.
 inline constexpr std::string_view kBlockOfCells = R"(
-// Of the camera whose words begin there, in a pixel of the cell: WeightGrid::Cell::weight().
+// WeightGrid::Cell::weight() of a camera in pixel `at` of the cell. `camera`: index of the camera's words in `runs`.
 int weight_in(uint camera, ivec2 at) {
   int level[2], size = 1 << CELL_BITS;
   for (int i = 0; i < 2; i++) {
@@ -434,9 +437,9 @@ void main() {
 // Follows the rule and kRuns in the shader of ConsistencySums. An invocation computes two adjacent nodes through one
 // surface.
 inline constexpr std::string_view kConsistency = R"(
-// Levels of the sum's nodes through each surface, four in 32 bits, whole words in each row.
+// Levels of the nodes for each surface, four per word. Each row begins at a whole word.
 layout(std430, binding = SURFACES) readonly buffer Surfaces { uint surfaces[]; };
-// Of each surface planes of weight, luma and square, two nodes in 32 bits.
+// Planes of weight, luma and square (see PhotoConsistency) for each surface, two nodes per word.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 
 uint level_of(int surface, ivec2 at) {
@@ -444,7 +447,7 @@ uint level_of(int surface, ivec2 at) {
   return (surfaces[word] >> uint(8 * (at.x & 3))) & 255u;
 }
 
-// Where camera k's image has the node, and whether it does.
+// Projects a node into camera k. Returns true if the camera sees the node.
 bool sees(int k, vec2 d, float level, out vec2 position) {
   vec3 x = camera_point(k, d, (level - FACE(0).w) * map_scale.z);
   vec2 u = x.xy / x.z;
@@ -458,7 +461,7 @@ bool sees(int k, vec2 d, float level, out vec2 position) {
   return seen && all(greaterThanEqual(position, vec2(-0.5))) && all(lessThanEqual(position, image.xy - 0.5));
 }
 
-// In levels. What lies beyond the image's edges is as it is there.
+// Returns luma in levels. Pixels outside the image are clamped to its edge.
 int luma_at(int k, ivec2 pixel) {
   ivec2 last = ivec2(corner(k, CORNER_IMAGE).xy) - 1;
   ivec2 at = place_of(k) + clamp(pixel, ivec2(0), last);
@@ -471,8 +474,8 @@ int luma_at(int k, ivec2 pixel) {
 #endif
 }
 
-// Of pixel `at`, its neighbours to the right and below, and the one to the right and below: the mean of the box of 4 x
-// 4 pixels around the corner that it has in common with the latter.
+// Returns the rounded means of 4x4 boxes around the lower right corners of four pixels: `at`, and its right, lower and
+// lower right neighbours.
 ivec4 means_of_sixteen(int k, ivec2 at) {
   ivec4 sums = ivec4(8);
   for (int j = -1; j < 4; j++) {
@@ -484,9 +487,9 @@ ivec4 means_of_sixteen(int k, ivec2 at) {
   return sums >> 4;
 }
 
-// The means of boxes of `box` pixels a side around the same four corners as in means_of_sixteen(): those of more than 4
-// are the rounded means of four of half their size. All of the smallest come one after the other, and a larger one is
-// complete with its last.
+// Returns the means of boxes with a side of `box` pixels around the same corners as means_of_sixteen(). The mean of a
+// box larger than 4x4 is the rounded mean of its quarters. The loop visits the 4x4 boxes in Z-order and finishes each
+// larger box after its last quarter.
 ivec4 means_of_boxes(int k, ivec2 at, int box) {
   ivec4 sums[3] = ivec4[3](ivec4(0), ivec4(0), ivec4(0)), means = ivec4(0);
   for (int n = 0; n < box * box / 16; n++) {
@@ -503,8 +506,8 @@ ivec4 means_of_boxes(int k, ivec2 at, int box) {
   return means;
 }
 
-// Luma at a position in camera k's image, to a level: between the means of the four boxes around it, in 256ths of a
-// pixel.
+// Returns luma at a position in camera k's image, rounded to a level. Interpolates between four boxes, with the
+// position in 1/256 pixel.
 uint sampled_luma(int k, vec2 position) {
   ivec2 at = ivec2(256.0 * clamp(position - 0.5, vec2(0.0), corner(k, CORNER_IMAGE).xy - 1.0));
   ivec4 means = means_of_boxes(k, at >> 8, int(corner(k, CORNER_PER_FROM).w));
@@ -512,7 +515,7 @@ uint sampled_luma(int k, vec2 position) {
   return uint((sides.x * (256 - part.y) + sides.y * part.y + (1 << 15)) >> 16);
 }
 
-// What a node's cameras add, of these weights.
+// Returns the sums of weight, luma and square over a node's cameras.
 uvec3 consistency_of(vec3 weights, vec2 d, float level) {
   uvec3 sum = uvec3(0u);
   for (int k = 0; k < 3; k++) {

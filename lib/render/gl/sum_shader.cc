@@ -19,15 +19,15 @@ precision highp float;
 precision highp int;
 layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
-layout(std430, binding = RESULT) readonly buffer Sum { uint sum[]; }; // as BlockSum has it
+layout(std430, binding = RESULT) readonly buffer Sum { uint sum[]; }; // see BlockSum
 layout(std430, binding = PICTURE) writeonly buffer Picture { uint picture[]; };
-uniform uvec4 parts; // of the sum: pixels, chroma and missing weight; its draw
-uniform uint missing_rows; // of the sum
-uniform ivec2 origin, size, extent; // where the sum is in the view, and its size; the view's
-uniform uvec4 planes; // words of a row of the first plane, and of the others; where these begin
-uniform vec3 byte_levels; // gain, offset, chroma's gain
-uniform vec4 background; // and the weight that a pixel needs for not showing it
-uniform ivec4 channels; // RGB: first bits of red, green, blue and 255, -1: there is none; else w: Cb and Cr are in one
+uniform uvec4 parts; // BlockSum: offsets of pixels, chroma and missing weight; number of the draw
+uniform uint missing_rows; // BlockSum::Parts::missing_rows
+uniform ivec2 origin, size, extent; // position of the sum in the view; size of the sum; size of the view
+uniform uvec4 planes; // words per row of the first plane, and of chroma planes; first words of the chroma planes
+uniform vec3 byte_levels; // GpuPicture: gain, offset, chroma_gain
+uniform vec4 background; // colour; w: pixels with less weight show the background (32768 = weight 1)
+uniform ivec4 channels; // RGB: bit offsets of R, G, B and the opaque byte (-1: none); kI420: w: 1: NV12
 
 bool is_in_sum(ivec2 at) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
 
@@ -35,13 +35,13 @@ uint word_of(ivec2 at) { return uint(at.y) * (uint(size.x + 1) / 2u) + uint(at.x
 
 float value(uint word, int n) { return float(bitfieldExtract(int(sum[word]), 16 * n, 16)); }
 
-// Of a pixel of the sum; 32768 is all of it.
+// Returns the missing weight of a pixel of the sum; 32768 = weight 1.
 float missing_at(ivec2 at) {
   if (sum[missing_rows + uint(at.y / 2)] != parts.w) return 0.0;
   return float(bitfieldExtract(sum[parts.z + word_of(at)], 16 * (at.x & 1), 16));
 }
 
-// What sums are multiplied by for levels; 0: the background shows.
+// Returns the factor from a sum to levels; 0: the pixel shows the background.
 float scale_of(float lost) {
   float left = 32768.0 - lost;
   return left >= background.w ? 256.0 / left : 0.0;
@@ -81,7 +81,7 @@ void main() {
     if (column + uint(i) < planes.x) picture[uint(first.y) * planes.x + column + uint(i)] = words[i];
 }
 #else
-// Pixels of a chroma sample: how many there are, what they have lost, and how many show the background.
+// Totals of a chroma sample's pixels: their number, missing weight, and the number that show the background.
 struct Block { float pixels, lost, hidden; };
 
 float luma_at(ivec2 at, inout Block block) {
@@ -110,7 +110,7 @@ uvec2 chroma_at(ivec2 at, Block block) {
 void main() {
   ivec2 group = ivec2(gl_GlobalInvocationID.xy), first = ivec2(8, 2) * group;
   if (any(greaterThanEqual(first, extent))) return;
-  uint luma[4], chroma[2]; // words of two rows; of Cb and Cr, or of both
+  uint luma[4], chroma[2]; // two words for each of two rows; one word each of Cb and Cr, or two interleaved words
   for (int i = 0; i < 4; i++) luma[i] = 0u;
   chroma[0] = chroma[1] = 0u;
   for (int n = 0; n < 4; n++) {
@@ -156,9 +156,9 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
 layout(std430, binding = RESULT) buffer Result { uint result[]; };
 layout(std430, binding = PICTURE) readonly buffer Part { uint part[]; };
-uniform ivec2 size;   // of the part, words
-uniform uvec4 parts;  // the first word of the part, and words of its rows; where the first one goes, and words there
-uniform uvec4 planes; // kAdd, kAddMissing or else to clear; of missing weight the word of the first row with loss; the draw
+uniform ivec2 size;   // words per row, and rows
+uniform uvec4 parts;  // first word and words per row in `part`; first word and words per row in `result`
+uniform uvec4 planes; // x: kAdd, kAddMissing, else clear; y: missing_rows word of the first row; w: number of the draw
 
 const uint kAdd = 0u, kAddMissing = 1u;
 
@@ -193,10 +193,10 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 uniform highp sampler2D gpu_image;
-uniform ivec2 origin, size, extent; // the first pixel that is wanted; the plane's size; words that are wanted
-uniform uvec4 parts;    // the first word, and words of a row
-uniform ivec4 channels; // the one that has the plane, -1: all; gain_factor(), 0: not divided; the value of no colour;
-                        // 1: sharpened
+uniform ivec2 origin, size, extent; // first pixel of the region; size of the plane; columns and rows of words to write
+uniform uvec4 parts;    // first word and words per row in `result`
+uniform ivec4 channels; // texture channel of the plane (-1: RGB); gain_factor() (0: do not divide); its zero level;
+                        // 1: sharpen
 
 ivec4 divided(ivec2 at) {
   vec4 texel = texelFetch(gpu_image, clamp(at, ivec2(0), size - 1), 0);

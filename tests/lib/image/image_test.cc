@@ -239,8 +239,8 @@ TEST(HeatMap, APictureShowsThroughWhereThereIsNoHeat) {
   const Image map = heat_map(std::vector<float>{0, 1}, 2, 1, 1, &under);
   EXPECT_NEAR(map.pixel(0, 0)[1], 80, 1);
   EXPECT_EQ(map.pixel(1, 0)[1], heat_colour(1)[1]);
-  EXPECT_ERROR(heat_map(std::vector<float>{0, 1}, 1, 2, 1, &under), "of one size");
-  EXPECT_ERROR(heat_map(std::vector<float>{0, 1, 2}, 2, 1, 1), "of one size");
+  EXPECT_ERROR(heat_map(std::vector<float>{0, 1}, 1, 2, 1, &under), "the same size");
+  EXPECT_ERROR(heat_map(std::vector<float>{0, 1, 2}, 2, 1, 1), "the same size");
 }
 
 }  // namespace

@@ -101,9 +101,9 @@ TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
 TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
   rig_.cameras[4].image = "";
   EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[4] has neither an image nor a source: name one, or remove the camera"));
+              ElementsAre("warning: cameras[4] has neither an image nor a source: add one, or remove the camera"));
   rig_.cameras[2].image = "";
-  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source: name one, "
+  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source: add one, "
                                        "or remove the camera"));
   for (Camera& camera : rig_.cameras) camera.image = "";
   EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is used until each camera has one")));
@@ -114,8 +114,8 @@ TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
   EXPECT_THAT(check(rig_), IsEmpty());
   rig_.cameras[2].time_offset = -1000;
   EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: frames "
-                          "of one time must exist in all films; seconds are expected"));
+              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: all "
+                          "films must have frames of the same time; the unit is seconds"));
 }
 
 TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
@@ -145,7 +145,7 @@ TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
   for (Camera& camera : ring.cameras) camera.source = "rtsp://host/x";
   EXPECT_THAT(check(ring), IsEmpty());
   ring.topology = {};
-  EXPECT_THAT(check(ring), testing::Contains(testing::HasSubstr("triangles, not through them")));
+  EXPECT_THAT(check(ring), testing::Contains(testing::HasSubstr("triangles, not through the triangles")));
 }
 
 TEST_F(CheckRig, WarnsOfAGridInTheWrongOrder) {

@@ -87,7 +87,7 @@ TEST(StanfordNames, RefusesWhatNamesCantHold) {
   EXPECT_ERROR(export_stanford(rig, dir / "out"), "want a grid");
   EXPECT_ERROR(import_stanford(dir / "nowhere", {1}), "nowhere: can't be read");
   EXPECT_ERROR(import_stanford(dir.path(), {1}), "no image is called as in");
-  EXPECT_ERROR(import_stanford(dir.path(), {}), "the focal length must be given");
+  EXPECT_ERROR(import_stanford(dir.path(), {}), "give the focal length");
   write_images(dir, {"out_00_00_0_0_.png", "x_00_00_1_10_.png"});
   EXPECT_ERROR(import_stanford(dir.path(), {1}), "is in the same place as");
 }

@@ -101,7 +101,7 @@ TEST(Blending, HasWhatItsKindKnows) {
     EXPECT_ERROR(validate({Kind::kAperture, bad, 0}), "blending: the aperture must be above 0");
   for (const int bad : {0, -1, Blending::kMaxNearest + 1})
     EXPECT_ERROR(validate({Kind::kAngle, 0, bad}), "blending: must use the nearest 1 to 32 cameras");
-  EXPECT_ERROR(validate({Kind::kMesh, 0.1, 0}), "blending: has an aperture");
+  EXPECT_ERROR(validate({Kind::kMesh, 0.1, 0}), "aperture");
   EXPECT_ERROR(validate({Kind::kAperture, 0.1, 2}), "blending: this kind has no number of cameras");
 }
 
