@@ -474,6 +474,19 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
 }
 
+// chmod changes neither size nor modification time of a file.
+TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
+  using std::filesystem::perm_options, std::filesystem::perms;
+  Served served(options());
+  std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::add);
+  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
+  EXPECT_THAT(served.said(), HasSubstr("chmod 600 " + dir_ / "key.pem"));
+  std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::remove);
+  EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
+  trust(dir_ / "certificate.pem");
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+}
+
 TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
   const auto said = [](const std::vector<std::string>& options) {
     Served served(options);
