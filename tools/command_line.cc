@@ -19,7 +19,7 @@ namespace cli {
 
 namespace {
 
-// Rejects "nan", which passes every range check, and "inf", which passes ranges without an upper end.
+// Rejects "nan" and "inf". CLI11's range checks let "nan" pass, because every comparison with NaN is false.
 std::string refuse_not_finite(std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
@@ -149,7 +149,8 @@ App* App::require_option(size_t count) {
 
 void add_trust_option(App& app, bool& trusted) {
   app.add_flag("--trust-rig", trusted,
-               "Let the rig file run any GStreamer element: such a file may write files and run programs");
+               "Allow the rig file to use any GStreamer element as a camera source. Such a file can write files and "
+               "run programs, so use this option only with rig files from people you trust");
 }
 
 void App::callback(std::function<void()> job) { parts_->app->callback(std::move(job)); }
@@ -158,7 +159,8 @@ App::operator bool() const { return parts_->app->parsed(); }
 
 namespace {
 
-// An error may quote a file. Removes secrets and terminal control characters and limits the length.
+// Prepares an error for the terminal, because it may quote a hostile file. Removes secrets and control characters, and
+// limits the length.
 std::string printable(const std::string& what) {
   constexpr size_t kMost = 4000;
   std::string text = lf::without_staging(lf::redacted_location(what.substr(0, kMost)));

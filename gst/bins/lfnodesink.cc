@@ -5,18 +5,18 @@
  * @title: lfnodesink
  * @short_description: the cameras of this machine for viewers on other hosts
  *
- * lfnodesink serves the cameras of this machine to `lfviewsrc nodes=...` on other hosts. It contains an
- * #element-lfcameranode ("node") with live cameras. View requests arrive by RTP at the port `listen`, and the node
- * sends its answers to `answers`. For several clients, both properties are lists of the same length and order. The
- * element has the properties of lfcameranode. File sources loop unless `loop=false`.
+ * lfnodesink serves the cameras of this machine to viewers on other hosts, which run `lfviewsrc nodes=...`. It contains
+ * an #element-lfcameranode ("node") with live cameras, and has the properties of that element. View requests arrive by
+ * RTP at the port `listen`, and the node sends its answers to `answers`. For several clients, both properties are lists
+ * of the same length and order. File sources loop unless `loop=false`.
  *
- * If `key-file` names the same file on all hosts, packets are encrypted and only holders of the key can send requests
- * and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from the
- * addresses in `peers`. The default is the hosts of `answers` and this machine. Addresses can be forged, so the element
- * posts a warning at start. `stats` counts dropped packets.
+ * If `key-file` names the same file on all hosts, packets are encrypted, and only holders of the key can send requests
+ * and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from the hosts
+ * in `peers`, by default the hosts of `answers` and this machine. Sender addresses can be forged, so the element posts
+ * a warning at start. `stats` counts dropped packets.
  *
  * The bin has no pads. It provides the realtime clock of the machine, unless another element in the bin provides a
- * clock. Synchronise the clocks of all hosts (chrony, PTP).
+ * clock. Synchronise the clocks of all hosts with chrony or PTP, because requests name capture times as time of day.
  *
  * ## Example launch line
  * |[
@@ -57,23 +57,27 @@ struct Settings : lf::RtpSecurity {
     static lf::PropertyTable<S> table = {
         lf::property<&S::listen>(
             lf::kWhileReady, "listen", "Listen",
-            "Local UDP port, ADDRESS:PORT, or multicast GROUP:PORT for view requests; comma-separated, one item per "
-            "client; required"),
+            "Comma-separated addresses for the view requests of clients, one item per client. An item is a local UDP "
+            "port, ADDRESS:PORT or a multicast GROUP:PORT. This property is required"),
         lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
-                                  "HOST:PORT that receives the answers, for each item of listen; required"),
+                                  "Comma-separated addresses that receive the answers, each as HOST:PORT. The first "
+                                  "item belongs to the first item of listen, the second to the second, and so on. "
+                                  "This property is required"),
         lf::inherited_property<S, &S::key_file>(
             lf::kWhileReady, "key-file", "Key file",
-            "File with the secret that all hosts share: 32 or more random characters (empty: no encryption)"),
+            "Path of the file with the secret that all hosts share, 32 or more random characters. Packets are then "
+            "encrypted, and only hosts with the same file can send requests (empty: no encryption)"),
         lf::inherited_property<S, &S::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Comma-separated names, addresses and networks (10.0.0.0/24) allowed to send requests (empty: all holders "
-            "of the key-file, or, without key-file, the hosts of answers and this machine)"),
+            "Comma-separated hosts that may send requests: names, addresses and networks such as 10.0.0.0/24. If "
+            "empty and key-file is set, every host with the key may send requests. If both are empty, the hosts in "
+            "answers and this machine may"),
     };
     return table;
   }
 };
 
-// Strips of 320 x 16 pixels fill about one packet, so a lost packet costs one strip.
+// A strip of 320 x 16 pixels fills about one packet, so a lost packet costs only one strip.
 constexpr lf::ProxyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, {"strip-pixels", 5120}};
 
 struct Links {
@@ -91,7 +95,7 @@ struct _LfNodeSink {
   GstBin parent;
   Settings* settings;  // guarded by the object lock
   GstElement* node;    // borrowed; null if lfcameranode is not installed
-  GstElement* pay;     // in no bin; holds the property values for all payloaders
+  GstElement* pay;
   GstClock* realtime;
   Links* links;
 };
@@ -149,7 +153,10 @@ static bool prepare(LfNodeSink* self) {
     if (!self->node || !self->pay) throw lf::Error("elements lfcameranode and rtplfpay are not installed");
     const std::vector<lf::HostPort> from = lf::parse_host_ports(settings.listen),
                                     to = lf::parse_host_ports(settings.answers);
-    if (from.empty()) throw lf::Error("listen: not set");
+    if (from.empty())
+      throw lf::Error(
+          "listen: not set (for example, listen=6000 receives view requests at UDP port "
+          "6000)");
     if (from.size() != to.size())
       throw lf::Error("listen and answers: must have the same number of items, one per client");
     for (const lf::HostPort& place : to)
@@ -188,7 +195,7 @@ static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructur
   g_autoptr(GstElement) element = gst_bin_get_by_name(GST_BIN(self), child.c_str());
   g_autoptr(GstStructure) stats = nullptr;
   if (element) g_object_get(element, "stats", &stats, nullptr);
-  if (!stats) return;  // the links are being removed
+  if (!stats) return;
   gst_structure_foreach(
       stats,
       [](GQuark field, const GValue* value, gpointer all) -> gboolean {

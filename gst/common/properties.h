@@ -13,12 +13,11 @@
 #include "common/guard.h"
 #include "wire/command_codec.h"
 
-// Maps element properties to the fields of a plain settings struct. A table has one row per property with field, name,
-// texts and range. Initial field values are the property defaults. Settings are guarded by the object lock of the
-// element.
+// Defines element properties as fields of a plain settings struct. A table has one row per property, with its field,
+// name, texts and range. The initial value of the field is the default of the property. Settings are guarded by the
+// object lock of the element.
 namespace lf {
 
-// When a property may be set: before the element runs, or at any time.
 inline constexpr auto kWhileReady = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
 inline constexpr auto kWhilePlaying =
     GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
@@ -44,7 +43,6 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void set_field(Enum& field, const GValue* value) { field = static_cast<Enum>(g_value_get_enum(value)); }
 
-// An empty string reads as null.
 inline void get_field(const std::string& field, GValue* value) {
   g_value_set_string(value, field.empty() ? nullptr : field.c_str());
 }
@@ -58,8 +56,8 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void get_field(Enum field, GValue* value) { g_value_set_enum(value, static_cast<gint>(field)); }
 
-// `range`: minimum and maximum of a number, the GType of an enum, nothing for a boolean. For a string, "" makes an
-// unset string read as "" instead of null.
+// `range` is the minimum and maximum of a number, the GType of an enum, and nothing for a boolean. For a string, ""
+// makes an unset string read as "" instead of null.
 template <auto field, typename Settings, typename Field, typename... Range>
 Property<Settings> make_property(Field Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, Range... range) {
@@ -100,7 +98,7 @@ auto property(GParamFlags flags, const char* name, const char* nick, const char*
   return make_property<field>(field, flags, name, nick, blurb, range...);
 }
 
-// A fraction `numerator` / `denominator` with the minimum `least_n` / `least_d`.
+// A property with a fraction of two fields. Its minimum is `least_n` / `least_d`.
 template <auto numerator, auto denominator, typename Settings>
 Property<Settings> make_fraction(gint Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, gint least_n, gint least_d) {
@@ -121,13 +119,13 @@ auto fraction_property(GParamFlags flags, const char* name, const char* nick, co
   return make_fraction<numerator, denominator>(numerator, flags, name, nick, blurb, least_n, least_d);
 }
 
-// The properties of one class. Immutable after install(), and then thread-safe.
+// The table of the properties of one class. Immutable after install(), and then thread-safe.
 template <typename Settings>
 class PropertyTable {
  public:
   PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
 
-  // Installs the rows as properties first_id, first_id + 1, ... Returns the next free id.
+  // Installs the rows with the ids first_id, first_id + 1, and so on. Returns the next free id.
   guint install(GObjectClass* klass, guint first_id) {
     first_id_ = first_id;
     for (const Property<Settings>& row : rows_) g_object_class_install_property(klass, first_id++, row.spec);
@@ -141,8 +139,8 @@ class PropertyTable {
   guint first_id_ = 0;
 };
 
-// Property functions of a class. settings_of returns the settings of an element. If stats_of is given, the class has
-// the property `stats`, and stats_of returns a GstStructure that the caller owns.
+// Implements the property functions of a class. settings_of returns the settings of an element. If stats_of is given,
+// the class also has the property `stats`, and stats_of returns a GstStructure that the caller owns.
 template <auto settings_of, auto stats_of = nullptr>
 struct Properties;
 template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of>
@@ -164,8 +162,8 @@ struct Properties<settings_of, stats_of> {
     const ObjectLock lock(self);
     return settings_of(self);
   }
-  // `stats`: blurb of the property `stats`. Classes may replace set_property and get_property by functions that call
-  // set() and get(). Returns the next free id.
+  // `stats` is the blurb of the property `stats`. A class may replace set_property and get_property by its own
+  // functions, which then call set() and get(). Returns the next free id.
   static guint install(GObjectClass* klass, const char* stats = nullptr) {
     klass->set_property = callback<set>;
     klass->get_property = callback<get>;
@@ -177,7 +175,7 @@ struct Properties<settings_of, stats_of> {
   }
 };
 
-// Registers an enum for properties. Call once. Each value has a description and a nick.
+// Registers an enum type for properties. Call once per type. Each value has a description and a nick.
 template <typename Enum>
 struct EnumRow {
   Enum value;

@@ -15,7 +15,7 @@ gboolean set_one_field(GQuark field, const GValue* value, gpointer to) {
   return TRUE;
 }
 
-// Scaling, conversion and copies do not change the view.
+// The meta stays valid, because scaling, conversion and copies do not change the view.
 gboolean copy_view_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, gpointer, gpointer) {
   if (gst_buffer_get_custom_meta(to, LF_VIEW_META)) return TRUE;
   GstCustomMeta* copy = gst_buffer_add_custom_meta(to, LF_VIEW_META);
@@ -118,7 +118,7 @@ uint32_t set_of(const ViewMetaEntry& facts) {
 }  // namespace
 
 void register_view_meta() {
-  // Without tags: elements such as videoconvert drop metas with tags that they don't know.
+  // The meta has no tags, because elements such as videoconvert drop metas with tags that they don't know.
   static const char* const no_tags[] = {nullptr};
   if (!gst_meta_get_info(LF_VIEW_META))
     gst_meta_register_custom(LF_VIEW_META, const_cast<const gchar**>(no_tags), copy_view_meta, nullptr, nullptr);

@@ -4,19 +4,22 @@
  * @title: lfrtpgate
  * @short_description: accepts RTP packets of allowed senders and drops all others
  *
- * lfrtpgate protects a receiver from packets of unknown senders. Place it after `udpsrc` with caps that describe the
- * packets (`encoding-name`, as at the sender).
+ * lfrtpgate protects a receiver from packets of unknown senders. Place it after `udpsrc`, and set caps on `udpsrc` that
+ * describe the packets (`encoding-name`, as at the sender).
  *
- * If #lfrtpgate:key-file is set, only packets that #element-lfrtpseal has encrypted with the same secret pass,
- * decrypted, each once. Unencrypted, forged, damaged, truncated and replayed packets are dropped, as are packets more
- * than a minute old. Senders may restart at any time, and several senders may share a port. A packet passes only one
- * gate of a process unless #lfrtpgate:copies is set. Gates of other processes with the same key accept the packet, too.
+ * If #lfrtpgate:key-file is set, only packets that #element-lfrtpseal has encrypted with the same secret pass. The gate
+ * decrypts these packets and forwards each packet once. It drops packets that are not encrypted, forged, damaged or
+ * truncated. It also drops replayed packets, which an attacker has recorded and sent again, and packets more than a
+ * minute old. Senders may restart at any time, and several senders may share a port.
  *
- * Without key file, packets from the addresses in #lfrtpgate:peers pass. This prevents accidents but not attacks with
- * forged addresses. If `peers` is empty, the first loopback address that sends is allowed. If both properties are set,
- * packets must match both.
+ * A packet passes only one gate of a process unless #lfrtpgate:copies is set. Gates of other processes with the same
+ * key accept the packet, too.
  *
- * #lfrtpgate:stats counts dropped packets by reason. The element posts a warning at most every ten seconds.
+ * Without a key file, packets from the addresses in #lfrtpgate:peers pass. This prevents accidents but not attacks with
+ * forged addresses. If `peers` is also empty, the gate accepts the first loopback address that sends. If both
+ * properties are set, packets must match both.
+ *
+ * #lfrtpgate:stats counts dropped packets by reason. The element posts a warning about them at most every ten seconds.
  *
  * ## Encrypted pictures
  * |[
@@ -52,16 +55,19 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {
         lf::property<&Settings::key_file>(lf::kWhileReady, "key-file", "Key file",
-                                          "File with the secret that all hosts share: 32 or more random characters "
-                                          "(empty: packets are not encrypted)"),
+                                          "Path of the file with the secret that all hosts share, 32 or more random "
+                                          "characters. Only packets that lfrtpseal has encrypted with the same "
+                                          "secret pass (empty: packets are not encrypted)"),
         lf::property<&Settings::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Comma-separated names, addresses and networks (10.0.0.0/24) of allowed senders (empty: all holders of the "
-            "key, or, without key-file, the first loopback address that sends)"),
+            "Comma-separated hosts that may send packets: names, addresses and networks such as 10.0.0.0/24. If "
+            "empty and key-file is set, every host with the key may send packets. If both are empty, the first "
+            "loopback address that sends may"),
         lf::property<&Settings::copies>(
             lf::kWhileReady, "copies", "Copies",
-            "Permission for other gates of this process to receive the same packets, as in a multicast group (false: "
-            "each packet passes one gate once)"),
+            "Permission for other gates of this process to receive the same packets. Set this if several gates "
+            "listen to one multicast group. If false, a packet passes only the first gate, so that a recorded packet "
+            "cannot be sent again to another gate"),
     };
     return table;
   }
@@ -96,12 +102,12 @@ struct _LfRtpGate {
   guint64 streams;
 
   // Set in PAUSED:
-  std::shared_ptr<const lf::rtp::RtpKey>* key;  // null without key file
+  std::shared_ptr<const lf::rtp::RtpKey>* key;
   bool copies;
   lf::Peers* peers;  // null: all holders of the key
   // Streaming thread:
   SrtpDecryptor* opener;
-  gint64 warned;  // monotonic time
+  gint64 warned;
 };
 
 G_DEFINE_FINAL_TYPE(LfRtpGate, lf_rtp_gate, GST_TYPE_ELEMENT)
@@ -127,7 +133,7 @@ static PacketResult to_packet_result(SrtpDecryptor::Result result) {
   return kForged;
 }
 
-// Takes the packet. If the result is kPassed, *passed is the packet to forward.
+// Checks and decrypts a packet. Takes the packet. If the result is kPassed, *passed is the packet to forward.
 static PacketResult classify(LfRtpGate* self, GstBuffer* packet, const std::optional<lf::Address>& sender,
                              GstBuffer** passed) {
   if (self->peers && !(sender && self->peers->admits(*sender))) {
@@ -206,7 +212,7 @@ static bool prepare(LfRtpGate* self) {
   try {
     if (!path.empty()) {
       *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      SrtpDecryptor(*self->key, "", nullptr);  // detects a missing srtpdec
+      SrtpDecryptor(*self->key, "", nullptr);  // throws if srtpdec is missing
     }
     what = "peers";
     if (path.empty() || !peers.empty()) self->peers = new lf::Peers(peers);

@@ -86,7 +86,7 @@ GstFlowReturn FocusWait::wait(guint view_id) {
   while (paused) {
     const Waited waited = feedback_.wait_for(*last_, kLongest);
     if (waited != Waited::kTooLong) return waited == Waited::kCame ? GST_FLOW_OK : GST_FLOW_FLUSHING;
-    // While the output is paused, keep waiting: results must not depend on the duration of the pause.
+    // Keeps waiting while the output is paused, because results must not depend on the duration of the pause.
     finds_focus(src_, view_id, &paused);
   }
   GST_WARNING_OBJECT(src_, "no focal surface for request %u within the time limit: later requests don't wait", *last_);
@@ -112,7 +112,7 @@ bool RequestRelay::is_on() const {
   return sink_ != nullptr;
 }
 
-// The caller owns the reference, because the pad may be released meanwhile.
+// The caller owns a reference, because the pad may be released meanwhile.
 GstPad* RequestRelay::hold_sink() const {
   const std::lock_guard lock(mutex_);
   return sink_ ? GST_PAD(gst_object_ref(sink_)) : nullptr;

@@ -48,8 +48,8 @@ std::string folder_of(const std::string& path) {
 }
 
 // Follows symbolic links to a file, which need not exist. Throws Error if there are too many links, or if a link
-// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting refuses to open
-// such links, but readlink() ignores it.
+// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting forbids opening
+// such links, but readlink() ignores this setting.
 std::string follow_links(const std::string& named) {
   constexpr int kMaxLinks = 40;
   std::string path = named;
@@ -74,7 +74,7 @@ std::string random_name(const std::string& beginning, const std::string& ending)
   return beginning + digits + ending;
 }
 
-// Makes a rename in the folder survive a power failure. Ignores errors, because some file systems do not support
+// Makes a rename in the folder survive a power failure. Errors are ignored, because some file systems do not support
 // fsync() on folders.
 void sync_folder(const std::string& folder) {
   const Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -93,8 +93,8 @@ void copy_owner_and_mode(int descriptor, const struct stat& old) {
 
 constexpr char kStaging[] = ".new-";
 
-// Removes staging folders of programs that ended without cleaning up: their lock is free. A new folder is unlocked for
-// an instant, so young folders are kept.
+// Removes staging folders of programs that ended without cleaning up, which have an unlocked lock. A new folder is
+// unlocked for an instant, so young folders are kept.
 void remove_old_staging(const std::string& folder) {
   constexpr time_t kYoung = 60;  // seconds
   std::error_code ignored;

@@ -28,14 +28,13 @@ double ViewCoverage::share(const Rig& rig, const ViewRequest& request, const Cam
 namespace {
 
 struct Colour {
-  float r = 0, g = 0, b = 0;  // 0..255
+  float r = 0, g = 0, b = 0;
 };
 
 float luma(const Colour& c) { return ycbcr_of(c.r, c.g, c.b).y; }
 
 uint8_t byte(float value) { return static_cast<uint8_t>(std::clamp(value + 0.5f, 0.f, 255.f)); }
 
-// Replaces the colour of each pixel by colour(x, y, luma before).
 template <typename F>
 void repaint(const WeightOverlay::Picture& picture, int width, int height, const F& colour) {
   const auto row = [&](int plane, int y) { return picture.plane[plane] + y * picture.stride[plane]; };

@@ -37,7 +37,7 @@ class ScopedOpenCvSilence {
   const cv::utils::logging::LogLevel before_;
 };
 
-// As in the header; may exceed the limits.
+// The size according to the header, which may exceed the limits.
 struct HeaderSize {
   int64_t width = 0, height = 0;
 };
@@ -71,11 +71,11 @@ std::optional<HeaderSize> png_size(std::string_view bytes) {
   return pair_of(header.number(16, 4), header.number(20, 4));
 }
 
-// The first frame header (SOF) of a JPEG file, after segments with a length each.
+// Finds the first frame header (SOF) of a JPEG file, after segments with a length each.
 std::optional<HeaderSize> jpeg_size(std::string_view bytes) {
   const HeaderBytes header(bytes, true);
   for (size_t at = 2;;) {
-    while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;  // fill bytes
+    while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;
     const auto marker = header.number(at, 2);
     if (!marker || *marker >> 8 != 0xff) return std::nullopt;
     const uint32_t kind = *marker & 0xff;
@@ -101,7 +101,7 @@ std::optional<HeaderSize> bmp_size(std::string_view bytes) {
   return HeaderSize{size->width, std::abs(int64_t{height})};
 }
 
-// The first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
+// Reads the first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
 std::optional<HeaderSize> tiff_size(std::string_view bytes) {
   const HeaderBytes header(bytes, bytes[0] == 'M');
   const auto directory = header.number(4, 4);
@@ -152,7 +152,7 @@ std::optional<HeaderSize> pnm_size(std::string_view bytes) {
   return HeaderSize{*width, *height};
 }
 
-// "-Y 480 +X 640" after an empty line.
+// The size follows an empty line as "-Y 480 +X 640".
 std::optional<HeaderSize> hdr_size(std::string_view bytes) {
   size_t at = bytes.find("\n\n");
   if (at == bytes.npos) return std::nullopt;

@@ -68,26 +68,27 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Requests may contain any numbers. Overflow and NaN are replaced by `largest` and sort last.
+// Requests may contain any numbers. Therefore overflow and NaN become `largest`, so that they sort last.
 double at_most(double largest, double value) { return value < largest ? value : largest; }
-constexpr double kFarthest = 1e300;  // squared metres
+constexpr double kFarthest = 1e300;
 
-// kAperture
+// Constants of kAperture.
 constexpr size_t kLeast = 4;          // minimum number of cameras with a weight
 constexpr double kLeastReach = 1.25;  // relative to the squared distance of the last of these cameras
-constexpr double kFacing = 0.25;      // cosine below which a camera fades, because its axis is nearly at a right angle
+constexpr double kFacing = 0.25;      // below this cosine a camera fades, because its axis is nearly at a right angle
 
-// kAngle
+// Constants of kAngle.
 constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
 constexpr double kReach = 1 + 1. / 16;  // relative to the (k + 1)-th penalty
-// Penalty of camera pixels that are larger than the view's pixels, relative to angles, because they blur. On the
-// built-in scene, with half of the cameras at half resolution, 0.5 dB better than 1, and equal to 0.
+// Penalty, relative to angles, of camera pixels that are larger than the view's pixels, because they blur. With half of
+// the cameras at half resolution, the built-in scene gains 0.5 dB compared with a penalty of 1, and nothing compared
+// with 0.
 constexpr double kBlur = 0.1;
 constexpr double kMargin = 0.05;  // relative to an image's smaller side; a camera fades within this margin
-// weight outside the image, for an eye at the camera and for pixels that no other camera sees
+// The weight outside the image is not 0, for an eye at the camera and for pixels that no other camera sees.
 constexpr double kOutside = 1. / 1024;
 
-// Returns the line of sight of a pixel. If the lens has none there, uses a position nearer to the middle.
+// Returns the line of sight of a pixel. If the lens has none there, a position nearer to the middle is used.
 Vec2 ray_at(const Lens& lens, const Vec2& pixel) {
   constexpr int kTries = 32;
   const Vec2 middle(lens.cx(), lens.cy());
@@ -237,7 +238,7 @@ std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& m
   const View& view = plan.view();
   auto grid = std::make_shared<WeightGrid>(view.width, view.height, rig.cameras.size());
   const CameraWeights weights(rig, mesh, view);
-  // Processing a few rows at once bounds the memory of their shares.
+  // Processing a few rows at a time limits the memory for their shares.
   constexpr int kRowsAtOnce = 16;
   std::vector<std::vector<WeightGrid::Share>> shares(static_cast<size_t>(grid->columns()) * kRowsAtOnce);
   for (int top = 0; top < grid->rows(); top += kRowsAtOnce) {

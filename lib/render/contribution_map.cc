@@ -13,8 +13,8 @@ namespace lf {
 
 namespace {
 
-// Palette of Okabe and Ito (Color Universal Design, 2008), distinguishable by colour-blind people; white instead of
-// black.
+// The palette of Okabe and Ito (Color Universal Design, 2008), which colour-blind people can distinguish, with white
+// instead of black.
 constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {230, 159, 0},
                                                 {0, 158, 115},
@@ -24,7 +24,7 @@ constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {86, 180, 233},
                                                 {235, 235, 235}}};
 
-constexpr float kLineWidth = 1.2f;  // pixels
+constexpr float kLineWidth = 1.2f;
 
 // Returns how much of the pixel the face's outline covers, 0 to 1. A weight is 0 along the edge opposite its corner, so
 // the distance from that edge is weight / slope.
@@ -154,8 +154,8 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
       for (int k = 0; k < face.corners(); k++)
         if (i != k) neighbours[face.camera[i]].push_back(face.camera[k]);
 
-  // Greedy: each camera takes the colour that the fewest of its earlier neighbours have. The search starts at a
-  // different colour for each camera, so that all colours are used.
+  // Each camera takes the colour that the fewest of its earlier neighbours have. The search starts at a different
+  // colour for each camera, so that all colours are used.
   std::vector<size_t> chosen(num_cameras);
   std::vector<CameraColour> colours(num_cameras);
   for (size_t i = 0; i < num_cameras; i++) {
@@ -214,7 +214,7 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
 namespace {
 
 constexpr int kRows = 12, kMaxColumns = 4 * kRows;
-// Raster for the test for dark pixels, and the least weight of a bright pixel.
+// The raster for finding dark pixels, and the minimum weight of a bright pixel.
 constexpr int kFineRows = 97, kMaxFineColumns = 4 * kFineRows;
 constexpr float kBright = 0.25f;
 constexpr int kHalvings = 12;
@@ -226,8 +226,8 @@ Viewpoint far_from(const Viewpoint& viewpoint) {
   return far;
 }
 
-// Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns at the same
-// number of rows would be a narrower view.
+// Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns with the same
+// number of rows would test a narrower view.
 int raster_rows(int most, int most_columns, double aspect) {
   constexpr int kLeast = 6;
   return std::clamp(static_cast<int>(most_columns / aspect), kLeast, most);
@@ -252,7 +252,7 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
   return nearest;
 }
 
-// True if the cameras stand around something, so that their mean axis is meaningless.
+// Returns true if the cameras stand around something, so that their mean axis is meaningless.
 bool looks_all_ways(const Rig& rig) {
   constexpr double kLeastMean = 0.3;
   Vec3 sum(0);
@@ -270,7 +270,7 @@ double VisibleFraction::operator()(const Viewpoint& viewpoint, double aspect) co
   return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), columns, rows);
 }
 
-// Enlarges the raster by one pixel on each side of the view, so that corners between raster points are not dark.
+// Enlarge the raster by one pixel on each side of the view, so that corners between raster points are not dark.
 bool VisibleFraction::sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const {
   const int rows = raster_rows(kFineRows, kMaxFineColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround((rows - 1) * aspect)) + 1, 2);
@@ -299,7 +299,7 @@ Viewpoint VisibleFraction::home(double aspect, double focus_distance, const View
   Viewpoint v = default_viewpoint(rig_, focus_distance);
   const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
   if (face && looks_all_ways(rig_)) {
-    // Cameras around a scene: a camera of the face looks through it in the right direction.
+    // If the cameras stand around a scene, a camera of the face gives the right direction.
     v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
     v = clamped(v);
   }

@@ -17,14 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// --- OpenCV's FileStorage --------------------------------------------------------------------------------------------
-
 constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // sizes that cv::calibrateCamera writes
 constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
 
 struct Matrix {
   int rows, columns;
-  std::vector<double> data;  // row by row
+  std::vector<double> data;
 };
 
 Matrix parse_matrix(const JsonValue& value) {
@@ -43,11 +41,12 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-// `place`: camera matrix; `distortion_terms`: coefficients, if present.
+// `place` is the camera matrix; `distortion_terms` are the coefficients, if there are any.
 Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
-    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], a rig cannot hold skew; ") + kUndistortRemedy);
+    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew; ") +
+               kUndistortRemedy);
   std::vector<double> distortion;
   if (const auto& value = distortion_terms) {
     const Matrix terms = parse_matrix(*value);
@@ -88,7 +87,6 @@ void parse_size(const JsonValue& value, Camera& camera) {
   value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
 }
 
-// Returns camera_from_world.
 RigidTransform parse_motion(const JsonValue& value) {
   RigidTransform motion;
   if (const auto rotation = value.find("R")) {
@@ -115,23 +113,23 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
 }
 
 const std::set<std::string_view> kOpenCvKeys = {
-    // Read.
+    // Keys that the importer reads.
     "cameras", "name", "camera_name", "image", "image_width", "image_height", "image_size", "imageSize",
     "camera_matrix", "distortion_coefficients", "R", "T", "rows", "cols", "data", "M1", "M2", "D1", "D2",
-    // Irrelevant for a rig.
+    // Keys without effect on a rig.
     "dt", "R1", "R2", "P1", "P2", "Q", "distortion_model", "camera_model", "calibration_time", "nframes",
     "nr_of_frames", "board_width", "board_height", "square_size", "marker_size", "aspectRatio", "flags",
     "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
     "rectification_matrix", "fisheye_model"};
 
-// Only one camera may lack R and T: it defines the world.
+// At most one camera may lack R and T. It then defines the world.
 void require_places(const std::vector<JsonValue>& cameras) {
   size_t without = 0;
   for (const JsonValue& camera : cameras) {
     if (camera.find("R") || camera.find("T") || ++without < 2) continue;
     const bool has_vectors = camera.find("rvec") || camera.find("tvec");
-    camera.fail(std::string("R (3x3) and T (3x1), which take points of the world to the camera, are missing: cameras "
-                            "would all be in one place") +
+    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing: all cameras "
+                            "would be at the same place") +
                 (has_vectors ? "; T is tvec, and cv::Rodrigues() makes R of rvec" : ""));
   }
 }
@@ -150,7 +148,7 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
     for (const char* name : {"extrinsics.yml", "extrinsics.yaml"})
       if (std::error_code ignored; beside.empty() && fs::is_regular_file(directory / name, ignored))
         beside = (directory / name).string();
-    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the file of extrinsics");
+    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the extrinsics file");
     const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
     const JsonValue extrinsics(root, beside);
     for (const char* key : {"R", "T"}) extrinsics.at(key);  // both are required
@@ -165,7 +163,9 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
 }
 
 RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
-  if (text.starts_with("<?xml")) throw Error(path + ": is XML; save it as .yml (cv::FileStorage goes by the ending)");
+  if (text.starts_with("<?xml"))
+    throw Error(path +
+                ": this is an XML file; save it with the extension .yml, from which cv::FileStorage selects YAML");
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
@@ -218,8 +218,6 @@ std::string opencv_yaml_text(const Rig& rig) {
   return file.releaseAndGetString();
 }
 
-// --- Kalibr's camchain.yaml ------------------------------------------------------------------------------------------
-
 constexpr char kTopicEnd[] = "/image_raw";
 
 std::string name_of_topic(std::string topic) {
@@ -261,7 +259,6 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
   }
 }
 
-// Returns the keys "cam0", "cam1", ... by number. Numbers may have gaps.
 std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const JsonValue& file) {
   std::map<uint32_t, std::string> cameras;
   if (!root.is_object()) return cameras;
@@ -278,8 +275,8 @@ std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const J
   return cameras;
 }
 
-// Returns the camera's pose (world from camera), relative to the camera with the previous number (`before`, null if
-// missing) or to the IMU.
+// Returns the pose of the camera (world from camera), relative to the IMU or to the camera with the previous number.
+// `before` is the latter, or null if it is missing.
 RigidTransform place_of(const JsonValue& camera, const RigidTransform* before, uint32_t number, bool is_first) {
   const auto step = camera.find("T_cn_cnm1"), from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
   if (step && before) return *before * parse_rigid_transform(*step).inverse();

@@ -20,8 +20,6 @@ namespace lf {
 
 namespace fs = std::filesystem;
 
-// --- Text files ------------------------------------------------------------------------------------------------------
-
 namespace {
 
 struct ColmapModel {
@@ -30,7 +28,7 @@ struct ColmapModel {
   size_t num_focal;
 };
 
-// Models in COLMAP's models.h without an equivalent here.
+// Models of COLMAP (models.h) that have no equivalent here.
 constexpr ColmapModel kOtherModels[] = {
     {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
     {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
@@ -80,7 +78,7 @@ class LineReader {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || !is_finite(value))
-      fail(std::string(what) + " must be a finite number, is \"" + text + "\"");
+      fail(std::string(what) + " must be a finite number, but is \"" + text + "\"");
     return value;
   }
   uint32_t integer(const char* what, uint32_t least, uint32_t most) {
@@ -128,7 +126,7 @@ std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path) {
     if (camera.params.size() != num_params)
       reader.fail(camera.model + " takes " + std::to_string(num_params) + " numbers, has " +
                   std::to_string(camera.params.size()));
-    if (!cameras.emplace(id, camera).second) reader.fail("CAMERA_ID " + std::to_string(id) + " is there twice");
+    if (!cameras.emplace(id, camera).second) reader.fail("CAMERA_ID " + std::to_string(id) + " occurs twice");
   }
   return cameras;
 }
@@ -149,16 +147,17 @@ std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::
     image.t.y = reader.number("TY");
     image.t.z = reader.number("TZ");
     const double norm = glm::length(image.q);
-    if (!(norm > 0 && is_finite(norm))) reader.fail("QW, QX, QY, QZ must be a rotation");
-    // COLMAP normalises on reading as well; files with 6 digits are common. A unit quaternion stays bit-identical.
+    if (!(norm > 0 && is_finite(norm)))
+      reader.fail("QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation");
+    // Files with 6 digits are common, and COLMAP also normalises when reading. A unit quaternion stays bit-identical.
     if (std::abs(norm - 1) > 1e-15) image.q /= norm;
     image.camera_id = reader.integer("CAMERA_ID", 0, UINT32_MAX);
     if (!cameras.count(image.camera_id))
       reader.fail("CAMERA_ID " + std::to_string(image.camera_id) + " is not in cameras.txt");
     image.name = reader.rest("NAME");
-    if (!ids.insert(image.id).second) reader.fail("IMAGE_ID " + std::to_string(image.id) + " is there twice");
+    if (!ids.insert(image.id).second) reader.fail("IMAGE_ID " + std::to_string(image.id) + " occurs twice");
     images.push_back(image);
-    // The POINTS2D[] line may be empty but must exist. Parsing it detects files without these lines.
+    // The POINTS2D[] line may be empty but must exist. Parsing the line detects files that lack these lines.
     if (reader.next())
       while (!reader.at_end())
         for (const char* what : {"POINTS2D[] X", "POINTS2D[] Y", "POINTS2D[] POINT3D_ID"}) reader.number(what);
@@ -188,13 +187,12 @@ std::string colmap_images_text(const std::vector<ColmapImage>& images) {
   return text;
 }
 
-// --- Image files -----------------------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr size_t kLongestPath = 4096;
 
-// Calls `use` with each proper suffix of `text` that starts a word: "1.jpg" of "cam 1.jpg", but not of "11.jpg".
+// Calls `use` with each proper suffix of `text` that starts a word. For example, "1.jpg" is such a suffix of "cam
+// 1.jpg", but not of "11.jpg".
 template <typename Use>
 void for_each_ending(const std::string& text, Use use) {
   for (size_t i = 1; i < text.size(); i++)
@@ -236,8 +234,6 @@ std::string ImageSearch::find(const std::string& name) const {
                 *std::next(found.begin()));
   return path(*found.begin());
 }
-
-// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -339,8 +335,8 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   if (folder.empty() && fs::is_directory(path_in(directory, "images"), ignored)) folder = path_in(directory, "images");
   if (folder.empty()) {
     if (options.undistorted)
-      throw Error(directory + ": undistorted images have sizes of their own: their folder must be given");
-    result.notes.push_back("no folder of image files was given: their sizes were not checked");
+      throw Error(directory + ": undistorted images have other sizes than in cameras.txt, so give their folder");
+    result.notes.push_back("no folder of image files was given, so the image sizes were not checked");
   }
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
 
@@ -401,9 +397,9 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
   std::map<std::string, uint32_t> id_of_name;
   for (const Camera& camera : rig.cameras) {
     const auto fail = [&](const std::string& what) { throw_camera_error(camera, what); };
-    if (camera.id > kMaxColmapId) fail("COLMAP has no ids beyond " + std::to_string(kMaxColmapId));
+    if (camera.id > kMaxColmapId) fail("COLMAP does not accept ids above " + std::to_string(kMaxColmapId));
     const std::string name = camera.image.empty() ? camera.name : camera.image;
-    if (name.empty()) fail("COLMAP wants a name");
+    if (name.empty()) fail("the camera has no name, but COLMAP requires one");
     if (name.find_first_of(" \t\r\n") != std::string::npos)
       fail("COLMAP reads the name \"" + name + "\" up to its first space only");
     const auto [same, is_new] = id_of_name.emplace(name, camera.id);

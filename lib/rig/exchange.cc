@@ -47,13 +47,15 @@ class Builder : public YAML::EventHandler {
   void OnDocumentStart(const YAML::Mark&) override {}
   void OnDocumentEnd() override {}
   void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { put(mark, nullptr); }
-  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { fail(mark, "aliases are not read"); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
+    fail(mark, "YAML aliases (*name) are not supported; write the value again");
+  }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& value) override {
-    if (!is_utf8(value)) fail(mark, "no text in UTF-8");
+    if (!is_utf8(value)) fail(mark, "the text is not UTF-8");
     if (is_key()) {
       levels_.back().key = value;
       levels_.back().has_key = true;
-      if (levels_.back().value->contains(value)) fail(mark, "\"" + value + "\" is there twice");
+      if (levels_.back().value->contains(value)) fail(mark, "\"" + value + "\" occurs twice");
     } else {
       put(mark, tag == "!" ? json(value) : scalar(value));  // "!": in quotes
     }
@@ -80,7 +82,7 @@ class Builder : public YAML::EventHandler {
   bool is_key() const { return !levels_.empty() && levels_.back().value->is_object() && !levels_.back().has_key; }
   json* put(const YAML::Mark& mark, json value) {
     if (levels_.empty()) return &(root = std::move(value));
-    if (is_key()) fail(mark, "a key must be a word");
+    if (is_key()) fail(mark, "a key must be a plain word, not a list or a map");
     Level& level = levels_.back();
     level.has_key = false;
     if (level.value->is_array()) return &level.value->emplace_back(std::move(value));
@@ -194,8 +196,6 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
   return result;
 }
 
-// --- Lenses and poses in OpenCV's terms ------------------------------------------------------------------------------
-
 namespace {
 
 constexpr double kRotationTolerance = 1e-3;  // on an element of R^T R; angles are then accurate to half of this
@@ -272,8 +272,6 @@ std::string rigid_transform_text(const RigidTransform& motion) {
   }
   return text + "[0.0, 0.0, 0.0, 1.0]]";
 }
-
-// --- Keys of other programs ------------------------------------------------------------------------------------------
 
 const char kUndistortRemedy[] =
     "undistort the pictures to a pinhole first (colmap image_undistorter, cv2.undistort, cv2.fisheye.undistortImage, "

@@ -125,7 +125,7 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
   return camera;
 }
 
-// Frames with different times are a film from one moving camera, or several instants of an array.
+// Frames with different times come from one moving camera, or show several instants of an array.
 class SingleTimeCheck {
  public:
   void add(const JsonValue& frame) {

@@ -120,7 +120,7 @@ bool is_uri(const std::string& path) {
                                                              path[n] == '-' || path[n] == '.'))))
     n++;
   if (n < 2) return false;
-  // A colon alone is common in file names: "cam-12:30:05.mkv".
+  // Two characters are not enough, because a colon alone is common in file names: "cam-12:30:05.mkv".
   const std::string_view scheme = std::string_view(path).substr(0, n), rest = std::string_view(path).substr(n);
   return rest.starts_with("://") || (scheme == "file" && rest.starts_with(":/")) ||
          ((scheme == "data" || scheme == "testbin") && rest.starts_with(":"));
@@ -174,7 +174,7 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
 
 Rig subsample_grid(const Rig& rig, int n) {
   if (rig.topology.type != Topology::Type::kGrid) throw Error("every: the rig's topology is not a grid");
-  if (n < 1) throw Error("every: must be at least 1, is " + std::to_string(n));
+  if (n < 1) throw Error("every: must be at least 1, but is " + std::to_string(n));
   std::vector<CameraIndex> indices;
   for (int64_t row = 0; row < rig.topology.rows; row += n)
     for (int64_t column = 0; column < rig.topology.columns; column += n)
@@ -200,7 +200,7 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
     const auto number = [&] {
       uint32_t id = 0;
       const auto [next, error] = std::from_chars(at, stop, id);
-      if (error != std::errc()) fail("must be a camera id or a range of them like 0-3");
+      if (error != std::errc()) fail("must be a camera id such as 7, or a range such as 0-3");
       at = next;
       return id;
     };
@@ -210,8 +210,8 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
       at++;
       last = number();
     }
-    if (at != stop) fail("must be a camera id or a range of them like 0-3");
-    if (last < first) fail("the range runs backwards");
+    if (at != stop) fail("must be a camera id such as 7, or a range such as 0-3");
+    if (last < first) fail("the end of the range is below its start");
     for (uint64_t id = first; id <= last; id++) {
       const auto found = index_of.find(static_cast<uint32_t>(id));
       if (found == index_of.end()) fail("the rig has no camera with id " + std::to_string(id));
@@ -349,7 +349,7 @@ double largest_distance(const Rig& rig) {
   return largest;
 }
 
-// Searches in both directions along the widest axis while the distance along the axis is below the nearest distance
+// Searches in both directions along the widest axis, until the distance along this axis exceeds the nearest distance
 // found.
 double mean_nearest_distance(const Rig& rig) {
   if (rig.cameras.size() < 2) return 0;
@@ -421,7 +421,7 @@ Rig make_arc_rig(const ArcRigOptions& options) {
 
 Rig make_ring_rig(const RingRigOptions& options) {
   require_length("radius", options.radius);
-  if (options.cameras < 3) throw Error("ring: at least 3 cameras, has " + std::to_string(options.cameras));
+  if (options.cameras < 3) throw Error("ring: needs at least 3 cameras, but has " + std::to_string(options.cameras));
   Rig rig = row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
     const double angle = 2 * std::numbers::pi * i / options.cameras;
     Pose pose;
@@ -435,8 +435,9 @@ Rig make_ring_rig(const RingRigOptions& options) {
 Rig make_cylinder_rig(const CylinderRigOptions& options) {
   require_length("pitch", options.pitch);
   require_length("radius", options.radius);
-  if (options.rows < 2) throw Error("rows: around a cylinder at least 2, has " + std::to_string(options.rows));
-  if (options.columns < 3) throw Error("columns: around a cylinder at least 3, has " + std::to_string(options.columns));
+  if (options.rows < 2) throw Error("rows: a cylinder needs at least 2, but has " + std::to_string(options.rows));
+  if (options.columns < 3)
+    throw Error("columns: a cylinder needs at least 3, but has " + std::to_string(options.columns));
   Rig rig =
       make_grid_rig({options.rows, options.columns, options.pitch, options.fov_y_deg, options.width, options.height});
   const double side = options.inward ? -1 : 1;

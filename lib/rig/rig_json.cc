@@ -70,7 +70,7 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
     topology.columns = static_cast<int>(value.at("columns").integer(1, kMaxCameras));
     if (static_cast<uint64_t>(topology.rows) * topology.columns != num_cameras)
       value.fail(std::to_string(topology.rows) + " rows x " + std::to_string(topology.columns) +
-                 " columns do not make the rig's " + std::to_string(num_cameras) + " cameras");
+                 " columns do not match the rig, which has " + std::to_string(num_cameras) + " cameras");
   } else if (type == "triangles") {
     topology.type = Topology::Type::kTriangles;
     const std::vector<JsonValue> triangles = value.at("triangles").elements();

@@ -19,8 +19,6 @@
 
 namespace lf {
 
-// --- Descriptions of elements ----------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr std::string_view kWord = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";
@@ -132,7 +130,7 @@ class DescriptionReader {
     }
   }
   bool take_value() {
-    at_++;  // the equals sign
+    at_++;
     skip_spaces();
     if (at_ == text_.size()) return false;
     if (const char quote = text_[at_]; quote == '"' || quote == '\'') {
@@ -189,8 +187,6 @@ bool is_trusted_element(const std::string& name) {
   return std::ranges::find(kTrustedElements, name) != kTrustedElements.end();
 }
 
-// --- Trust -----------------------------------------------------------------------------------------------------------
-
 namespace {
 
 // Debian creates a group for each user, with the user's name and no other members.
@@ -210,9 +206,10 @@ void require_own_file(const std::string& path) {
   const bool others_write =
       (status.st_mode & S_IWOTH) || ((status.st_mode & S_IWGRP) && !is_private_group(status.st_uid, status.st_gid));
   if ((status.st_uid == geteuid() || status.st_uid == 0) && !others_write) return;
-  throw Error(path +
-              " is written by others, and a source that describes elements may run any program: only rig files "
-              "of your own may have one (make it yours with chown and chmod go-w, or copy it)");
+  throw Error(
+      path +
+      " can be written by other users, and a source that describes elements may run any program: only rig files "
+      "of your own may have one (make it yours with chown and chmod go-w, or copy it)");
 }
 
 }  // namespace
@@ -239,8 +236,6 @@ void require_trust(const Rig& rig, const std::string& path, bool trusted) {
   }
 }
 
-// --- Secrets ---------------------------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr std::string_view kHidden = "***";
@@ -248,7 +243,6 @@ constexpr std::string_view kEndOfUri = " \t\r\n\"'<>`";
 
 bool is_name_character(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_'; }
 
-// True if values with this name must be hidden.
 bool is_secret_name(std::string_view name) {
   std::string lower(name);
   std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return std::tolower(c); });

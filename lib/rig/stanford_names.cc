@@ -110,7 +110,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   if (static_cast<size_t>(last.first + 1) * (last.second + 1) == rig.cameras.size())
     rig.topology = {Topology::Type::kGrid, last.first + 1, last.second + 1, {}};
   else
-    result.notes.push_back("the images do not fill a grid: their triangulation is Delaunay's");
+    result.notes.push_back("the images do not fill a grid, so the topology is Delaunay");
   if (options.focus_distance == 0)
     result.notes.push_back("the focus distance is 0: images are taken for unshifted ones");
   return result;
@@ -118,7 +118,8 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
 
 RigExport export_stanford(const Rig& rig, const std::string& directory, double unit) {
   if (!(unit > 0)) throw Error("unit: must be positive");
-  if (rig.topology.type != Topology::Type::kGrid) throw Error("the archive's names want a grid of cameras");
+  if (rig.topology.type != Topology::Type::kGrid)
+    throw Error("the file names of the archive hold row and column, so the rig must be a grid");
 
   // In the coordinates of the first camera.
   Rig turned = rig;

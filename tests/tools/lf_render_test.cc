@@ -246,7 +246,7 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
 TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
   test::expect_outcome(
       run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1"), testing::Ne(0),
-      testing::HasSubstr("--focus-near: must be nearer than --focus-far"));
+      testing::HasSubstr("--focus-near: must be less than --focus-far"));
 }
 
 }  // namespace

@@ -110,7 +110,7 @@ TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
        {"error: camera 1 (cam_00_01): is black", "error: camera 2 (cam_00_02): ", "it gives no pictures of 64x48",
         "error: camera 3 (cam_00_03): ", "error: camera 4 (cam_00_04): ", "none.mkv: no such file",
         "error: camera 5 (cam_00_05): ", "nosuchelement",
-        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the device of camera 6"})
+        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the same device as camera 6"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
   EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "no message about working cameras";
 }
@@ -159,7 +159,7 @@ TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
   for (const char* command : kCommandsThatOpenCameras) {
     const Outcome outcome = lf_rig(std::string(command) + " --trust-rig", dir);
     EXPECT_EQ(outcome.status, 1) << command;
-    EXPECT_THAT(outcome.output, HasSubstr("is written by others")) << command;
+    EXPECT_THAT(outcome.output, HasSubstr("can be written by other users")) << command;
     EXPECT_FALSE(std::filesystem::exists(mark)) << command;
   }
 }
@@ -225,7 +225,7 @@ TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
   const std::string before = read_text_file(dir / "stills/rig.json");
   write_rig(dir, {"none.mkv"});
   test::expect_outcome(lf_rig("snapshot rig.json --out stills --warm-up 0", dir), 1,
-                       HasSubstr("no camera gave a still: stills stays as it was"));
+                       HasSubstr("so stills is unchanged"));
   EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
   EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
 }
@@ -300,7 +300,7 @@ TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
   EXPECT_GT(std::filesystem::file_size(dir / "films/cam_00_00.mkv"), 100u) << one.output;
   EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "older than the new recording";
   EXPECT_EQ(read_text_file(dir / "films/earlier/cam_00_01.mkv"), "of last week");
-  EXPECT_THAT(one.output, HasSubstr("its previous film is now films/earlier/cam_00_01.mkv"));
+  EXPECT_THAT(one.output, HasSubstr("its previous film was moved to films/earlier/cam_00_01.mkv"));
 }
 
 // The first frame of each unsynchronised camera comes some time after the start of the recording.

@@ -74,7 +74,7 @@ TEST_F(LfRig, NewMakesCylinders) {
   expect_outcome(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json"), 1,
                  HasSubstr("radius: must be positive"));
   expect_outcome(lf_rig("new --grid 2x2 --radius 1 --pitch 1 --fov 60 --out no.json"), 1,
-                 HasSubstr("--radius: only for --arc"));
+                 HasSubstr("--radius: applies only to --arc"));
 }
 
 TEST_F(LfRig, NewRefusesNonsense) {

@@ -136,10 +136,10 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   ASSERT_EQ(same.status, 0) << same.output;
   EXPECT_THAT(same.output, HasSubstr("SSIM 1.0000"));
   EXPECT_EQ(count(load_image(path("same.png")), {0, 0, 96, 72}, 20), 0);
-  expect_failure("difference --rig rig.json --out o.png", "give one of --truth, --scene and --held-out-camera");
+  expect_failure("difference --rig rig.json --out o.png", "give exactly one of --truth, --scene and --held-out-camera");
   expect_failure("difference --rig rig.json --out o.png --held-out-camera 99", "99");
   expect_failure("difference --rig rig.json --out o.png --size 40x30 --truth " + camera.image,
-                 "must have the view's size");
+                 "must have the same size as the view");
 }
 
 TEST_F(LfShow, AFilmOfEveryViewOfAPath) {

@@ -103,7 +103,7 @@ async function isOnlyForThisMachinesPage() {
     expect((await fetch(new URL('swap', program.url), { method: 'POST', headers: json, body })).status === 400, body);
   const unknown = await fetch(new URL('swap', program.url),
     { method: 'POST', headers: json, body: '{"a":0,"b":77}' });
-  expect(unknown.status === 409 && (await unknown.json()).problem.includes('no such camera'), 'an id of no camera');
+  expect(unknown.status === 409 && (await unknown.json()).problem.includes('no camera with this id'), 'an id of no camera');
   expect((await fetch(new URL('nothing', program.url))).status === 404, 'nothing else');
   expect(await readFile(file, 'utf8') === before, 'the rig file is as it was');
   expect((await swap(json)).status === 200 && await wavedAt() === 0, 'its own');

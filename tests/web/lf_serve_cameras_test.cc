@@ -198,12 +198,12 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   EXPECT_TRUE(goes_on(client));
 
   write_text_file("{ not yet", served.rig());
-  EXPECT_TRUE(says(served, "the rig stays as it was: ")) << served.said();
+  EXPECT_TRUE(says(served, "the old rig stays in use: ")) << served.said();
   EXPECT_TRUE(goes_on(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "the rig has other cameras: opening the cameras")) << served.said();
+  EXPECT_TRUE(says(served, "the changed rig file has other cameras")) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(goes_on(client)) << served.said();
 
@@ -217,10 +217,10 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
 }
 
 TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
-  EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: needs --rig"));
-  EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: needs --nodes"));
+  EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: requires --rig"));
+  EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: requires --nodes"));
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output,
-              HasSubstr("--focus-near: must be nearer than --focus-far"));
+              HasSubstr("--focus-near: must be less than --focus-far"));
 }
 
 class KeyFile : public TempFile {

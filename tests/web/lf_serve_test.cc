@@ -157,7 +157,7 @@ TEST_F(LfServe, FliesPathsThatItHas) {
   }
   Served odd({"--path", "hall=" + (dir / "odd.json")});
   EXPECT_EQ(odd.stop(), 1);
-  EXPECT_THAT(odd.said(), HasSubstr("even width and height"));
+  EXPECT_THAT(odd.said(), HasSubstr("must be even"));
 }
 
 TEST_F(LfServe, AnswersAnOfferAndTakesLeave) {
@@ -464,7 +464,7 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   trust(first);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   make_certificate(false);
-  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
+  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("is not the key of the certificate in"));
   soup_session_abort(session_);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the matching certificate";
@@ -479,7 +479,7 @@ TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
   using std::filesystem::perm_options, std::filesystem::perms;
   Served served(options());
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::add);
-  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
+  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("chmod 600 " + dir_ / "key.pem"));
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::remove);
   EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();

@@ -184,8 +184,8 @@ void main() {
 }
 )";
 
-// The compute shader of TextureStager: divide_by_gain() and sharpen() of image/ in the same integer arithmetic. An
-// invocation writes one word: a pixel of RGB, or four samples of a plane.
+// The compute shader of TextureStager, which does the same as divide_by_gain() and sharpen() of image/ in the same
+// integer arithmetic. An invocation writes one word: a pixel of RGB, or four samples of a plane.
 constexpr std::string_view kImage = R"(
 precision highp float;
 precision highp int;

@@ -19,8 +19,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// If a face's weights are smooth along a block, each row uses a parabola through three weights. Otherwise they are
-// computed pixel by pixel.
+// If the weights of a face are smooth along a block, each row uses a parabola through three weights. Otherwise weights
+// are computed pixel by pixel.
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -33,8 +33,8 @@ inline void spread_weights(const FaceBlock&, Scratch&) {}
 // rounding.
 inline constexpr uint32_t kWeightOffset = (1u << 29) + (1u << 14);
 
-// Largest error of the parabola through the weights at t = 0, 1/2 and 1. The error is at most 0.0481 c^2 rise, if the
-// sum of the edge functions changes by the fraction c along a block, and the weight by `rise`.
+// Largest error of the parabola through the weights at t = 0, 1/2 and 1. If the sum of the edge functions changes by
+// the fraction c along a block, and the weight by `rise`, the error is at most 0.0481 c^2 rise.
 inline constexpr float kLargestMiss = 1e-5f;
 
 // Fits the weights of a face in the rows from y on of the block at x. Returns false if the weights are not smooth
@@ -167,8 +167,8 @@ inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   return number;
 }
 
-// Returns the index in scratch.faces of a face in a block. Creates the entry if necessary. `block`: index in the
-// rectangle; x, y: first pixel of the block and of the band.
+// Returns the index in scratch.faces of a face in a block, after creating the entry if necessary. `block` is the index
+// in the rectangle, and (x, y) the first pixel of the block and of the band.
 HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int block, int x, int y, int32_t face,
                                  uint8_t corners) {
   LastFaces& last = scratch.last_faces[block];
@@ -189,8 +189,8 @@ HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int bloc
 }
 
 // Computes the weights e_k / (e_0 + e_1 + e_2) of `corners` for pixels [x0, x1) of one block and row; x is relative to
-// the block. `e`: edge functions at x0, `step`: increments per pixel. Starting at the face's first pixel avoids values
-// from outside the face.
+// the block. `e` are the edge functions at x0, and `step` their increments per pixel. The computation starts at the
+// face's first pixel, to avoid values from outside the face.
 inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t corners, int16_t* const out[3]) {
   const hn::CappedTag<float, kBlock> df;
   const hn::Rebind<int16_t, decltype(df)> d16;
@@ -259,8 +259,8 @@ inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x,
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// Like weigh_band() for a view with a WeightGrid: weighs every slot in every block, and clears pixels outside `runs`,
-// where nothing is in focus.
+// Does the same as weigh_band() for a view with a WeightGrid. It weighs every slot in every block, and then clears
+// pixels outside `runs`, where nothing is in focus.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
   const WeightGrid& grid = *task.plan->blend();

@@ -121,12 +121,12 @@ TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
     });
   };
   EXPECT_NE(
-      error("").find("cameras[1]: R (3x3) and T (3x1), which take points of the world to the camera, are missing"),
+      error("").find("cameras[1]: R (3x3) and T (3x1), which transform world points to the camera, are missing"),
       std::string::npos)
       << error("");
   EXPECT_NE(error("tvec: [1, 2, 3], ").find("T is tvec"), std::string::npos);
   EXPECT_ERROR(import_opencv_yaml(dir.write("x.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>")),
-               "x.xml: is XML; save it as .yml");
+               "x.xml: this is an XML file");
 }
 
 TEST(OpenCvYaml, ListsWhatItDidNotRead) {

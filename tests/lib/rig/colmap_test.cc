@@ -89,10 +89,10 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"1 PINHOLE 4.5 3 5 5 2 1.5", "WIDTH must be an integer"},
       {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, has 3"},
       {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, has 5"},
-      {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, is \"five\""},
-      {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, is \"nan\""},
-      {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, is \"1e999\""},
-      {"2 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID 2 is there twice"},
+      {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, but is \"five\""},
+      {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, but is \"nan\""},
+      {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, but is \"1e999\""},
+      {"2 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID 2 occurs twice"},
   };
   const TempDir dir;
   for (const auto& c : cameras) {
@@ -106,10 +106,10 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
       {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is not UTF-8"},
       {"1 1 0 0 0 0 0", "TZ is missing"},
-      {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ must be a rotation"},
-      {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, is \"inf\""},
+      {"1 0 0 0 0 0 0 0 1 a.png", "so they are not a rotation"},
+      {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, but is \"inf\""},
       {"1 1 0 0 0 0 0 0 7 a.png", "CAMERA_ID 7 is not in cameras.txt"},
-      {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 is there twice"},
+      {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 occurs twice"},
   };
   for (const auto& c : images) {
     const std::string path = dir.write("images.txt", std::string("2 1 0 0 0 0 0 0 1 z.png\n\n") + c.line + "\n");
@@ -245,10 +245,10 @@ TEST(Colmap, ExportRefusesWhatColmapCantRead) {
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also used by camera 20");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[1].name = "";
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP wants a name");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the camera has no name");
   rig = mixed_rig();
   rig.cameras[1].id = UINT32_MAX;
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP has no ids beyond");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP does not accept ids above");
   EXPECT_FALSE(std::filesystem::exists(dir / "cameras.txt")) << "nothing is written then";
   dir.write("file", "");
   EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x: can't be made");
@@ -305,7 +305,7 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   write_model(dir, "1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
               "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 2 day 2.png\n\n");
   const ColmapImportOptions options = {dir / "files", true};
-  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "their folder must be given");
+  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "so give their folder");
   std::filesystem::create_directories(dir / "files");
   save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
   save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");

@@ -200,7 +200,7 @@ TEST(EveryNth, KeepsRowsAndColumnsFromTheFirst) {
   EXPECT_EQ(same.hash(), grid(3, 4).hash());
   EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.rows, 2);
   EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.columns, 2);
-  EXPECT_ERROR(subsample_grid(grid(3, 4), 0), "every: must be at least 1, is 0");
+  EXPECT_ERROR(subsample_grid(grid(3, 4), 0), "every: must be at least 1, but is 0");
   Rig rig = grid(2, 2);
   rig.topology.type = Topology::Type::kDelaunay;
   EXPECT_ERROR(subsample_grid(rig, 2), "every: the rig's topology is not a grid");
@@ -222,7 +222,7 @@ TEST(CameraList, NamesThePartThatIsWrong) {
       {"99", "camera list \"99\": \"99\": the rig has no camera with id 99"},
       {"100,106-108", "\"106-108\": the rig has no camera with id 108"},
       {"100-4294967295", "\"100-4294967295\": the rig has no camera with id 108"},
-      {"102-101", "\"102-101\": the range runs backwards"},
+      {"102-101", "\"102-101\": the end of the range is below its start"},
       {"100,,101", "\"\": must be a camera id"},
       {"100,", "\"\": must be a camera id"},
       {",", "\"\": must be a camera id"},
@@ -408,10 +408,10 @@ TEST(CylinderRig, RefusesNonsense) {
   EXPECT_EQ(make_cylinder_rig(good).cameras.size(), 6u);
   CylinderRigOptions options = good;
   options.rows = 1;
-  EXPECT_ERROR(make_cylinder_rig(options), "rows: around a cylinder at least 2");
+  EXPECT_ERROR(make_cylinder_rig(options), "rows: a cylinder needs at least 2");
   options = good;
   options.columns = 2;
-  EXPECT_ERROR(make_cylinder_rig(options), "columns: around a cylinder at least 3");
+  EXPECT_ERROR(make_cylinder_rig(options), "columns: a cylinder needs at least 3");
   options = good;
   options.radius = 0;
   EXPECT_ERROR(make_cylinder_rig(options), "radius: must be positive");

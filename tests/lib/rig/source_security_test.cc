@@ -109,12 +109,12 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   const TempDir dir;
   const std::string path = dir.write("rig.json", "");
   chmod(path.c_str(), 0646);
-  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
-  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json is written by others");
+  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json can be written by other users");
+  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json can be written by other users");
   chmod(path.c_str(), 0664);
   if (geteuid() == 0) {  // root may assign a file to any group, other users may not
     ASSERT_EQ(chown(path.c_str(), 0, 33), 0);
-    EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
+    EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json can be written by other users");
     ASSERT_EQ(chown(path.c_str(), 0, 0), 0);
     require_trust(rig_of("videotestsrc ! queue"), path, false);
   }

@@ -84,7 +84,7 @@ TEST(StanfordNames, RefusesWhatNamesCantHold) {
   EXPECT_FALSE(std::filesystem::exists(dir / "out"));
   EXPECT_ERROR(export_stanford(rig, dir / "out"), "none.png: can't be copied");
   rig.topology.type = Topology::Type::kDelaunay;
-  EXPECT_ERROR(export_stanford(rig, dir / "out"), "want a grid");
+  EXPECT_ERROR(export_stanford(rig, dir / "out"), "must be a grid");
   EXPECT_ERROR(import_stanford(dir / "nowhere", {1}), "nowhere: can't be read");
   EXPECT_ERROR(import_stanford(dir.path(), {1}), "no image is called as in");
   EXPECT_ERROR(import_stanford(dir.path(), {}), "give the focal length");
