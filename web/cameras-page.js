@@ -82,10 +82,11 @@ function show(state, picture) {
     mosaic.replaceChildren();
     tiles.clear();
     for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
-    // Chooses the largest tile size that lets all tiles, with two lines of text each, fit into the window below the
-    // instructions.
+    mosaic.style.setProperty('--columns', state.columns);
+    mosaic.style.setProperty('--largest', `${width * 2}px`);
+    // The largest size that fits all tiles, with two lines of text each, into the window below the instructions.
     const fits = `((100vh - ${state.told ? 150 : 70}px) / ${state.rows} - 46px) * ${width / height}`;
-    mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
+    mosaic.style.setProperty('--fits', fits);
   }
   swaps = state.swaps === true;
   if (state.told && told.textContent !== state.told) told.textContent = state.told;
