@@ -227,6 +227,24 @@ TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
+TEST_F(LfRig, NamesTheCommandsWhereOneIsMissing) {
+  const std::string formats = "lf-rig import: needs one of the commands colmap, kalibr, nerf, opencv or stanford";
+  expect_outcome(
+      lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
+      HasSubstr(formats + "; did you mean \"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\"? (see "
+                          "lf-rig import --help)"));
+  expect_outcome(lf_rig("import model --out rig.json"), 1, HasSubstr(formats + " (see lf-rig import --help)"));
+  expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("\"lf-rig import stanford --unit=1 model\"?"));
+  expect_outcome(lf_rig("import colmpa model --out rig.json"), 1,
+                 HasSubstr("\"lf-rig import colmap model --out rig.json\"?"));
+  expect_outcome(lf_rig("export rig.json model"), 1, HasSubstr("lf-rig export: needs one of the commands colmap,"));
+  expect_outcome(lf_rig("chek rig.json"), 1, HasSubstr("did you mean \"lf-rig check rig.json\"?"));
+  expect_outcome(lf_rig("--grid 2x2 --fov 60 --out rig.json"), 1,
+                 HasSubstr("did you mean \"lf-rig new --grid 2x2 --fov 60 --out rig.json\"?"));
+  expect_outcome(lf_rig("rig.json"), 1, HasSubstr("lf-rig: needs one of the commands new, info, check, subset,"));
+  expect_outcome(lf_rig("check"), 1, HasSubstr("lf-rig: RIG is required"));
+}
+
 // Hand-held photographs: the files are undistorted, with different sizes and names.
 TEST_F(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";
