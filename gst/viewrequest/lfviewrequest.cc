@@ -674,8 +674,24 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   return TRUE;
 }
 
+// GstBaseSrc posts a second error after each failed start, "some element failed to post a proper error message". It
+// would hide the reason in programs that show the last error.
+static gboolean lf_view_request_post_message(GstElement* element, GstMessage* message) {
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_error(message, &error, nullptr);
+    const bool had_error = LF_VIEW_REQUEST(element)->state->posted_error.exchange(true);
+    if (had_error && g_error_matches(error, GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE)) {
+      gst_message_unref(message);
+      return TRUE;
+    }
+  }
+  return GST_ELEMENT_CLASS(lf_view_request_parent_class)->post_message(element, message);
+}
+
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  self->state->posted_error = false;
   lf::ObjectLock lock(self);
   const lf::ViewRequestSettings settings = self->state->settings;
   lock.unlock();
@@ -762,6 +778,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   install_relay(element_class);
+  element_class->post_message = lf::callback<lf_view_request_post_message>;
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
       "Virtual camera of one viewer, as a stream of view requests: from a camera path (location), properties, mouse "

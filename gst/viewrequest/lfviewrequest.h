@@ -51,6 +51,7 @@ struct _LfViewRequest {
     lf::RequestRelay relay;
     lf::RelayedDepths relayed_focus;
     std::atomic<bool> in_process = false;
+    std::atomic<bool> posted_error = false;  // since the last start
 
     // Guarded by the object lock:
     lf::ViewRequestSettings settings;

@@ -268,7 +268,8 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
                         Case{rig + " nodes=here", "nodes: here: must be HOST:PORT-THERE"},
                         Case{rig + " nodes=localhost:1:2 is-live=false", "is-live must be true"},
                         Case{rig + " nodes=nobody.invalid:1:2", "nobody.invalid"}, Case{rig, "cameras \"9\"", "9"},
-                        Case{rig + " location=none.json", "none.json"}}) {
+                        Case{rig + " location=none.json", "location: none.json: can't be read: No such file"},
+                        Case{rig + " location=" + array_.rig_path(), "format: must be \"lightfield-views\""}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
     // gst_parse_launch() of GStreamer 1.22 leaks a reference to a child set in the launch line.
