@@ -250,6 +250,7 @@ class Program {
   // Runs until SIGINT or SIGTERM. Throws Error.
   void run() {
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
+    warn_of_missing_token();
     if (options_.rig.empty())
       film();
     else
@@ -263,6 +264,16 @@ class Program {
   void fail(const std::string& why) {
     failure_ = why;
     g_main_loop_quit(loop_);
+  }
+
+  void warn_of_missing_token() const {
+    if (!options_.server.token.empty() || is_loopback(options_.server.address)) return;
+    const std::string url = server_.url();
+    std::fprintf(
+        stderr,
+        "warning: no token: everybody who reaches %s can watch; to require a token: openssl rand -hex 16 >token "
+        "&& chmod 600 token, then lf-serve --token-file token\n",
+        url.c_str());
   }
 
   void film() {

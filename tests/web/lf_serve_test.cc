@@ -693,5 +693,21 @@ TEST_F(LfServe, ListensToOthersOnlyWhenTold) {
   EXPECT_EQ(insecure.stop(), 0);
 }
 
+TEST_F(LfServe, WarnsIfEverybodyOnTheNetworkCanWatch) {
+  const std::string warning = "warning: no token: everybody who reaches http://0.0.0.0:";
+  Served open({"--listen", "0.0.0.0", "--insecure"});
+  ASSERT_NE(open.url(), "") << open.said();
+  EXPECT_EQ(open.stop(), 0);
+  EXPECT_THAT(open.said(), testing::AllOf(HasSubstr(warning), HasSubstr("--token-file")));
+  Served here;
+  EXPECT_EQ(here.stop(), 0);
+  EXPECT_THAT(here.said(), testing::Not(HasSubstr("no token")));
+  const TempDir dir;
+  dir.write_secret("token", "0123456789abcdef0123456789abcdef");
+  Served closed({"--listen", "0.0.0.0", "--insecure", "--token-file", dir / "token"});
+  EXPECT_EQ(closed.stop(), 0);
+  EXPECT_THAT(closed.said(), testing::Not(HasSubstr("no token")));
+}
+
 }  // namespace
 }  // namespace lf::test
