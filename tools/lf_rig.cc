@@ -23,6 +23,7 @@
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
+#include "rig/source_security.h"
 #include "rig/still_image_cache.h"
 
 namespace {
@@ -147,6 +148,8 @@ int run_check(const Arguments& arguments) {
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
   check_home_view(rig, findings);
+  if (const std::string warning = lf::secret_warning(rig, arguments.rig); !warning.empty())
+    findings.push_back({lf::RigFinding::Severity::kWarning, warning});
   for (const lf::RigFinding& finding : findings) {
     const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
     (is_error ? errors : warnings)++;

@@ -19,6 +19,7 @@
 #include "base/file.h"
 #include "base/text.h"
 #include "command_line.h"
+#include "rig/source_security.h"
 #include "serve/access.h"
 #include "serve/http_server.h"
 #include "serve/pipelines.h"
@@ -340,6 +341,8 @@ class Program {
     server_.serve(*field_, *sessions_);
     if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
     std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+    if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
+      std::fprintf(stderr, "warning: %s: %s\n", options_.rig.c_str(), warning.c_str());
     if (options_.nodes.empty() && std::ranges::all_of(field_->array()->rig().cameras, [](const lf::Camera& camera) {
           return camera.image.empty() && camera.source.empty();
         }))

@@ -126,6 +126,12 @@ bool is_exposed(const struct stat& status) {
   return status.st_mode & (group | S_IRWXO);
 }
 
+std::string mode_text(const struct stat& status) {
+  char mode[8];
+  std::snprintf(mode, sizeof mode, "%o", static_cast<unsigned>(status.st_mode & 0777));
+  return mode;
+}
+
 }  // namespace
 
 std::string read_file(const std::string& path, size_t most_bytes) {
@@ -290,11 +296,9 @@ std::string read_secret_file(const std::string& path, size_t most) {
   struct stat status {};
   if (file < 0 || fstat(file, &status) != 0) fail_to_read(path, std::strerror(errno));
   if (!S_ISREG(status.st_mode)) fail_to_read(path, "it is not a regular file");
-  if (is_exposed(status)) {
-    char mode[8];
-    std::snprintf(mode, sizeof mode, "%o", static_cast<unsigned>(status.st_mode & 0777));
-    throw Error(path + ": other users can read or change this secret (mode " + mode + "): run chmod 600 " + path);
-  }
+  if (is_exposed(status))
+    throw Error(path + ": other users can read or change this secret (mode " + mode_text(status) + "): run chmod 600 " +
+                path);
   std::string text(most + 1, '\0');
   size_t size = 0;
   while (size < text.size()) {
@@ -310,6 +314,11 @@ std::string read_secret_file(const std::string& path, size_t most) {
   }
   text.resize(size);
   return text;
+}
+
+std::string exposed_mode(const std::string& path) {
+  struct stat status {};
+  return stat(path.c_str(), &status) == 0 && is_exposed(status) ? mode_text(status) : "";
 }
 
 void wipe(std::string& secret) {

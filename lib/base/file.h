@@ -73,6 +73,10 @@ inline constexpr size_t kMaxSecretBytes = 65536;
 // such as root's 0640 files in /etc/ssl/private and systemd credentials.
 std::string read_secret_file(const std::string& path, size_t most = kMaxSecretBytes);
 
+// Returns the mode of a file, such as "644", if other users can read or change it by the rules of read_secret_file();
+// otherwise "", also for a file that does not exist.
+std::string exposed_mode(const std::string& path);
+
 void wipe(std::string& secret);
 
 }  // namespace lf

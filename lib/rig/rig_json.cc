@@ -186,10 +186,9 @@ Rig parse_rig(const std::string& text, const std::string& name, const std::strin
 void save_rig(const Rig& rig, const std::string& path, const json* original) {
   AtomicFileWriter file(path);
   // An existing file keeps its mode. A new file with a password is readable by its owner only.
-  const bool has_secret = std::ranges::any_of(
-      rig.cameras, [](const Camera& camera) { return redacted_location(camera.source) != camera.source; });
   std::error_code ignored;
-  if (has_secret && !std::filesystem::exists(path, ignored)) fchmod(file.descriptor(), 0600);
+  if (std::ranges::any_of(rig.cameras, has_secret) && !std::filesystem::exists(path, ignored))
+    fchmod(file.descriptor(), 0600);
   file.write(rig_to_json(rig, original));
   file.commit();
 }

@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/file.h"
 #include "base/text.h"
 
 namespace lf {
@@ -351,6 +352,20 @@ std::string redacted_location(const std::string& source) {
     }
   }
   return shown;
+}
+
+bool has_secret(const Camera& camera) {
+  return redacted_location(camera.source) != camera.source || redacted_location(camera.image) != camera.image;
+}
+
+std::string secret_warning(const Rig& rig, const std::string& path) {
+  const auto camera = std::ranges::find_if(rig.cameras, has_secret);
+  if (camera == rig.cameras.end()) return "";
+  const std::string mode = exposed_mode(path);
+  if (mode.empty()) return "";
+  return "cameras[" + std::to_string(camera - rig.cameras.begin()) +
+         "]: its source contains a password or key, and other users can read or change this file (mode " + mode +
+         "): run chmod 600 " + path;
 }
 
 }  // namespace lf

@@ -40,4 +40,12 @@ void require_trust(const Rig& rig, const std::string& path, bool trusted);
 // Anything else that looks like a secret is hidden as well. The result is for display and cannot be opened.
 std::string redacted_location(const std::string& text);
 
+// True if a source of the camera contains text that redacted_location() hides.
+bool has_secret(const Camera& camera);
+
+// Returns a warning if the rig has a secret and other users can read or change its file `path`; otherwise "".
+// "cameras[2]: its source contains a password or key, and other users can read or change this file (mode 644): run
+// chmod 600 rig.json"
+std::string secret_warning(const Rig& rig, const std::string& path);
+
 }  // namespace lf

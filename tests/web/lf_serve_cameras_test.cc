@@ -15,6 +15,7 @@
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
+#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
@@ -110,6 +111,30 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
   for (const std::string& message : client.messages()) EXPECT_THAT(message, ::testing::Not(HasSubstr("Hunter2")));
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
+}
+
+TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
+  using std::filesystem::perm_options, std::filesystem::perms;
+  const auto edit = [this](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+    rig.cameras[1].source = "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream";
+  };
+  Served served({}, edit);
+  EXPECT_EQ(served.stop(), 0);
+  std::filesystem::permissions(served.rig(), perms::owner_read | perms::owner_write);
+  Served closed(Served::ExistingRig{served.rig()});
+  ASSERT_NE(closed.url(), "") << closed.said();
+  EXPECT_EQ(closed.stop(), 0);
+  EXPECT_THAT(closed.said(), ::testing::Not(HasSubstr("chmod")));
+  std::filesystem::permissions(served.rig(), perms::others_read, perm_options::add);
+  const Outcome outcome = run_program("lf-rig", "check " + served.rig());
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: warning: cameras[1]: its source contains a password or key"));
+  EXPECT_THAT(outcome.output, HasSubstr("run chmod 600 " + served.rig()));
+  Served again(Served::ExistingRig{served.rig()});
+  ASSERT_NE(again.url(), "") << again.said();
+  EXPECT_TRUE(says(again, "run chmod 600 " + served.rig())) << again.said();
+  EXPECT_EQ(again.stop(), 0);
 }
 
 TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {

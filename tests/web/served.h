@@ -46,6 +46,12 @@ class Served {
   explicit Served(const SceneNotFilmed& unfilmed) {
     begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
   }
+  struct ExistingRig {
+    std::string path;
+  };
+  explicit Served(const ExistingRig& rig) {
+    begin({LF_TOOLS_DIR "/lf-serve", "--rig", rig.path, "--port", "0"}, "serving", nullptr);
+  }
   // Ends the program like a service manager; expects no CRITICAL in its output.
   ~Served() {
     stop();

@@ -188,6 +188,8 @@ DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path,
   for (size_t i = 0; i < exam.cameras.size(); i++) exam.cameras[i].phase = exam.skew.phase[i];
   exam.measured = measured_loads(*rig, exam.cameras);
   exam.findings = find_problems(*rig, exam);
+  if (const std::string warning = secret_warning(*rig, path); !warning.empty())
+    exam.findings.push_back({false, path, warning, "change passwords that other users may have read"});
   return exam;
 }
 
