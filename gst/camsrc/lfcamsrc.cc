@@ -629,9 +629,18 @@ static std::string without_period(std::string text) {
   return text;
 }
 
-// Returns the text of a child's error with the name of the camera. If negotiation failed, the text has a better reason.
+// Returns the HTTP status of an error of souphttpsrc that refuses the user, "401" or "403"; otherwise "". Servers
+// choose the words of the refusal freely, and the words are the text of the error.
+static std::string refusing_status(const GError* error, const gchar* debug) {
+  if (!debug || !g_error_matches(error, GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_AUTHORIZED)) return "";
+  return strstr(debug, "(401), URL") ? "401" : strstr(debug, "(403), URL") ? "403" : "";
+}
+
+// Returns the text of a child's error with the camera and, for failed negotiation, a better reason.
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
+  if (const std::string status = refusing_status(error, debug); !status.empty())
+    return place + ": the camera refuses access (HTTP " + status + ", " + without_period(error->message) + ")";
   if (wanted.empty() || !debug || !strstr(debug, "not-negotiated"))
     return place + ": " + without_period(error->message);
   const bool v4l2 = place.find("v4l2") != std::string::npos;

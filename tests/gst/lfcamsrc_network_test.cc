@@ -355,6 +355,20 @@ TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
   }
 }
 
+// Servers choose the words of a refusal freely.
+TEST_F(CamSrcHttpTest, ARefusalHasItsStatus) {
+  for (const std::string status : {"401 Log in, please", "401 Unauthorized", "403 Forbidden"}) {
+    const Server server([&](const Server::Send& send) {
+      send("HTTP/1.0 " + status + "\r\nWWW-Authenticate: Basic realm=\"camera\"\r\n\r\n");
+    });
+    CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("/stream: the camera refuses access (HTTP " +
+                                                                 status.substr(0, 3) + ", " + status.substr(4) + ")"));
+    camera.set_state(GST_STATE_NULL);
+  }
+}
+
 TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
   const Server server([&](const Server::Send& send) {
     send(

@@ -53,12 +53,35 @@ TEST(Doctor, FilesAreNotPluggedIn) {
       {"/dev/video9", "", "/dev/video9: no such file", "plug it in"},
       {"rtsp://camera/x", "a.png", "rtsp://camera/x: gives nothing", "plugged in and switched on"},
       {"v4l2src device=/dev/video9 ! image/jpeg", "", "gives nothing", "plugged in and switched on"},
+      {"http://h/x", "", "http://h/x: Not Found", "no stream of this name"},
+      {"a_%d.png", "", "a_2.png: missing, while a_3.png exists: add the missing picture", "copy the missing picture"},
   };
   for (const auto& c : cases) {
     Camera camera;
     camera.source = c.source;
     camera.image = c.image;
     EXPECT_THAT(remedy_for(camera, c.problem), HasSubstr(c.remedy)) << c.source << c.image << ": " << c.problem;
+  }
+}
+
+TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
+  const struct {
+    const char *source, *problem, *remedy;
+  } cases[] = {
+      {"http://user:wrong@host/x", "http://host/x: the camera refuses access (HTTP 401, Unauthorized)",
+       "the user name or password in the rig is wrong"},
+      {"http://host/x", "http://host/x: the camera refuses access (HTTP 401, Login)", "http://USER:PASSWORD@HOST/"},
+      {"http://user:good@host/x", "http://host/x: the camera refuses access (HTTP 403, Forbidden)",
+       "does not allow this user"},
+      {"rtsp://user:wrong@host/x", "rtsp://host/x: Unauthorized", "the user name or password in the rig is wrong"},
+      {"rtsps://host/x", "rtsps://host/x: Unauthorized", "rtsps://USER:PASSWORD@HOST/"},
+      {"rtspsrc location=rtsp://host/x ! decodebin", "Unauthorized", "user-id=USER user-pw=PASSWORD"},
+      {"rtspsrc location=rtsp://host/x user-id=u user-pw=p ! decodebin", "Unauthorized", "in the rig is wrong"},
+  };
+  for (const auto& c : cases) {
+    Camera camera;
+    camera.source = c.source;
+    EXPECT_THAT(remedy_for(camera, c.problem), HasSubstr(c.remedy)) << c.source;
   }
 }
 

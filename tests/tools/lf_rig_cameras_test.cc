@@ -103,14 +103,17 @@ TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
   const TempDir dir;
   write_rig(dir, {kGood, "videotestsrc is-live=true pattern=black ! video/x-raw,framerate=15/1",
                   "videotestsrc is-live=true ! video/x-raw,width=32,height=24", "v4l2:///dev/video-none", "none.mkv",
-                  "nosuchelement ! queue", "rtsp://127.0.0.1:1/none", "rtsp://127.0.0.1:1/none"});
+                  "nosuchelement ! queue", "rtsp://127.0.0.1:1/none", "rtsp://127.0.0.1:1/none", "gap_%d.png"});
+  for (const char* name : {"gap_0.png", "gap_1.png", "gap_3.png"})
+    save_image(Image(PixelFamily::kRgb, 64, 48), dir / name);
   const Outcome outcome = lf_rig("doctor rig.json --seconds 1", dir);
   EXPECT_EQ(outcome.status, 1);
   for (const char* text :
        {"error: camera 1 (cam_00_01): is black", "error: camera 2 (cam_00_02): ", "it gives no pictures of 64x48",
         "error: camera 3 (cam_00_03): ", "error: camera 4 (cam_00_04): ", "none.mkv: no such file",
         "error: camera 5 (cam_00_05): ", "nosuchelement",
-        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the same device as camera 6"})
+        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the same device as camera 6",
+        "gap_2.png: missing, while ", "renumber the files of all cameras in the same way"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
   EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "no message about working cameras";
 }

@@ -349,6 +349,22 @@ bool brightness_moves(const CameraReport& exam) {
   return exam.brightest - exam.darkest > kMovingBrightness * exam.brightest && exam.brightest - exam.darkest > 2;
 }
 
+std::string remedy_for_refusal(const Camera& camera, const std::string& problem) {
+  if (contains(problem, "HTTP 403") || contains(problem, "orbidden"))
+    return "the camera does not allow this user to see this stream: check the path of the source, and the rights of "
+           "the user in the camera's own web page";
+  if (has_secret(camera))
+    return "the user name or password in the rig is wrong: correct it, then try the source in a browser or player; "
+           "special characters in a URI are written as %40 for @, %2F for /, %3A for :";
+  if (is_launch_description(camera.source))
+    return "the camera requires a user and a password: write user-id=USER user-pw=PASSWORD into its source, then chmod "
+           "600 the rig file";
+  const size_t end = camera.source.find("://");
+  return "the camera requires a user and a password: write " +
+         (end == std::string::npos ? "rtsp" : camera.source.substr(0, end)) +
+         "://USER:PASSWORD@HOST/... into its source, then chmod 600 the rig file";
+}
+
 bool is_of_file(const Camera& camera) {
   const std::string& source = camera.source;
   if (source.empty()) return !camera.image.empty();
@@ -367,18 +383,24 @@ std::string remedy_for(const Camera& camera, const std::string& problem) {
            "rig";
   if (contains(problem, "gives no pictures of")) return "write a size that the camera supports into the rig";
   if (contains(problem, "busy") || contains(problem, "in use"))
-    return "another program uses the camera; close this program (fuser -v /dev/video* shows its name)";
-  const bool is_missing =
-      contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found");
+    return "another program uses the camera: close that program (fuser -v /dev/video* names it)";
+  if (contains(problem, ": missing, while "))
+    return "the numbers of a sequence have no gaps: copy the missing picture again, or use a copy of the previous "
+           "picture. Otherwise renumber the files of all cameras in the same way, because equal numbers mean one "
+           "instant";
+  const bool is_missing = contains(problem, "no such file") || contains(problem, "Cannot identify") ||
+                          contains(problem, "not found") || contains(problem, "Not Found");
   const bool lacks_elements = contains(problem, "is not installed") || contains(problem, "no element");
   if (is_of_file(camera) && is_missing)
     return "check the path; a path that does not begin with / is relative to the folder of the rig file";
   if (is_of_file(camera) && !lacks_elements)
-    return "check that the file is complete and can be played with: gst-launch-1.0 filesrc location=FILE ! decodebin ! "
-           "videoconvert ! autovideosink";
-  if (is_missing) return "the device is not connected; plug it in (lf-rig new --devices lists connected devices)";
-  if (contains(problem, "nauthorized") || contains(problem, "401"))
-    return "the camera requires a user and a password; give them in its source as rtsp://USER:PASSWORD@HOST/...";
+    return "check that the file is complete and plays: "
+           "gst-launch-1.0 filesrc location=FILE ! decodebin ! videoconvert ! autovideosink";
+  if (contains(problem, "refuses access") || contains(problem, "nauthorized") || contains(problem, "401"))
+    return remedy_for_refusal(camera, problem);
+  if (is_missing && contains(camera.source, "://") && !camera.source.starts_with("v4l2:"))
+    return "the camera has no stream of this name: check the path in the source against the camera's manual";
+  if (is_missing) return "no such device: plug it in; lf-rig new --devices lists connected devices";
   if (contains(problem, "connect") || contains(problem, "resolve"))
     return "there is no answer from this address; check that the camera is switched on and in this network (ping its "
            "host)";
