@@ -15,6 +15,7 @@
 #include "base/json_value.h"
 #include "base/text.h"
 #include "cameras/commands.h"
+#include "cameras/film_check.h"
 #include "cameras/rig_cameras.h"
 #include "command_line.h"
 #include "render/contribution_map.h"
@@ -147,6 +148,7 @@ int run_check(const Arguments& arguments) {
   lf::load_controls(arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
+  for (const lf::RigFinding& finding : lf::cameras::check_films(rig)) findings.push_back(finding);
   check_home_view(rig, findings);
   if (const std::string warning = lf::secret_warning(rig, arguments.rig); !warning.empty())
     findings.push_back({lf::RigFinding::Severity::kWarning, warning});

@@ -14,10 +14,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "base/text.h"
 #include "calibration/tracks.h"
 #include "cameras/guided_recording.h"
 #include "cameras/mosaic.h"
 #include "cameras/recorder.h"
+#include "gst/camera_files.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
@@ -97,6 +99,37 @@ TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
   }
   const Outcome page = lf_rig("doctor rig.json --seconds 1", dir);
   EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), HasSubstr("2 cameras, 0 errors")));
+}
+
+TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
+  gst_init(nullptr, nullptr);
+  const test::CameraFiles films;
+  const TempDir dir;
+  const auto check = [&](const std::vector<std::string>& sources) {
+    write_rig(dir, sources);
+    const Outcome outcome = lf_rig("check rig.json", dir);
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    return outcome.output;
+  };
+  const auto cut = [&](const std::string& name) {
+    std::filesystem::copy_file(films.path(name), dir / name);
+    std::filesystem::resize_file(dir / name, std::filesystem::file_size(dir / name) * 6 / 10);
+    return dir / name;
+  };
+  const std::string mkv = films.path("mjpeg.mkv"), stream = films.path("pictures.mjpeg"), avi = films.path("mjpeg.avi");
+  EXPECT_THAT(check({mkv, mkv, stream, avi}), Not(HasSubstr("frames")));
+  EXPECT_THAT(check({mkv, mkv, cut("mjpeg.mkv"), mkv}),
+              HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.mkv" + " is cut off after "));
+  EXPECT_THAT(
+      check({stream, cut("pictures.mjpeg"), stream}),
+      AllOf(HasSubstr("warning: cameras[1].source: " + dir / "pictures.mjpeg"), HasSubstr("most others have 6")));
+  EXPECT_THAT(check({avi, avi, cut("mjpeg.avi")}), HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.avi"));
+  dir.write("list.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nhttp://127.0.0.1:1/a.ts\n#EXT-X-ENDLIST\n");
+  EXPECT_THAT(check({mkv, "list.m3u8"}), Not(HasSubstr("frames"))) << "not opened";
+  EXPECT_THAT(check({mkv, films.path("sound.mkv")}), HasSubstr("sound.mkv has no video frames"));
+  for (const int i : {0, 1, 2, 3})
+    std::filesystem::copy_file(films.path("jpeg_00.jpg"), dir / format_text("%d.jpg", i));
+  EXPECT_THAT(check({stream, stream, "%d.jpg"}), HasSubstr("%d.jpg has 4 frames, most others have 6"));
 }
 
 TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
