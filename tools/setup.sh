@@ -25,7 +25,7 @@ packages=(
   g++ meson ninja-build pkg-config
   libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev nlohmann-json3-dev zlib1g-dev
+  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libtiff-dev nlohmann-json3-dev zlib1g-dev
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
   libegl-dev libgles-dev
   python3

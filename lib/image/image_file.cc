@@ -21,6 +21,7 @@
 
 #include "base/file.h"
 #include "base/text.h"
+#include "image/coded_image_check.h"
 
 namespace lf {
 namespace {
@@ -169,13 +170,21 @@ std::optional<HeaderSize> hdr_size(std::string_view bytes) {
   return HeaderSize{sides[0], sides[1]};
 }
 
+bool is_tiff(std::string_view bytes) {
+  return bytes.starts_with(std::string_view("II*\0", 4)) || bytes.starts_with(std::string_view("MM\0*", 4));
+}
+
+bool is_webp(std::string_view bytes) {
+  return bytes.starts_with("RIFF") && bytes.size() >= 16 && bytes.substr(8, 4) == "WEBP";
+}
+
 std::optional<HeaderSize> claimed_size(std::string_view bytes) {
   const auto begins = [&](std::string_view magic) { return bytes.substr(0, magic.size()) == magic; };
   if (begins("\x89PNG\r\n\x1a\n")) return png_size(bytes);
   if (begins("\xff\xd8\xff")) return jpeg_size(bytes);
   if (begins("BM")) return bmp_size(bytes);
-  if (begins(std::string_view("II*\0", 4)) || begins(std::string_view("MM\0*", 4))) return tiff_size(bytes);
-  if (begins("RIFF") && bytes.size() >= 16 && bytes.substr(8, 4) == "WEBP") return webp_size(bytes);
+  if (is_tiff(bytes)) return tiff_size(bytes);
+  if (is_webp(bytes)) return webp_size(bytes);
   if (begins("#?RADIANCE") || begins("#?RGBE")) return hdr_size(bytes);
   if (bytes.size() > 2 && bytes[0] == 'P' && std::string_view("123456Ff").find(bytes[1]) != std::string_view::npos)
     return pnm_size(bytes);
@@ -199,6 +208,17 @@ std::string read_image_file(const std::string& path) {
   return read_file(path);
 }
 
+void fail_if_damaged(const std::string& path, const std::string& damage) {
+  if (!damage.empty()) throw Error(path + ": damaged: " + damage);
+}
+
+// Returns false if OpenCV refuses the bytes. May throw cv::Exception.
+bool decode_with_opencv(std::span<const uint8_t> bytes, cv::Mat& pixels) {
+  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<uint8_t*>(bytes.data()));
+  cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
+  return !pixels.empty();
+}
+
 Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
   // OpenCV accepts damaged PNG and JPEG files.
   const std::span coded_bytes(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
@@ -209,13 +229,18 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
       throw Error(path + ": " + error.what());
     }
   }
+  if (is_tiff(bytes)) fail_if_damaged(path, tiff_damage(coded_bytes));
   // OpenCV decodes into the image's memory if the size matches.
   Image image(PixelFamily::kRgb, size.width, size.height);
   cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
-  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
     const ScopedOpenCvSilence quiet;
-    cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
+    decode_with_opencv(coded_bytes, pixels);
+    if (is_webp(bytes) && !pixels.empty())
+      fail_if_damaged(path, webp_damage(coded_bytes, [](std::span<const uint8_t> part) {
+                        cv::Mat ignored;
+                        return decode_with_opencv(part, ignored);
+                      }));
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
