@@ -19,6 +19,7 @@
 #include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "cameras/doctor.h"
@@ -108,11 +109,7 @@ std::string last_line(const std::string& text) {
                      end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
-StepRunner::StepRunner(const std::string& folder) : folder_(folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw lf::Error(folder + ": the folder cannot be created: " + error.message());
-}
+StepRunner::StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
 
 bool StepRunner::run(const Step& step) {
   const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";

@@ -14,6 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "command_line.h"
@@ -335,9 +336,7 @@ void run(const Options& options) {
   if (options.every != 1) rig = lf::subsample_grid(rig, options.every);
   if (const std::string notice = lf::orientation_notice(rig); !notice.empty())
     std::fprintf(stderr, "warning: %s\n", notice.c_str());
-  std::error_code error;
-  std::filesystem::create_directories(options.out, error);
-  if (error) throw lf::Error(options.out + ": the folder cannot be created: " + error.message());
+  lf::make_folder(options.out);
 
   lf::validate(options.blending());
   if (options.leave_one_out) return leave_one_out(rig, options);

@@ -402,7 +402,7 @@ void film(const Options& options) {
   // that it names exist.
   const fs::path rig_path = fs::path(options.out) / "rig.json";
   lf::AtomicFolderUpdate update(options.out);
-  if (!views.empty()) fs::create_directory(fs::path(update.staging()) / "truth");
+  if (!views.empty()) lf::make_folder(update.staging() + "/truth");
 
   std::vector<Job> jobs;
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);

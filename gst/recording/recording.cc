@@ -8,6 +8,7 @@
 
 #include <unistd.h>
 
+#include "base/file.h"
 #include "base/text.h"
 #include "common/common.h"
 #include "rig/rig_json.h"
@@ -61,12 +62,6 @@ std::string time_of_day() {
 }
 
 std::string rig_path(const std::string& folder) { return folder + "/rig.json"; }
-
-void make_folder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw Error(folder + ": can't create the folder: " + error.message());
-}
 
 void require_free(const std::string& path, const std::string& folder) {
   std::error_code error;

@@ -18,8 +18,9 @@ std::string read_file(const std::string& path, size_t most_bytes = kMaxFileBytes
 //
 // The new content goes to a temporary file in the same folder, and commit() renames that file. Without commit(),
 // nothing changes. The file keeps its mode and owner. If `path` is a symbolic link, the link stays and its target is
-// replaced. A link of another user in a world-writable folder is an error, because it could redirect the output. A
-// device or a FIFO is written to directly. All functions throw Error with `path`. Not thread-safe.
+// replaced. A link of another user in a world-writable folder is an error, because it could redirect the output. The
+// same holds for links to folders in `path`. A device or a FIFO is written to directly. All functions throw Error with
+// `path`. Not thread-safe.
 class AtomicFileWriter {
  public:
   explicit AtomicFileWriter(const std::string& path);
@@ -43,6 +44,11 @@ class AtomicFileWriter {
 
 // Replaces the file `to` by the content of the regular file `from`, of any size. Throws Error with the file's name.
 void copy_file(const std::string& from, const std::string& to);
+
+// Creates an output folder and its parents, if they do not exist. Returns true if it creates the folder. Throws Error
+// if that fails, or if a folder in the path is a symbolic link of another user in a world-writable folder. This project
+// creates all output folders with this function.
+bool make_folder(const std::string& folder);
 
 // Updates several files of a folder together. Write the new files to staging(), which is a hidden subfolder. commit()
 // then moves them to the same relative paths in the folder; other files stay. Without commit(), nothing changes. If the

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "image/image_file.h"
@@ -419,9 +420,7 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
     images.push_back({camera.id, camera.id, q, -(glm::mat3_cast(q) * camera.pose.position), name});
   }
 
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) throw Error(directory + ": can't be made: " + error.message());
+  make_folder(directory);
   write_text_file(colmap_cameras_text(cameras), path_in(directory, "cameras.txt"));
   write_text_file(colmap_images_text(images), path_in(directory, "images.txt"));
   write_text_file("# 3D point list: empty\n", path_in(directory, "points3D.txt"));

@@ -157,9 +157,7 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
         number_text(result.max_error) + " px");
   std::erase(result.notes, "the topology of the rig is not kept");
 
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) throw Error(directory + ": can't be made: " + error.message());
+  make_folder(directory);
   for (size_t i = 0; i < positions.size(); i++) {
     const fs::path from = rig.resolve(rig.cameras[i].image);
     const fs::path to = fs::path(directory) / ("out_" + place_text(static_cast<int>(i), rig.topology.columns) + "_" +

@@ -82,8 +82,8 @@ void set_earlier_film_aside(const std::string& folder, const std::string& stagin
   const fs::path name = film_name(camera), old = fs::path(folder) / name, aside = fs::path(folder) / "earlier";
   if (fs::exists(fs::path(staging) / name) || !fs::exists(old)) return;
   std::error_code error;
-  fs::create_directories(aside, error);
-  if (!error) fs::rename(old, aside / name, error);
+  make_folder(aside.string());
+  fs::rename(old, aside / name, error);
   if (error) throw Error(old.string() + ": cannot be moved to " + aside.string() + ": " + error.message());
   recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its previous film was moved to ") +
                    (aside / name).string() + ", because films of different recordings have different start times";
