@@ -30,6 +30,7 @@
 #include "report_data.h"
 #include "report_page.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 extern char** environ;
 
@@ -126,7 +127,7 @@ bool StepRunner::run(const Step& step) {
   const auto before = done.find(step.name);
   if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
       before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
-    std::printf("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+    terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
     return true;
   }
   std::fflush(stdout);
@@ -147,10 +148,10 @@ bool StepRunner::run(const Step& step) {
     said = last_line(text.substr(0, text.rfind(kError)));
   }
   const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
-  std::printf("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
-              status == 0 ? ""
-              : left_all  ? " (with errors)"
-                          : "");
+  terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
+                  status == 0 ? ""
+                  : left_all  ? " (with errors)"
+                              : "");
   std::fflush(stdout);
   if (!left_all) return false;
   for (const std::string& output : step.outputs) fs::remove(aside(output));
@@ -208,7 +209,7 @@ class CalibrationRun {
   void record(const std::string& folder, const char* before, const char* meanwhile,
               const lf::cameras::RecordingGuide& guide) const {
     const auto ask = [](const std::string& question) {
-      std::printf("%s ", question.c_str());
+      terminal::print("%s ", question.c_str());
       std::fflush(stdout);
       std::string answer;
       if (!std::getline(std::cin, answer))
@@ -233,9 +234,9 @@ class CalibrationRun {
       const lf::Camera& camera = rig->cameras[one.camera];
       const std::string name = lf::cameras::name_of(camera);
       if (!one.problem.empty())
-        std::printf("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
-                    lf::cameras::remedy_for(camera, one.problem).c_str());
-      if (!one.note.empty()) std::printf("record      camera %s: %s\n", name.c_str(), one.note.c_str());
+        terminal::print("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
+                        lf::cameras::remedy_for(camera, one.problem).c_str());
+      if (!one.note.empty()) terminal::print("record      camera %s: %s\n", name.c_str(), one.note.c_str());
     }
   }
 
@@ -253,7 +254,7 @@ class CalibrationRun {
       const lf::Camera& camera = rig.cameras[i];
       const std::vector<std::string> pictures = board_images(o_.boards, camera);
       if (pictures.empty()) {
-        std::printf(
+        terminal::print(
             "boards      camera %u (%s): %s contains neither a video %s.* nor images in %s/, so the lights determine "
             "its lens\n",
             camera.id, camera.name.c_str(), o_.boards.c_str(), camera.name.c_str(), camera.name.c_str());
@@ -336,10 +337,10 @@ class CalibrationRun {
     const ReportVerdict verdict = grade_calibration(data);
     const std::string page = file("report.html");
     lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
-    std::printf("\n%s\n", verdict.headline.c_str());
-    for (const std::string& step : verdict.next) std::printf("- %s\n", step.c_str());
-    if (has_rig) std::printf("rig         %s\n", out_.c_str());
-    std::printf("report      %s\n", fs::absolute(page).string().c_str());
+    terminal::print("\n%s\n", verdict.headline.c_str());
+    for (const std::string& step : verdict.next) terminal::print("- %s\n", step.c_str());
+    if (has_rig) terminal::print("rig         %s\n", out_.c_str());
+    terminal::print("report      %s\n", fs::absolute(page).string().c_str());
     return has_rig && verdict.grade != ReportVerdict::Grade::kBad ? 0 : 1;
   }
 

@@ -21,6 +21,7 @@
 #include "recordings.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace {
 
@@ -194,7 +195,7 @@ lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
   if (o.tracks.empty()) {
     gst_init(nullptr, nullptr);
     const LightRecordings recordings = detect_lights(rig, o.recordings, o.bar > 0, o.threads);
-    for (const std::string& trouble : recordings.troubles(rig)) std::printf("warning: %s\n", trouble.c_str());
+    for (const std::string& trouble : recordings.troubles(rig)) terminal::print("warning: %s\n", trouble.c_str());
     if (recordings.useful() < 3)
       throw lf::Error("fewer than three cameras saw a moving light, which is too few for a check");
     sights = recordings.sights;
@@ -211,11 +212,12 @@ lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
 json check_tracks(const CheckArguments& o, const lf::Rig& rig) {
   const lf::RigCheck check = lf::check_calibration(rig, tracks_of(o, rig));
   const std::vector<lf::Finding> findings = lf::diagnose_check(rig, check, o.bar);
-  std::printf("%-8s %-16s %8s %12s %10s\n", "camera", "name", "sights", "residual px", "moved px");
+  terminal::print("%-8s %-16s %8s %12s %10s\n", "camera", "name", "sights", "residual px", "moved px");
   for (const lf::RigCheck::Camera& camera : check.cameras)
-    std::printf("%-8u %-16s %8zu %12.3f %10.3f\n", camera.id, rig.cameras[*rig.index_of_id(camera.id)].name.c_str(),
-                camera.sights, camera.residual_px, camera.shift_px);
-  if (check.bar) std::printf("bar         %.1f mm in this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
+    terminal::print("%-8u %-16s %8zu %12.3f %10.3f\n", camera.id, rig.cameras[*rig.index_of_id(camera.id)].name.c_str(),
+                    camera.sights, camera.residual_px, camera.shift_px);
+  if (check.bar)
+    terminal::print("bar         %.1f mm in this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
   return json::parse(lf::check_report(rig, check, findings).dump());
 }
 
@@ -223,7 +225,8 @@ int check(const CheckArguments& o) {
   const lf::Rig rig = lf::load_rig(o.rig);
   const json report = o.monitor.empty() ? check_tracks(o, rig) : check_monitor(rig, o.monitor, o.token_file);
   for (const json& finding : report["findings"])
-    std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
+    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
+                    finding["text"].get<std::string>().c_str());
   size_t off = 0, unknown = 0;
   for (const json& camera : report["cameras"]) {
     unknown += camera["state"] == "unknown";
@@ -232,9 +235,9 @@ int check(const CheckArguments& o) {
   const bool holds = report["holds"];
   const size_t all = report["cameras"].size();
   if (holds)
-    std::printf("%s holds: %zu of %zu cameras are where the rig states\n", o.rig.c_str(), all - unknown, all);
+    terminal::print("%s holds: %zu of %zu cameras are where the rig states\n", o.rig.c_str(), all - unknown, all);
   else
-    std::printf("%s does not hold: %zu of %zu cameras are off\n", o.rig.c_str(), off, all);
+    terminal::print("%s does not hold: %zu of %zu cameras are off\n", o.rig.c_str(), off, all);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
   return holds ? 0 : 1;
 }
@@ -276,7 +279,7 @@ void add_check_command(cli::App& app, int& status) {
     try {
       status = check(*o);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
+      terminal::print_error("lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
       status = 2;
     }
   });

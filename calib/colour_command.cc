@@ -25,6 +25,7 @@
 #include "progress.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace {
 
@@ -232,16 +233,18 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
 }
 
 void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
-  std::printf("%-62s %8s %8s\n", ("differences on held-out patches, of 255 (" + from + ")").c_str(), "median", "95 %");
-  std::printf("%-62s %8.2f %8.2f\n", "uncorrected", solution.before.median, solution.before.p95);
+  terminal::print("%-62s %8s %8s\n", ("differences on held-out patches, of 255 (" + from + ")").c_str(), "median",
+                  "95 %");
+  terminal::print("%-62s %8.2f %8.2f\n", "uncorrected", solution.before.median, solution.before.p95);
   for (const auto& trial : solution.trials)
-    std::printf("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
-                trial.terms == solution.terms ? "  <- chosen" : "");
+    terminal::print("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
+                    trial.terms == solution.terms ? "  <- chosen" : "");
   for (const lf::Finding& finding : solution.findings)
-    std::printf("%s: %s\n", name_of(finding.severity), finding.text.c_str());
-  std::printf("%zu of %zu cameras corrected\n",
-              static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
-              rig.cameras.size());
+    terminal::print("%s: %s\n", name_of(finding.severity), finding.text.c_str());
+  terminal::print(
+      "%zu of %zu cameras corrected\n",
+      static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
+      rig.cameras.size());
 }
 
 void measure(const ColourArguments& options) {
@@ -252,7 +255,7 @@ void measure(const ColourArguments& options) {
                            : fs::is_directory(options.recording) ? with_recordings(options.recording, rig)
                                                                  : lf::load_rig(options.recording);
   const Recording recording = read(rig, recorded, options);
-  for (const std::string& camera : recording.without) std::printf("warning: %s\n", camera.c_str());
+  for (const std::string& camera : recording.without) terminal::print("warning: %s\n", camera.c_str());
   if (options.from == "chart" && recording.charts == 0)
     throw lf::Error(
         "no frame shows a colour chart. Show all cameras a chart with 24 patches (ColorChecker) at a dozen places, in "
@@ -261,7 +264,7 @@ void measure(const ColourArguments& options) {
   // A few detections may be false, so a chart recording needs many.
   const bool from_chart = options.from == "chart" || (options.from == "auto" && recording.charts >= rig.cameras.size());
   lf::ColourSolveOptions how;
-  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   if (!from_chart) how.progress("comparing views");
   const std::string from = from_chart ? std::to_string(recording.charts) + " charts" : "overlapping views";
   const lf::ColourSolution solution =

@@ -11,6 +11,7 @@
 
 #include "command_line.h"
 #include "progress.h"
+#include "terminal.h"
 
 // Subcommands of lf-calibrate, each implemented in NAME_command.cc (track in solve_command.cc). Each function adds one
 // subcommand with its options and callback. A callback throws lf::Error if the command fails. Commands with results
@@ -35,7 +36,7 @@ class SolveProgress {
  private:
   void reach(const std::string& step) {
     if (!isatty(STDERR_FILENO)) {
-      std::fprintf(stderr, "%s\n", step.c_str());
+      terminal::print_error("%s\n", step.c_str());
       return;
     }
     // The solver runs twice, coarsely and finely, if clocks are estimated. Up to 12 rounds of clock estimation lie in

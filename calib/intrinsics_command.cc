@@ -20,6 +20,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace {
 
@@ -132,7 +133,7 @@ void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, co
     if (view && chooser->take(*view)) {
       view->name = video.name + " frame " + std::to_string(frame);
       found.views.push_back(std::move(*view));
-      std::fprintf(stderr, "view %d of %d\n", ++kept, options.views);
+      terminal::print_error("view %d of %d\n", ++kept, options.views);
     }
     frame++;
     return kept < options.views;
@@ -167,18 +168,18 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
 }
 
 void print(const IntrinsicsResult& result, const Images& images) {
-  for (const std::string& path : images.without_board) std::printf("%s: no board found\n", path.c_str());
+  for (const std::string& path : images.without_board) terminal::print("%s: no board found\n", path.c_str());
   for (const IntrinsicsResult::View& view : result.views)
-    std::printf("%s: %.3f px%s\n", view.name.c_str(), view.rms,
-                view.used ? "" : ": left out, because the view does not fit the lens");
-  std::printf("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
+    terminal::print("%s: %.3f px%s\n", view.name.c_str(), view.rms,
+                    view.used ? "" : ": left out, because the view does not fit the lens");
+  terminal::print("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
   for (const IntrinsicsResult::Model& m : result.models)
-    std::printf("%-30s %8.4f %12.4f %10zu %10.1f%s\n", m.model.name().c_str(), m.rms, m.held_out_rms, m.num_params,
-                m.bic, m.model == result.fit.model ? "  <- chosen" : "");
+    terminal::print("%-30s %8.4f %12.4f %10zu %10.1f%s\n", m.model.name().c_str(), m.rms, m.held_out_rms, m.num_params,
+                    m.bic, m.model == result.fit.model ? "  <- chosen" : "");
   for (int i = 0; i < result.fit.lens.num_params(); i++)
-    std::printf("%-4s %12.6g +- %.2g\n", result.covariance.parameters[i].c_str(), result.fit.lens.params()[i],
-                std::sqrt(result.covariance.at(i, i)));
-  for (const std::string& warning : result.warnings) std::printf("warning: %s\n", warning.c_str());
+    terminal::print("%-4s %12.6g +- %.2g\n", result.covariance.parameters[i].c_str(), result.fit.lens.params()[i],
+                    std::sqrt(result.covariance.at(i, i)));
+  for (const std::string& warning : result.warnings) terminal::print("warning: %s\n", warning.c_str());
 }
 
 ordered_json report(const IntrinsicsResult& result, const Images& images) {
@@ -240,7 +241,7 @@ void calibrate(const IntrinsicsArguments& options) {
     how.lens = lf::lens_model_from_name(options.model);
     if (!how.lens) throw lf::Error("--model " + options.model + ": is not a known lens model");
   }
-  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   how.progress("searching for the board");
   const Images images = find_boards(options, board);
   if (images.views.empty())

@@ -20,6 +20,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "solver_log.h"
+#include "terminal.h"
 
 namespace {
 
@@ -35,8 +36,8 @@ void write_report(const ReportArguments& o) {
   const std::string title =
       o.title.empty() ? std::filesystem::absolute(o.files[0]).parent_path().filename().string() : o.title;
   lf::write_text_file(report_page(data, verdict, title), o.out);
-  std::printf("%s: %s\n", o.out.c_str(), verdict.headline.c_str());
-  for (const std::string& step : verdict.next) std::printf("- %s\n", step.c_str());
+  terminal::print("%s: %s\n", o.out.c_str(), verdict.headline.c_str());
+  for (const std::string& step : verdict.next) terminal::print("- %s\n", step.c_str());
 }
 
 void add_report_command(cli::App& app) {
@@ -68,12 +69,12 @@ void find_features(FeaturesOptions options) {
   lf::StillImageCache stills(rig);
   std::vector<lf::Image> images;
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
-  options.features.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  options.features.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   const lf::Tracks tracks = lf::track_features(rig, images, options.features);
   lf::write_text_file(lf::tracks_to_json(tracks), options.out);
-  std::printf("%s: %zu tracks, %zu observations, %.1f cameras per track\n", options.out.c_str(), tracks.num_positions,
-              tracks.observations.size(),
-              static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
+  terminal::print("%s: %zu tracks, %zu observations, %.1f cameras per track\n", options.out.c_str(),
+                  tracks.num_positions, tracks.observations.size(),
+                  static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
 }
 
 void add_features_command(cli::App& app) {
@@ -127,11 +128,11 @@ int main(int argc, char** argv) {
       app, argc, argv, [] {},
       [](const std::string& error) {
         struct stat out = {};
-        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) std::printf("error: %s\n", error.c_str());
+        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
       });
   // Messages of the solver may explain a failure, but are useless otherwise.
   for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
-    std::fprintf(stderr, "note: solver message: %s\n", message.c_str());
+    terminal::print_error("note: solver message: %s\n", message.c_str());
   // The command check uses exit status 1 for a rig that does not hold, so errors need another status.
   if (failed && *app.get_subcommand("check")) return 2;
   return failed ? failed : status;

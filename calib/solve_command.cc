@@ -21,6 +21,7 @@
 #include "commands.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace {
 
@@ -60,23 +61,23 @@ void track(const TrackArguments& options) {
   gst_init(nullptr, nullptr);
   const lf::Rig rig = lf::load_rig(options.rig);
   const LightRecordings recordings = detect_lights(rig, options.recordings, options.bar, options.threads);
-  std::printf("%-8s %-16s %8s %7s %7s %9s %9s\n", "camera", "name", "pictures", "seconds", "lit %", "coverage",
-              "sigma px");
+  terminal::print("%-8s %-16s %8s %7s %7s %9s %9s\n", "camera", "name", "pictures", "seconds", "lit %", "coverage",
+                  "sigma px");
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const auto& [record, summary, trouble] = recordings.cameras[i];
-    std::printf("%-8u %-16s %8zu %7.1f %7.1f %7.0f %% %9.3f\n", rig.cameras[i].id, rig.cameras[i].name.c_str(),
-                record.frames, summary.seconds, 100 * summary.lit, 100 * summary.coverage, summary.sigma);
+    terminal::print("%-8u %-16s %8zu %7.1f %7.1f %7.0f %% %9.3f\n", rig.cameras[i].id, rig.cameras[i].name.c_str(),
+                    record.frames, summary.seconds, 100 * summary.lit, 100 * summary.coverage, summary.sigma);
   }
   for (size_t i = 0; i < rig.cameras.size(); i++)
     for (const std::string& remark : recordings.cameras[i].summary.remarks)
-      std::printf("note: camera %u (%s): %s\n", rig.cameras[i].id, rig.cameras[i].name.c_str(), remark.c_str());
-  for (const lf::Finding& finding : recordings.findings) std::printf("note: %s\n", finding.text.c_str());
-  for (const std::string& trouble : recordings.troubles(rig)) std::printf("error: %s\n", trouble.c_str());
+      terminal::print("note: camera %u (%s): %s\n", rig.cameras[i].id, rig.cameras[i].name.c_str(), remark.c_str());
+  for (const lf::Finding& finding : recordings.findings) terminal::print("note: %s\n", finding.text.c_str());
+  for (const std::string& trouble : recordings.troubles(rig)) terminal::print("error: %s\n", trouble.c_str());
   if (!options.json.empty()) lf::write_text_file(track_report(rig, recordings).dump(1) + "\n", options.json);
   const size_t useful = recordings.useful(), all = rig.cameras.size();
   if (useful < 2) throw lf::Error("fewer than two cameras saw a moving light, so no tracks are written");
   lf::write_text_file(lf::light_detections_to_json(recordings.sights), options.out);
-  std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
+  terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
   if (useful < all)
     throw lf::Error(std::to_string(all - useful) + " of " + std::to_string(all) +
                     " cameras did not see the light move; " + options.out + " has only the other cameras");
@@ -141,20 +142,21 @@ json load_prior(const std::string& path, lf::SolveOptions& options) {
 
 void print_summary(const json& report) {
   for (const json& trial : report["models"])
-    std::printf("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
-                trial["bic"].get<double>(),
-                trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
-                trial["chosen"].get<bool>() ? "  chosen" : "");
-  std::printf("distortion  %s\n", report["model"].get<std::string>().c_str());
-  std::printf(
+    terminal::print("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
+                    trial["bic"].get<double>(),
+                    trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
+                    trial["chosen"].get<bool>() ? "  chosen" : "");
+  terminal::print("distortion  %s\n", report["model"].get<std::string>().c_str());
+  terminal::print(
       "residuals   mean %.3f px, median %.3f px, rms %.3f px over all; rms %.3f px without outliers (expected "
       "%.3f)\n",
       report["mean_px"].get<double>(), report["median_px"].get<double>(), report["rms_px"].get<double>(),
       report["inliers"]["rms_px"].get<double>(), report["expected_rms_px"].get<double>());
-  std::printf("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
-              report["observations"].get<size_t>());
+  terminal::print("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
+                  report["observations"].get<size_t>());
   for (const json& finding : report["findings"])
-    std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
+    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
+                    finding["text"].get<std::string>().c_str());
 }
 
 void print_clocks(const lf::LightSolution& lights) {
@@ -166,8 +168,9 @@ void print_clocks(const lf::LightSolution& lights) {
     sigma = std::max(sigma, lights.clocks[i].sigma);
     reflections += lights.reflections[i];
   }
-  std::printf("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most, 1e3 * sigma);
-  if (reflections > 0) std::printf("reflections %zu detections left out\n", reflections);
+  terminal::print("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most,
+                  1e3 * sigma);
+  if (reflections > 0) terminal::print("reflections %zu detections left out\n", reflections);
 }
 
 void solve(const SolveArguments& o) {
@@ -222,7 +225,7 @@ void solve(const SolveArguments& o) {
     if (!solution.scene.cameras[i].used)
       missing += (missing.empty() ? "" : ", ") + std::to_string(tracks.cameras[i].id);
   }
-  std::printf("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
+  terminal::print("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
   if (!missing.empty())
     throw lf::Error(std::to_string(tracks.cameras.size() - found) + " of " + std::to_string(tracks.cameras.size()) +
                     " cameras are missing in " + o.out + " (" + missing + "): see the findings above");

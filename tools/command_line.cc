@@ -16,6 +16,7 @@
 
 #include "base/file.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace cli {
 
@@ -161,14 +162,10 @@ App::operator bool() const { return parts_->app->parsed(); }
 
 namespace {
 
-// Prepares an error for the terminal, because it may quote a hostile file. Removes secrets and control characters, and
-// limits the length.
+// Prepares an error for the terminal. Removes secrets and control characters, and limits the length.
 std::string printable(const std::string& what) {
   constexpr size_t kMost = 4000;
-  std::string text = lf::without_staging(lf::redacted_location(what.substr(0, kMost)));
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < ' ' && c != '\n' && c != '\t') c = '?';
-  return text;
+  return lf::terminal_text(lf::without_staging(lf::redacted_location(what.substr(0, kMost))));
 }
 
 // Number of insertions, removals and replacements of characters that turn `a` into `b`.
@@ -247,13 +244,13 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);
     if (const std::string missing = explain_missing_command(parser, argc, argv); !missing.empty()) {
-      std::fprintf(stderr, "%s\n", printable(missing).c_str());
+      terminal::print_error("%s\n", printable(missing).c_str());
       return 1;
     }
-    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
+    terminal::print_error("%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
   } catch (const std::exception& e) {
     const std::string what = printable(e.what());
-    std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), what.c_str());
+    terminal::print_error("%s: %s\n", parser.get_name().c_str(), what.c_str());
     if (on_error) on_error(what);
   }
   return 1;

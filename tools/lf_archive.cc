@@ -26,6 +26,7 @@
 #include "recording/camera_file.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace fs = std::filesystem;
 
@@ -311,26 +312,27 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
   double worst = INFINITY;
   for (size_t i = 0; i < films.size(); i++) {
     const ArchivedFilm& film = films[i];
-    std::printf("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
-                static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
-                megabytes(film.bytes_after));
+    terminal::print("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
+                    static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
+                    megabytes(film.bytes_after));
     if (film.is_copy)
-      std::printf("copied unchanged (not Motion JPEG)\n");
+      terminal::print("copied unchanged (not Motion JPEG)\n");
     else
-      std::printf("%.2f dB\n", film.psnr());
+      terminal::print("%.2f dB\n", film.psnr());
     if (film.unreadable > 0)
-      std::printf("  %llu frames could not be decoded and are left out\n",
-                  static_cast<unsigned long long>(film.unreadable));
+      terminal::print("  %llu frames could not be decoded and are left out\n",
+                      static_cast<unsigned long long>(film.unreadable));
     all.bytes_before += film.bytes_before;
     all.bytes_after += film.bytes_after;
     all.squares += film.squares;
     all.pixels += film.pixels;
     if (!film.is_copy) worst = std::min(worst, film.psnr());
   }
-  std::printf("%s: %.2f MB -> %.2f MB, %.2f times smaller", out.c_str(), megabytes(all.bytes_before),
-              megabytes(all.bytes_after), static_cast<double>(all.bytes_before) / static_cast<double>(all.bytes_after));
-  if (all.pixels > 0) std::printf(", %.2f dB of luma (the worst camera %.2f)", all.psnr(), worst);
-  std::printf("\n");
+  terminal::print("%s: %.2f MB -> %.2f MB, %.2f times smaller", out.c_str(), megabytes(all.bytes_before),
+                  megabytes(all.bytes_after),
+                  static_cast<double>(all.bytes_before) / static_cast<double>(all.bytes_after));
+  if (all.pixels > 0) terminal::print(", %.2f dB of luma (the worst camera %.2f)", all.psnr(), worst);
+  terminal::print("\n");
 }
 
 // The rig file is written last, so that an incomplete folder does not look like a recording.

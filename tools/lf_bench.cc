@@ -24,6 +24,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "wire/answer_codec.h"
 
@@ -190,9 +191,9 @@ void print_speed(const Array& array, const Options& options) {
   const lf::RendererChoice renderer = *lf::renderer_choice(options.renderer);
   const std::string by =
       renderer == lf::RendererChoice::kCpu ? std::string("one thread (") + lf::simd_target_name() + ")" : "one thread";
-  std::printf("%zu cameras, views of %dx%d, %s, from camera images in memory to the picture\n\n", array.cameras.size(),
-              plane.width, plane.height, by.c_str());
-  std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
+  terminal::print("%zu cameras, views of %dx%d, %s, from camera images in memory to the picture\n\n",
+                  array.cameras.size(), plane.width, plane.height, by.c_str());
+  terminal::print("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
   std::string drawn_by;
   for (const bool jpeg : {false, true})
     for (const bool through_surface : {false, true}) {
@@ -202,12 +203,12 @@ void print_speed(const Array& array, const Options& options) {
       const Error error = error_of(link.picture(), exact_luma(array, view));
       const std::string name = (jpeg ? "JPEG " + std::to_string(options.quality) : "16-bit sums") +
                                (through_surface ? ", focal surface" : ", one focal plane");
-      std::printf("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
-                  error.psnr_db);
+      terminal::print("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
+                      error.psnr_db);
       drawn_by = link.drawn_by();
     }
-  if (renderer != lf::RendererChoice::kCpu) std::printf("drawn by %s\n", drawn_by.c_str());
-  std::printf("error: luma, of 255, against unrounded sums at exact positions\n");
+  if (renderer != lf::RendererChoice::kCpu) terminal::print("drawn by %s\n", drawn_by.c_str());
+  terminal::print("error: luma, of 255, against unrounded sums at exact positions\n");
 }
 
 // Selects the cameras to hold out, evenly from the inner half of the array, where each camera has neighbours on all
@@ -227,7 +228,7 @@ std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
 
 void print_quality(const Array& array, const Options& options) {
   const lf::Rig& rig = *array.rig;
-  std::printf(
+  terminal::print(
       "\nheld-out cameras, rendered from the other cameras: PSNR in dB, SSIM; plane at %.3g m, focal surface\n\n"
       "%-18s %15s %17s %9s\n",
       array.distance, "", "plane", "surface", "covered");
@@ -247,11 +248,11 @@ void print_quality(const Array& array, const Options& options) {
     }
     const std::string name = at.name.empty() ? "camera " + std::to_string(at.id) : at.name;
     if (std::isnan(quality[0].psnr_db) || std::isnan(quality[1].psnr_db)) {
-      std::printf("%-18s sees nothing that other cameras see\n", name.c_str());
+      terminal::print("%-18s sees nothing that other cameras see\n", name.c_str());
       continue;
     }
-    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
-                quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
+    terminal::print("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
+                    quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
     for (int i = 0; i < 2; i++) {
       mean[i].psnr_db += quality[i].psnr_db;
       mean[i].ssim += quality[i].ssim;
@@ -259,8 +260,8 @@ void print_quality(const Array& array, const Options& options) {
     judged++;
   }
   if (judged > 0)
-    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f\n", "mean", mean[0].psnr_db / judged, mean[0].ssim / judged,
-                mean[1].psnr_db / judged, mean[1].ssim / judged);
+    terminal::print("%-18s %8.2f %6.4f %10.2f %6.4f\n", "mean", mean[0].psnr_db / judged, mean[0].ssim / judged,
+                    mean[1].psnr_db / judged, mean[1].ssim / judged);
 }
 
 }  // namespace

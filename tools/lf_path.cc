@@ -8,6 +8,7 @@
 #include "command_line.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
@@ -44,8 +45,8 @@ void run(Options& options) {
   const lf::FocusRange focus = focus_of(options, rig);
   options.tour.still = stands_still(rig);
   lf::save_views(lf::make_tour(rig, focus, options.tour), options.out);
-  std::printf("%s: %d views, focus from %.4g to %.4g m\n", options.out.c_str(), options.tour.frames, focus.near,
-              focus.far);
+  terminal::print("%s: %d views, focus from %.4g to %.4g m\n", options.out.c_str(), options.tour.frames, focus.near,
+                  focus.far);
 }
 
 }  // namespace

@@ -30,6 +30,7 @@
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -66,12 +67,12 @@ QualityRow mean_of(const std::vector<QualityRow>& rows) {
 }
 
 void print_row(const QualityRow& row, int name_width) {
-  std::printf("%-*s", name_width, row.name.c_str());
+  terminal::print("%-*s", name_width, row.name.c_str());
   if (row.quality)
-    std::printf("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
+    terminal::print("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
   else
-    std::printf("  %8s  %7s  %9s", "-", "-", "-");
-  std::printf("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
+    terminal::print("  %8s  %7s  %9s", "-", "-", "-");
+  terminal::print("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
 }
 
 nlohmann::ordered_json to_json(const QualityRow& row) {
@@ -94,8 +95,8 @@ void print_table(const std::vector<QualityRow>& rows) {
   size_t width = 4;
   for (const QualityRow& row : rows) width = std::max(width, row.name.size());
   const int name_width = static_cast<int>(width);
-  std::printf("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error", "coverage",
-              "cameras", "ms");
+  terminal::print("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error",
+                  "coverage", "cameras", "ms");
   for (const QualityRow& row : rows) print_row(row, name_width);
   print_row(mean_of(rows), name_width);
 }
@@ -209,7 +210,7 @@ class Renderer {
   std::shared_ptr<lf::gl::GlesRenderer> gpu_renderer() {
     std::string news;
     std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_.open(choice_, news);
-    if (!news.empty()) std::fprintf(stderr, "lf-render: %s\n", news.c_str());
+    if (!news.empty()) terminal::print_error("lf-render: %s\n", news.c_str());
     return gpu;
   }
   const lf::Image& read(lf::CameraIndex camera) {
@@ -322,11 +323,12 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   const lf::CameraMonitor monitor = predictor.watch();
   for (const auto& [camera, fault] : monitor.suspects()) {
     using Fault = lf::CameraMonitor::Fault;
-    std::printf("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(), monitor.error(camera).psnr_db,
-                fault == Fault::kColour ? "is brighter or darker than the rest of the array"
-                : fault == Fault::kDirection
-                    ? "has another direction than the rig file states"
-                    : "is out of focus, dirty or covered, or it sees something that no other camera sees");
+    terminal::print("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(),
+                    monitor.error(camera).psnr_db,
+                    fault == Fault::kColour ? "is brighter or darker than the rest of the array"
+                    : fault == Fault::kDirection
+                        ? "has another direction than the rig file states"
+                        : "is out of focus, dirty or covered, or it sees something that no other camera sees");
   }
   if (!options.json.empty()) write_json(rows, options.json);
 }
@@ -335,7 +337,7 @@ void run(const Options& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   if (options.every != 1) rig = lf::subsample_grid(rig, options.every);
   if (const std::string notice = lf::orientation_notice(rig); !notice.empty())
-    std::fprintf(stderr, "warning: %s\n", notice.c_str());
+    terminal::print_error("warning: %s\n", notice.c_str());
   lf::make_folder(options.out);
 
   lf::validate(options.blending());

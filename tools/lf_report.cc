@@ -25,6 +25,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -266,11 +267,11 @@ void run_report(const Options& options) {
   const size_t incomplete = static_cast<size_t>(
       std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
   if (incomplete > 0)
-    std::fprintf(stderr, "lf-report: %zu of %zu pictures are incomplete\n", incomplete, run.log.size());
+    terminal::print_error("lf-report: %zu of %zu pictures are incomplete\n", incomplete, run.log.size());
 
   lf::save_image(sheet_of(run, frames, plane, options.scene, foot), options.out + "/sheet.png");
   lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
-  std::printf("%s\n", report.dump(1).c_str());
+  terminal::print("%s\n", report.dump(1).c_str());
 }
 
 }  // namespace

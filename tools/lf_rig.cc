@@ -26,6 +26,7 @@
 #include "rig/rig_report.h"
 #include "rig/source_security.h"
 #include "rig/still_image_cache.h"
+#include "terminal.h"
 
 namespace {
 
@@ -54,13 +55,13 @@ void parse_grid(const std::string& text, int& rows, int& columns) {
 }
 
 void print_notes(const std::vector<std::string>& notes) {
-  for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
+  for (const std::string& note : notes) terminal::print("note: %s\n", note.c_str());
 }
 
 void save(Rig rig, const std::string& out, const nlohmann::json* original = nullptr) {
   lf::rebase_paths(rig, std::filesystem::path(out).parent_path().string());
   lf::save_rig(rig, out, original);
-  std::printf("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
+  terminal::print("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
 }
 
 void assign_devices(Rig& rig) {
@@ -73,13 +74,13 @@ void assign_devices(Rig& rig) {
   for (size_t i = 0; i < devices.size(); i++) {
     const bool used = i < rig.cameras.size();
     if (used) rig.cameras[i].source = devices[i].source;
-    std::printf("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
-                devices[i].name.c_str(),
-                devices[i].stable ? "" : ", but this name may denote another camera after a restart");
+    terminal::print("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
+                    devices[i].name.c_str(),
+                    devices[i].stable ? "" : ", but this name may denote another camera after a restart");
   }
   if (devices.size() < rig.cameras.size())
-    std::printf("warning: %zu cameras have no device, because too few cameras are connected\n",
-                rig.cameras.size() - devices.size());
+    terminal::print("warning: %zu cameras have no device, because too few cameras are connected\n",
+                    rig.cameras.size() - devices.size());
 }
 
 Rig make_rig(Arguments& arguments) {
@@ -118,16 +119,16 @@ int run_info(const Arguments& arguments) {
     shape = "grid of " + std::to_string(topology.rows) + "x" + std::to_string(topology.columns);
   else if (topology.type == lf::Topology::Type::kTriangles)
     shape = "triangles";
-  std::printf("cameras     %zu (%zu with an image, %zu with a source)\n", rig.cameras.size(), summary.images,
-              summary.sources);
-  std::printf("hash        %016llx\n", static_cast<unsigned long long>(rig.hash()));
-  std::printf("topology    %s\n", shape.c_str());
-  std::printf("mesh        %zu triangles", summary.triangles);
-  if (summary.other_faces > 0) std::printf(", %zu other faces", summary.other_faces);
-  std::printf("\nextent      %.6g x %.6g x %.6g m\n", summary.extent.x, summary.extent.y, summary.extent.z);
-  std::printf("baseline    %.6g m (farthest pair)\n", summary.baseline);
-  std::printf("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
-  for (const std::string& lens : summary.lenses) std::printf("lens        %s\n", lens.c_str());
+  terminal::print("cameras     %zu (%zu with an image, %zu with a source)\n", rig.cameras.size(), summary.images,
+                  summary.sources);
+  terminal::print("hash        %016llx\n", static_cast<unsigned long long>(rig.hash()));
+  terminal::print("topology    %s\n", shape.c_str());
+  terminal::print("mesh        %zu triangles", summary.triangles);
+  if (summary.other_faces > 0) terminal::print(", %zu other faces", summary.other_faces);
+  terminal::print("\nextent      %.6g x %.6g x %.6g m\n", summary.extent.x, summary.extent.y, summary.extent.z);
+  terminal::print("baseline    %.6g m (farthest pair)\n", summary.baseline);
+  terminal::print("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
+  for (const std::string& lens : summary.lenses) terminal::print("lens        %s\n", lens.c_str());
   return 0;
 }
 
@@ -155,9 +156,9 @@ int run_check(const Arguments& arguments) {
   for (const lf::RigFinding& finding : findings) {
     const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
     (is_error ? errors : warnings)++;
-    std::printf("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
+    terminal::print("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
   }
-  std::printf("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
+  terminal::print("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
   return errors > 0 ? 1 : 0;
 }
 
@@ -173,18 +174,19 @@ int run_subset(const Arguments& arguments) {
 int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
   if (std::ranges::all_of(result.rig.cameras, [](const lf::Camera& camera) { return camera.image.empty(); }))
-    std::printf(
+    terminal::print(
         "note: the imported rig has no images; add a \"source\" (or an \"image\", a still) to each camera in %s\n",
         arguments.out.c_str());
   if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
-    std::printf("note: %s\n", notice.c_str());
+    terminal::print("note: %s\n", notice.c_str());
   save(result.rig, arguments.out);
   return 0;
 }
 
 int finish_export(const Arguments& arguments, const Rig& rig, const lf::RigExport& result) {
   print_notes(result.notes);
-  std::printf("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(), result.max_error);
+  terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
+                  result.max_error);
   return 0;
 }
 

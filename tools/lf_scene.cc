@@ -29,6 +29,7 @@
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -105,8 +106,8 @@ void film_chart(const ChartOptions& options) {
   update.commit();
   write_faults(rig, faults, options.out);
   lf::save_rig(rig, options.out + "/rig.json");
-  std::printf("%zu cameras, a chart at %zu places: %s/rig.json\n", rig.cameras.size(), charts.size(),
-              options.out.c_str());
+  terminal::print("%zu cameras, a chart at %zu places: %s/rig.json\n", rig.cameras.size(), charts.size(),
+                  options.out.c_str());
 }
 
 cli::App* add_chart_command(cli::App& app) {
@@ -210,7 +211,7 @@ void film_lights(const LightOptions& options) {
   for (lf::Camera& camera : filmed.cameras) camera.source = camera.name + ".mkv", camera.image.clear();
   const std::string rig_path = (fs::path(options.out) / "rig.json").string();
   lf::save_rig(filmed, rig_path);
-  std::printf("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
+  terminal::print("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
 }
 
 cli::App* add_lights_command(cli::App& app) {
@@ -422,8 +423,8 @@ void film(const Options& options) {
   }
   write_faults(rig, faults, options.out);
   lf::save_rig(filmed, rig_path.string());
-  std::printf("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
-              options.framerate.c_str(), views.size(), rig_path.c_str());
+  terminal::print("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
+                  options.framerate.c_str(), views.size(), rig_path.c_str());
 }
 
 }  // namespace

@@ -25,6 +25,7 @@
 #include "serve/pipelines.h"
 #include "serve/process.h"
 #include "serve/rig_reload.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -94,10 +95,10 @@ std::string token_in(const std::string& path) {
                     "token with: openssl rand -hex 16 >FILE");
   constexpr size_t kShort = 16;
   if (token.size() < kShort)
-    std::fprintf(stderr,
-                 "warning: %s: the token has only %zu characters and can be guessed; create a longer token with: "
-                 "openssl rand -hex 16 >FILE\n",
-                 path.c_str(), token.size());
+    terminal::print_error(
+        "warning: %s: the token has only %zu characters and can be guessed; create a longer token with: "
+        "openssl rand -hex 16 >FILE\n",
+        path.c_str(), token.size());
   return token;
 }
 
@@ -270,8 +271,7 @@ class Program {
   void warn_of_missing_token() const {
     if (!options_.server.token.empty() || is_loopback(options_.server.address)) return;
     const std::string url = server_.url();
-    std::fprintf(
-        stderr,
+    terminal::print_error(
         "warning: no token: everybody who reaches %s can watch; to require a token: openssl rand -hex 16 >token "
         "&& chmod 600 token, then lf-serve --token-file token\n",
         url.c_str());
@@ -281,8 +281,9 @@ class Program {
     options_.rig = SceneFilming::rig();
     if (options_.limits.focus == 0) options_.limits.focus = kSceneFocus;
     if (SceneFilming::exists()) return open();
-    std::printf("filming the built-in scene (only once, stored as %s); meanwhile, the page at %s shows the progress\n",
-                options_.rig.c_str(), server_.url().c_str());
+    terminal::print(
+        "filming the built-in scene (only once, stored as %s); meanwhile, the page at %s shows the progress\n",
+        options_.rig.c_str(), server_.url().c_str());
     server_.show_filming(0);
     film_ = std::make_unique<SceneFilming>([this](const std::string& problem) {
       if (!problem.empty()) return fail(problem);
@@ -340,13 +341,13 @@ class Program {
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
     if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
-    std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+    terminal::print("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
     if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
-      std::fprintf(stderr, "warning: %s: %s\n", options_.rig.c_str(), warning.c_str());
+      terminal::print_error("warning: %s: %s\n", options_.rig.c_str(), warning.c_str());
     if (options_.nodes.empty() && std::ranges::all_of(field_->array()->rig().cameras, [](const lf::Camera& camera) {
           return camera.image.empty() && camera.source.empty();
         }))
-      std::printf("no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
+      terminal::print("no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }
 
   Options options_;

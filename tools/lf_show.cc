@@ -28,6 +28,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
@@ -267,7 +268,7 @@ void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& 
   }
   output.finish();
   progress.finish();
-  std::printf("%s: %zu %s\n", options.out.c_str(), views.size(), views.size() == 1 ? "picture" : "pictures");
+  terminal::print("%s: %zu %s\n", options.out.c_str(), views.size(), views.size() == 1 ? "picture" : "pictures");
 }
 
 struct Options {
@@ -290,7 +291,7 @@ void show_mosaic(const Options& options) {
   Output output(options.output.out);
   output.add(camera_mosaic(scene.rig, images, options.width > 0 ? options.width : kScreen, true));
   output.finish();
-  std::printf("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
+  terminal::print("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
 }
 
 // Writes the id of each camera at the centre of its contribution. Large contributions come first, and ids that would
@@ -381,7 +382,7 @@ void show_epipolar(const Options& options) {
   Output output(options.output.out);
   output.add(lf::epipolar_image(scene.rig, line, scene.images, epi));
   output.finish();
-  std::printf("%s: %zu cameras, %.4g m away\n", options.output.out.c_str(), line.size(), epi.distance);
+  terminal::print("%s: %zu cameras, %.4g m away\n", options.output.out.c_str(), line.size(), epi.distance);
 }
 
 void show_sweep(const Options& options) {
@@ -400,7 +401,7 @@ void show_sweep(const Options& options) {
   const auto views = lf::make_focus_sweep(view, range, options.planes);
   show_views(options.output, views,
              [&](const lf::NamedView& named) { return picture_of(scene, scene.mesh, named.view).picture; });
-  std::printf("%d planes from %.4g to %.4g m\n", options.planes, range.near, range.far);
+  terminal::print("%d planes from %.4g to %.4g m\n", options.planes, range.near, range.far);
 }
 
 cli::App* add_command(cli::App& app, const char* name, const char* help, Options& options,
@@ -466,7 +467,7 @@ void show_difference(const DifferenceOptions& options) {
                                            lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
                                                            100 * quality.coverage)}
                              : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel"};
-    std::printf("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
+    terminal::print("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
     return with_colour_bar(
         lf::heat_map(off, named.view.width, named.view.height, options.full),
         {"off by 0", lf::format_text("%.4g of 255", options.full), quality.coverage < 1 ? "not compared" : "", texts});

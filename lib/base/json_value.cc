@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/terminal_text.h"
 #include "base/text.h"
 
 namespace lf {
@@ -212,7 +213,7 @@ std::string JsonValue::name() const {
   std::string name = text();
   if (name.size() > kMost)
     fail("must have at most " + std::to_string(kMost) + " bytes, has " + std::to_string(name.size()));
-  if (std::ranges::any_of(name, [](unsigned char c) { return c < ' ' || c == 0x7f; })) fail("has control characters");
+  if (has_control_characters(name)) fail("has control characters");
   return name;
 }
 

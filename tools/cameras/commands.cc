@@ -29,6 +29,7 @@
 #include "cameras/rig_cameras.h"
 #include "progress.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace fs = std::filesystem;
 using namespace lf::cameras;
@@ -46,19 +47,20 @@ int run_doctor(DoctorArguments options) {
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   if (!options.json) {
     options.exam.on_planned = [](const std::vector<LinkLoad>& planned) {
-      std::fputs(link_table(planned, "as planned").c_str(), stdout);
+      terminal::write(stdout, link_table(planned, "as planned"));
       std::fflush(stdout);
     };
     options.exam.on_progress = [bar = std::make_shared<Progress>("watching", 100), shown = 0](double part) mutable {
       for (; shown < 100 * part && shown < 100; shown++) bar->step();
     };
-    std::fprintf(stderr, "opening %zu cameras\n", rig->cameras.size());
+    terminal::print_error("opening %zu cameras\n", rig->cameras.size());
     if (std::ranges::all_of(rig->cameras, [](const lf::Camera& c) { return c.image.empty() && c.source.empty(); }))
-      std::fputs("no camera in the rig has an image or a source, so all cameras show the built-in scene\n", stderr);
+      terminal::write(stderr,
+                      "no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }
   const DoctorReport exam = run_doctor(rig, options.rig, options.exam);
   options.exam.on_progress = {};
-  std::fputs((options.json ? json_report(*rig, exam) + "\n" : text_report(*rig, exam)).c_str(), stdout);
+  terminal::write(stdout, (options.json ? json_report(*rig, exam) + "\n" : text_report(*rig, exam)));
   return exam.errors() > 0 ? 1 : 0;
 }
 
@@ -129,7 +131,7 @@ class Identify {
                                  },
                                  this)};
     cameras_.start();
-    std::printf(
+    terminal::print(
         "%zu cameras are shown at %s\nHold a hand in front of a camera to highlight its tile, and drag the tile to its "
         "place. Ctrl-C quits.\n",
         rig_.cameras.size(), server_.url().c_str());
@@ -154,7 +156,7 @@ class Identify {
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())
-        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_for(rig_.cameras[i], problem).c_str());
+        terminal::print_error("warning: %s: %s\n", problem.c_str(), remedy_for(rig_.cameras[i], problem).c_str());
   }
 
   std::string state() {
@@ -181,8 +183,8 @@ class Identify {
     for (std::atomic<lf::CameraIndex>& place : place_of_)
       place = place == *first ? *second : place == *second ? *first : place.load();
     mosaic_.swap(a, b);
-    std::printf("%s: the cameras of %s and %s have changed places\n", path_.c_str(),
-                name_of(rig_.cameras[*first]).c_str(), name_of(rig_.cameras[*second]).c_str());
+    terminal::print("%s: the cameras of %s and %s have changed places\n", path_.c_str(),
+                    name_of(rig_.cameras[*first]).c_str(), name_of(rig_.cameras[*second]).c_str());
     std::fflush(stdout);
     return "";
   }
@@ -258,7 +260,7 @@ int lock_cameras(LockArguments options) {
     if (options.mains > 0) controls[camera.id]["mains_frequency"] = options.mains;
   }
   lf::put_controls(controls, original);
-  for (const auto& [name, value] : values) std::printf("%s: %.6g\n", name.c_str(), value);
+  for (const auto& [name, value] : values) terminal::print("%s: %.6g\n", name.c_str(), value);
   std::vector<StuckControl> stuck;
   if (!options.no_check)
     stuck = find_stuck_controls(rig, values, options.lock, [&](const std::string& step) {
@@ -267,12 +269,12 @@ int lock_cameras(LockArguments options) {
     });
   progress.reset();
   for (const StuckControl& one : stuck)
-    std::printf("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
-                one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
+    terminal::print("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
+                    one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
   const std::string out = options.out.empty() ? options.rig : options.out;
   lf::rebase_paths(rig, fs::path(out).parent_path().string());
   lf::save_rig(rig, out, &original);
-  std::printf("%s: %zu cameras have equal controls\n", out.c_str(), rig.cameras.size());
+  terminal::print("%s: %zu cameras have equal controls\n", out.c_str(), rig.cameras.size());
   return stuck.empty() ? 0 : 1;
 }
 
@@ -328,13 +330,13 @@ int record_films(RecordArguments options) {
   size_t whole = 0;
   for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
-    std::printf("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
-                problem.empty() ? "" : ": ",
-                problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
-    if (!note.empty()) std::printf("  %s\n", note.c_str());
+    terminal::print("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
+                    problem.empty() ? "" : ": ",
+                    problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
+    if (!note.empty()) terminal::print("  %s\n", note.c_str());
     whole += problem.empty();
   }
-  std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());
+  terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());
   return whole < recorded.size() ? 1 : 0;
 }
 
@@ -405,20 +407,20 @@ int take_snapshot(SnapshotArguments options) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
-      std::printf("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
-                  remedy_for(camera, still.problem).c_str());
+      terminal::print("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
+                      remedy_for(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
     lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
-    std::printf("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
+    terminal::print("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
   }
   if (static_cast<size_t>(missing) == stills.size())
     throw lf::Error("no camera delivered an image, so " + options.out + " is unchanged");
   update.commit();
   lf::save_rig(result, (fs::path(options.out) / "rig.json").string(), &original);
-  std::printf("%s/rig.json: %zu stills of one instant, %d cameras are missing\n", options.out.c_str(),
-              stills.size() - static_cast<size_t>(missing), missing);
+  terminal::print("%s/rig.json: %zu stills of one instant, %d cameras are missing\n", options.out.c_str(),
+                  stills.size() - static_cast<size_t>(missing), missing);
   return missing > 0 ? 1 : 0;
 }
 

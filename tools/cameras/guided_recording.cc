@@ -14,6 +14,7 @@
 #include "cameras/identify_server.h"
 #include "cameras/mosaic.h"
 #include "progress.h"
+#include "terminal.h"
 
 namespace lf::cameras {
 namespace {
@@ -207,7 +208,7 @@ class RecordingProgress {
     }
     if (!recording_) {
       opening_.reset();
-      std::printf("Recording now.\n");
+      terminal::print("Recording now.\n");
       std::fflush(stdout);
       recording_.emplace("recording", 0);
     }
@@ -215,7 +216,7 @@ class RecordingProgress {
   }
   void say(const std::string& line) {
     if (recording_) recording_->finish();
-    std::printf("%s\n", line.c_str());
+    terminal::print("%s\n", line.c_str());
     std::fflush(stdout);
   }
 
@@ -237,7 +238,7 @@ std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const 
   std::optional<RecordingPage> page;
   if (guide.page) {
     page.emplace(*rig, watch ? &*watch : nullptr, *guide.page);
-    std::printf("The cameras are at %s\n", page->url().c_str());
+    terminal::print("The cameras are at %s\n", page->url().c_str());
     std::fflush(stdout);
     options.seen = [&](const CameraFrame& frame) { page->see(frame); };
   }

@@ -203,6 +203,7 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"name": 1})", "cameras[3].name: must be a string, is number"},
       {R"({"name": ".profile\u0000"})", "cameras[3].name: has a character NUL"},
       {R"({"name": "\u001b[31mred"})", "cameras[3].name: has control characters"},
+      {R"({"name": "\u009b31mred"})", "cameras[3].name: has control characters"},
       {R"({"source": "a\u0000b.mkv"})", "cameras[3].source: has a character NUL"},
       {R"({"width": null})", "cameras[3]: key \"width\" is missing"},
       {R"({"width": 0})", "cameras[3].width: must be 1 to 16384, is 0"},
