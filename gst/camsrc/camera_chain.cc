@@ -412,8 +412,8 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
-// Counts the bytes that a network camera has sent since its last picture, because demuxers buffer an incomplete picture
-// without limit.
+// Counts the bytes that an element has received since its last output, because demuxers, depayloaders and parsers
+// collect an incomplete picture without limit.
 class UnparsedBytes {
  public:
   static constexpr size_t kMost = size_t{64} << 20;
@@ -430,7 +430,9 @@ using UnparsedBytesPtr = std::shared_ptr<UnparsedBytes>;
 
 GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   UnparsedBytes& unused = **static_cast<UnparsedBytesPtr*>(data);
-  unused.add(gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
+  const bool is_list = info->type & GST_PAD_PROBE_TYPE_BUFFER_LIST;
+  unused.add(is_list ? gst_buffer_list_calculate_size(GST_PAD_PROBE_INFO_BUFFER_LIST(info))
+                     : gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
   if (!unused.exceeds_limit()) return GST_PAD_PROBE_OK;
   GstElement* source = gst_pad_get_parent_element(pad);
   if (source && unused.tell())
@@ -449,8 +451,28 @@ GstPadProbeReturn on_picture(GstPad* /*pad*/, GstPadProbeInfo* /*info*/, gpointe
 }
 
 void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnparsedBytesPtr& unused) {
-  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, new UnparsedBytesPtr(unused),
-                    [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
+  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST), callback,
+                    new UnparsedBytesPtr(unused), [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
+}
+
+// Bounds the data that a depayloader or parser collects for one output.
+void limit_element(GstBin* /*bin*/, GstBin* /*parent*/, GstElement* element, gpointer /*unused*/) {
+  const gchar* klass = gst_element_get_metadata(element, GST_ELEMENT_METADATA_KLASS);
+  if (!klass || !(std::strstr(klass, "Depayloader") || std::strstr(klass, "Parser"))) return;
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
+  g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");
+  if (!sink || !src) return;
+  const auto unused = std::make_shared<UnparsedBytes>();
+  add_probe(sink, count_bytes, unused);
+  add_probe(src, on_picture, unused);
+}
+
+// Bounds depayloaders and parsers in `bin`, also elements that appear later.
+void limit_collected_data(GstBin* bin) {
+  constexpr const char* kLimited = "lightfield-limited";
+  if (g_object_get_data(G_OBJECT(bin), kLimited)) return;
+  g_object_set_data(G_OBJECT(bin), kLimited, bin);
+  g_signal_connect(bin, "deep-element-added", G_CALLBACK(lf::callback<limit_element>), nullptr);
 }
 
 struct SourceSetup {
@@ -642,6 +664,7 @@ bool has_sound(GstBin* bin) {
 
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options) {
+  if (source.kind == Kind::kUri || source.kind == Kind::kDevice || source.kind == Kind::kBin) limit_collected_data(bin);
   const bool own_rate = options.fps_n == 0;
   const int fps_n = own_rate ? kDefaultFps : options.fps_n;
   const int fps_d = own_rate ? 1 : options.fps_d;
