@@ -222,7 +222,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
     else if (!GST_BUFFER_PTS_IS_VALID(GST_PAD_PROBE_INFO_BUFFER(info)))
       info->data = stamp_arrival(pad, static_cast<GstBuffer*>(info->data));
     ++pictures_;
-    return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
+    return size_is_wrong_ || has_no_time_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
   }
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   const bool looping = loop_seqnum_ != GST_SEQNUM_INVALID && gst_event_get_seqnum(event) == loop_seqnum_;
@@ -243,6 +243,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
+      check_format(static_cast<GstEvent*>(info->data));
       if (options_.skips_late && pictures_ == 0 && round_start_ == 0) pass_rounds();
       if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
       return GST_PAD_PROBE_OK;
@@ -262,7 +263,9 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
 GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
+    const GstSegment* segment = nullptr;
+    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_parse_segment(event, &segment);
+    if (segment && segment->format == GST_FORMAT_TIME) gst_segment_copy_into(segment, &segment_);
     return GST_PAD_PROBE_OK;
   }
   auto* buffer = static_cast<GstBuffer*>(info->data);
@@ -664,6 +667,17 @@ GstEvent* CameraStream::time_segment(GstEvent* event) {
   gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
   gst_event_unref(event);
   return timed;
+}
+
+// Bytes without times come from a source that decodebin takes for pictures, but that no parser or demuxer understands.
+void CameraStream::check_format(GstEvent* event) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  has_no_time_ = segment->format != GST_FORMAT_TIME;
+  if (has_no_time_)
+    fail(GST_STREAM_ERROR_FORMAT,
+         "the source has bytes without times instead of pictures: check that it is a video in a supported format, or "
+         "state a frame rate (framerate=) in the source");
 }
 
 // Returns 0 before PLAYING, when a first frame may already wait.

@@ -145,6 +145,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void check_jpeg(GstBuffer* buffer);
   GstPadProbeReturn on_tags(GstPadProbeInfo* info);
   GstEvent* time_segment(GstEvent* event);
+  void check_format(GstEvent* segment);
   GstBuffer* stamp(GstBuffer* buffer) const;
   GstBuffer* stamp_arrival(GstPad* pad, GstBuffer* buffer) const;
   GstClockTime running_time_now() const;
@@ -185,7 +186,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime latency_ = 0;
   guint64 round_frames_ = 0;
   gint fps_n_ = 0, fps_d_ = 1;
-  bool counts_time_ = false;
+  bool counts_time_ = false, has_no_time_ = false;
   bool is_known_jpeg_ = false;
   bool jpegs_have_ends_ = false;  // a JPEG picture with an end marker has been seen
   bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;

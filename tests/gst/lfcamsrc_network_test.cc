@@ -355,6 +355,24 @@ TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
   }
 }
 
+// The file type of these bytes is JPEG, but no demuxer or parser gives the pictures a time.
+TEST_F(CamSrcHttpTest, BytesWithoutTimesAreAnError) {
+  for (const std::string decode : {"false", "true"}) {
+    const Server server([&](const Server::Send& send) {
+      const std::string junk = "\xff\xd8" + std::string(65536, 'z');
+      if (!send(kHeader)) return;
+      while (send(junk)) {
+      }
+    });
+    CameraPipeline camera("is-live=true decode=" + decode + " rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    const std::string text = camera.wait(20 * GST_SECOND);
+    EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)")) << decode;
+    EXPECT_THAT(text, HasSubstr(decode == "false" ? "has bytes without times" : "received without a picture"));
+    camera.set_state(GST_STATE_NULL);
+  }
+}
+
 // A depayloader collects packets until one has the marker bit.
 TEST_F(CamSrcHttpTest, RtpWithoutMarkerBitsIsAnError) {
   const int sender = socket(AF_INET, SOCK_DGRAM, 0), receiver = socket(AF_INET, SOCK_DGRAM, 0);
