@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "base/text.h"
 #include "rig/rig.h"
@@ -22,6 +23,22 @@ inline std::string flat_file_name(std::string name) {
   std::ranges::replace_if(
       name, [](unsigned char c) { return c == '/' || c < ' '; }, '_');
   return name == "." || name == ".." ? "_" + name : name;
+}
+
+// Returns a file name without ending for each camera name, in the same order. All file names differ: a number follows a
+// name that is already in use.
+inline std::vector<std::string> flat_file_names(const std::vector<std::string>& names) {
+  std::vector<std::string> flat;
+  for (const std::string& name : names) flat.push_back(flat_file_name(name));
+  std::set<std::string> taken, all(flat.begin(), flat.end());
+  for (std::string& name : flat) {
+    const std::string first = name;
+    for (int number = 2; !taken.insert(name).second; number++) {
+      while (all.contains(first + "_" + std::to_string(number))) number++;
+      name = first + "_" + std::to_string(number);
+    }
+  }
+  return flat;
 }
 
 inline void check_file_names(const lf::Rig& rig) {

@@ -312,10 +312,13 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   Predictor predictor(rig, options);
   Progress progress("leaving out", rig.cameras.size());
   std::vector<QualityRow> rows;
+  std::vector<std::string> names;
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) names.push_back(predictor.name_of(i));
+  const std::vector<std::string> files = flat_file_names(names);
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     if (!predictor.is_in_service(i)) continue;
     const Rendered out = predictor.predict(i);
-    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + flat_file_name(out.row.name) + ".png");
+    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + files[i] + ".png");
     rows.push_back(out.row);
   }
   progress.finish();
