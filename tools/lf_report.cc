@@ -13,6 +13,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/maths.h"
 #include "base/text.h"
@@ -80,7 +81,12 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
 class RawFrames {
  public:
   RawFrames(const std::string& path, int width, int height)
-      : path_(path), file_(path, std::ios::binary), width_(width), height_(height), stride_((width * 3 + 3) / 4 * 4) {
+      : path_(path), width_(width), height_(height), stride_((width * 3 + 3) / 4 * 4) {
+    std::error_code error;
+    if (const auto status = std::filesystem::status(path, error);
+        std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+      throw lf::Error(path + ": can't be read: it is not a regular file");  // opening a FIFO may wait for ever
+    file_.open(path, std::ios::binary);
     if (!file_) throw lf::Error(path + ": can't be read");
     const uint64_t bytes = std::filesystem::file_size(path), frame = static_cast<uint64_t>(stride_) * height;
     if (bytes == 0 || bytes % frame != 0)
@@ -269,6 +275,7 @@ void run_report(const Options& options) {
   if (incomplete > 0)
     terminal::print_error("lf-report: %zu of %zu pictures are incomplete\n", incomplete, run.log.size());
 
+  lf::make_folder(options.out);
   lf::save_image(sheet_of(run, frames, plane, options.scene, foot), options.out + "/sheet.png");
   lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
   terminal::print("%s\n", report.dump(1).c_str());

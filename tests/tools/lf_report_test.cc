@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -31,7 +32,6 @@ class LfReport : public testing::Test {
     test::save_photographs(rig, dir_, 0);
     views_ = make_tour(rig, {1.2, 4.5}, {.frames = 3, .rate_hz = 10});
     save_views(views_, dir_ / "views.json");
-    std::filesystem::create_directories(dir_ / "out");
     write_frames(3, 5);
     write_frames(3, 20, "plane.rgb");
     write_log("log", {{10.0, 100, 4'000'000}, {10.5, 200, 6'000'000}, {11.0, 300, 5'000'000}});
@@ -95,6 +95,17 @@ TEST_F(LfReport, WithoutTruthAndLiveRun) {
   EXPECT_TRUE(figures()["psnr_db"].is_null());
   EXPECT_TRUE(figures()["plane_psnr_db"].is_null());
   EXPECT_NEAR(figures()["latency_ms"]["p50"].get<double>(), 5, 1e-9);
+}
+
+TEST_F(LfReport, RefusesAFifoWithoutWaiting) {
+  ASSERT_EQ(mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  for (const char* option : {"--frames", "--plane", "--log"}) {
+    std::string line = "--rig rig.json --views views.json --frames frames.rgb --plane plane.rgb --log log --out out";
+    const size_t value = line.find(option) + std::string(option).size() + 1;
+    line.replace(value, line.find(' ', value) - value, "fifo");
+    test::expect_outcome(run_program("lf-report", line, dir_.path()), 1,
+                         HasSubstr("fifo: can't be read: it is not a regular file"));
+  }
 }
 
 TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
