@@ -125,14 +125,15 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
                     ": the monitor has not checked any camera yet; start lf-serve with --monitor 30, and watch the "
                     "light field in a browser for a minute");
   if (cameras.size() != rig.cameras.size())
-    throw lf::Error(place + ": has " + std::to_string(cameras.size()) + " cameras, the rig has " +
+    throw lf::Error(place + ": has " + std::to_string(cameras.size()) + " cameras, but the rig file has " +
                     std::to_string(rig.cameras.size()));
   for (size_t i = 0; i < cameras.size(); i++) {
     const lf::Camera& camera = rig.cameras[i];
     const MonitoredCamera watched(cameras[i], said["cameras"][i]);
     const std::string name = watched.text("name");
     if (!camera.name.empty() && !name.empty() && name != camera.name)
-      throw lf::Error(place + ": its camera " + std::to_string(i) + " is " + name + ", the rig's is " + camera.name);
+      throw lf::Error(place + ": its camera " + std::to_string(i) + " is called " + name +
+                      ", but its name in the rig file is " + camera.name);
     const auto number = [&](const char* key) { return watched.number(key); };
     // The monitor compares subsampled images, so shifts are scaled.
     const int step = (camera.width + lf::kProbeColumns - 1) / lf::kProbeColumns;

@@ -105,7 +105,7 @@ std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_
   for (const auto& [place, frame] : frames)
     if (frame.width() != camera.width || frame.height() != camera.height)
       throw lf::Error("camera " + std::to_string(camera.id) + ": its recording has " +
-                      lf::size_text(frame.width(), frame.height()) + " pixels, the rig says " +
+                      lf::size_text(frame.width(), frame.height()) + " pixels, but the rig file states " +
                       lf::size_text(camera.width, camera.height) +
                       "; record with the image size for which the rig is calibrated");
   return frames;

@@ -45,7 +45,8 @@ struct Video {
 
 // Returns the source for a GStreamer URI such as file:///..., v4l2:///dev/video0 or rtsp://...
 Video video_of(const std::string& uri) {
-  if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": must not contain a quotation mark");
+  if (uri.find('"') != std::string::npos)
+    throw lf::Error(uri + ": must not contain a quotation mark; write %22 instead");
   return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
           lf::redacted_location(uri), uri.starts_with("file:")};
 }
@@ -58,7 +59,9 @@ Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   if (!index) throw lf::Error(rig + ": has no camera " + std::to_string(camera));
   const std::string& source = read.cameras[*index].source;
   const std::string name = rig + ": camera " + std::to_string(camera);
-  if (source.empty()) throw lf::Error(name + ": has no source in the rig; give images or a video of the board");
+  if (source.empty())
+    throw lf::Error(
+        name + ": has no source in the rig file, so it cannot be opened; give images or a video of the board instead");
   const bool file = !lf::is_launch_line(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
   return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name,
           file};
@@ -148,7 +151,9 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
     throw lf::Error("nothing to calibrate: give images or videos of the board, or --rig for a live camera");
   const auto is_video = [](const std::string& path) { return path.find("://") != std::string::npos; };
   if (*options.views_option && !options.images.empty() && std::ranges::none_of(options.images, is_video))
-    throw lf::Error("--views: applies only to videos and live cameras, because all given images are used");
+    throw lf::Error(
+        "--views: cannot be used with image files, because all of them are used. The option limits the views from a "
+        "video or a live camera");
   if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera, options.trusted), found);
   for (const std::string& path : options.images) {
     if (is_video(path)) {
@@ -225,9 +230,10 @@ void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, co
   if (!index) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
   lf::Camera& camera = rig.cameras[*index];
   if (camera.width != images.width || camera.height != images.height)
-    throw lf::Error(options.rig + ": camera " + std::to_string(options.camera) +
-                    " has another image size in the rig than the given images, " + std::to_string(images.width) + "x" +
-                    std::to_string(images.height));
+    throw lf::Error(
+        options.rig + ": camera " + std::to_string(options.camera) +
+        " has another image size in the rig than the given images. Use images of the size in the rig, not of " +
+        std::to_string(images.width) + "x" + std::to_string(images.height));
   camera.lens = result.fit.lens;
   original["cameras"][*index]["covariance"] = lf::to_json(result.covariance);
   lf::rebase_paths(rig, std::filesystem::path(options.out).parent_path().string());
@@ -239,7 +245,10 @@ void calibrate(const IntrinsicsArguments& options) {
   lf::IntrinsicsOptions how;
   if (options.model != "auto") {
     how.lens = lf::lens_model_from_name(options.model);
-    if (!how.lens) throw lf::Error("--model " + options.model + ": is not a known lens model");
+    if (!how.lens)
+      throw lf::Error(
+          "--model " + options.model +
+          ": is not a lens model of rig files. Give SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or auto");
   }
   how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   how.progress("searching for the board");

@@ -84,7 +84,7 @@ RecordingFiles files_of(const std::string& folder, const lf::Camera& camera) {
 void require_one(const std::vector<std::string>& paths, const lf::Camera& camera, const char* what) {
   if (paths.size() > 1)
     throw lf::Error(paths[0] + " and " + paths[1] + " are both " + what + " of camera " + camera.name +
-                    "; keep one of them in the folder");
+                    ", but each camera needs exactly one; remove the other from the folder");
 }
 
 }  // namespace
@@ -96,7 +96,8 @@ std::string find_recording(const std::string& folder, const lf::Rig& rig, const 
                       ".*");
     if (lf::is_uri(camera.source) && !camera.source.starts_with("file:"))
       throw lf::Error(lf::redacted_location(camera.source) +
-                      " is a live source; record it first, and give the folder with --recordings");
+                      " is a live camera, but this step reads recordings; record it with lf-rig record, and give "
+                      "--recordings that folder");
     return rig.resolve(camera.source);
   }
   const RecordingFiles found = files_of(folder, camera);
@@ -154,7 +155,7 @@ class Pipeline {
   Pipeline(const std::string& place, VideoFormat format) : place_(place) {
     std::error_code ignored;
     if (std::filesystem::exists(place, ignored) && !std::filesystem::is_regular_file(place, ignored))
-      throw lf::Error(place + ": is not a regular file");
+      throw lf::Error(place + ": is not a regular file, so it cannot be read as a recording");
     GError* error = nullptr;
     gchar* uri = lf::is_uri(place) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
     GstElement* made = gst_parse_launch(
@@ -276,7 +277,7 @@ VideoScan watch(const std::string& folder, const lf::Rig& rig, const lf::Camera&
     for_each_video_frame(find_recording(folder, rig, camera), VideoFormat::kGrey, [&](const VideoFrame& picture) {
       if (picture.width != camera.width || picture.height != camera.height)
         throw lf::Error("its frames have " + lf::size_text(picture.width, picture.height) +
-                        " pixels, but the rig states " + lf::size_text(camera.width, camera.height));
+                        " pixels, but the rig file states " + lf::size_text(camera.width, camera.height));
       // Timestamps that do not increase indicate a damaged recording.
       auto& frames = watched.sights.frames;
       if (frames.empty() || picture.time > frames.back().time)

@@ -75,7 +75,8 @@ void track(const TrackArguments& options) {
   for (const std::string& trouble : recordings.troubles(rig)) terminal::print("error: %s\n", trouble.c_str());
   if (!options.json.empty()) lf::write_text_file(track_report(rig, recordings).dump(1) + "\n", options.json);
   const size_t useful = recordings.useful(), all = rig.cameras.size();
-  if (useful < 2) throw lf::Error("fewer than two cameras saw a moving light, so no tracks are written");
+  if (useful < 2)
+    throw lf::Error("fewer than two cameras saw a moving light, so no tracks are written; see the reasons above");
   lf::write_text_file(lf::light_detections_to_json(recordings.sights), options.out);
   terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
   if (useful < all)

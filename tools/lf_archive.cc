@@ -145,7 +145,7 @@ Contents contents_of(const std::string& film) {
     contents.end =
         std::max(contents.end, GST_BUFFER_DURATION_IS_VALID(frame) ? time + GST_BUFFER_DURATION(frame) : time);
   }
-  if (contents.frames == 0) throw Error(film + ": contains no video frames");
+  if (contents.frames == 0) throw Error(film + ": contains no video frames, so there is nothing to archive");
   if (const Sample text = reading.text()) contents.begins = text_of(text);
   return contents;
 }

@@ -112,7 +112,8 @@ class Link {
     bytes_ = std::move(rendered.bytes);
     const auto answer = lf::wire::parse_answer(bytes_);
     assembly_.begin(request_);
-    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("invalid answer");
+    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded)
+      throw lf::Error("the renderer returned an invalid answer, which is an error of this program");
     assembly_.finish(lf::PixelFamily::kI420, false);
     picture_ = assembly_.picture().resolve();
   }

@@ -90,8 +90,8 @@ class RawFrames {
     if (!file_) throw lf::Error(path + ": can't be read");
     const uint64_t bytes = std::filesystem::file_size(path), frame = static_cast<uint64_t>(stride_) * height;
     if (bytes == 0 || bytes % frame != 0)
-      throw lf::Error(path + ": the file size is not a multiple of an RGB frame of " + std::to_string(width) + "x" +
-                      std::to_string(height));
+      throw lf::Error(path + ": must contain raw RGB frames, but its size is not a multiple of a frame of " +
+                      std::to_string(width) + "x" + std::to_string(height));
     count_ = bytes / frame;
   }
   size_t count() const { return count_; }
@@ -227,8 +227,8 @@ void run_report(const Options& options) {
     throw lf::Error(options.frames + ": has " + std::to_string(frames.count()) + " pictures, but there are " +
                     std::to_string(run.views.size()) + " views and " + std::to_string(run.log.size()) + " messages");
   if (plane.count() != frames.count())
-    throw lf::Error(options.plane + ": has " + std::to_string(plane.count()) + " pictures, " + options.frames + " " +
-                    std::to_string(frames.count()));
+    throw lf::Error(options.plane + ": has " + std::to_string(plane.count()) + " pictures, but " + options.frames +
+                    " has " + std::to_string(frames.count()));
   run.views.resize(frames.count());
   run.psnr.resize(frames.count());
   const double n = static_cast<double>(frames.count());

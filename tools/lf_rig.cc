@@ -79,8 +79,11 @@ void assign_devices(Rig& rig) {
                     devices[i].stable ? "" : ", but this name may denote another camera after a restart");
   }
   if (devices.size() < rig.cameras.size())
-    terminal::print("warning: %zu cameras have no device, because too few cameras are connected\n",
-                    rig.cameras.size() - devices.size());
+    terminal::print(
+        "warning: %zu cameras have no device, because too few cameras are connected; connect them and repeat the "
+        "command, or add their sources to the rig file
+",
+        rig.cameras.size() - devices.size());
 }
 
 Rig make_rig(Arguments& arguments) {

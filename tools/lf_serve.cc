@@ -50,7 +50,7 @@ struct Options {
 std::pair<std::string, std::string> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == text.npos || equals == 0)
-    throw lf::Error("--path " + text + ": expected NAME=FILE, such as tour=tour.json");
+    throw lf::Error("--path " + text + ": must be NAME=FILE, such as tour=tour.json");
   const std::string file = text.substr(equals + 1);
   const lf::View view = lf::load_views(file).front().view;
   if (view.width % 2 || view.height % 2)

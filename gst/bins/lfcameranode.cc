@@ -11,12 +11,14 @@
  *
  * The bin contains one #element-lfcamsrc per camera and one #element-lffragment. View requests arrive at the pad
  * `request`, and the pad `src` delivers one answer per request. Each further client, such as a compositor on another
- * host, requests another pad `request_%u`. The answers to `request_0` leave by `src_0`.
+ * host, requests another pad `request_%u`. The answers to its requests leave by the pad with the same number, for
+ * example `src_0` for `request_0`.
  *
- * If a camera fails, the node continues without it, and the neighbouring cameras fill in. Live cameras are reopened
- * until they work again, unless `retry` is false; other cameras stay lost. #element-lfcamsrc posts messages about each
- * loss, and `stats` lists the state, reason and retries of each camera. The node posts an error only if no camera has
- * ever worked, or if all cameras are lost for good.
+ * If a camera fails, the node continues without it, and the neighbouring cameras contribute instead. The node opens a
+ * live camera again and again until it works, unless `retry` is false. Cameras that are not live stay lost.
+ * #element-lfcamsrc posts messages about each loss, and `stats` lists the state of each camera, the reason of its loss
+ * and the number of retries. The node posts an error only if no camera has ever worked, or if all cameras are lost for
+ * good.
  *
  * If `record` is set, the node records all cameras, so that other views can be rendered later. The recording is a
  * folder with one Matroska file per camera and a rig.json. This rig.json plays in lfcameranode with the same capture
@@ -112,25 +114,26 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
           "this rate (0/1: rate of the source, or 15/1 if the source has none)",
           0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Real-time playback of files and stills, by the pipeline clock, as if they were devices. "
-                            "If false, the node reads each frame when a request needs it, so that the output is the "
-                            "same on every machine"),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Restart of videos and image sequences when they end"),
+                            "Real-time playback of files and stills, as if they were live cameras: the pipeline clock "
+                            "decides which frame is current. If false, the node reads each frame when a request needs "
+                            "it, so that the output is the same on every machine"),
+      property<&S::loop>(kWhileReady, "loop", "Loop", "Playback of videos and image sequences in an endless loop"),
       property<&S::node>(kWhileReady, "node", "Node",
                          "Number that identifies this node in its answers. Give each node of an array a different "
                          "number, so that compositors can tell their answers apart",
                          0u, G_MAXUINT),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "Complete decoding of JPEG video, and copies of GPU frames in system memory. If false, "
-                           "only the regions that a request needs are decoded, which usually takes less time"),
+                           "Complete decoding of JPEG video, and download of frames in GPU memory to system memory. By "
+                           "default only the regions that a request needs are decoded, which usually takes less time"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Increase it if "
-                            "packets of a camera arrive late and its pictures are damaged",
+                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Packets that arrive "
+                            "later than this are lost, so increase it if pictures of a camera are damaged. Every frame "
+                            "then arrives later by the same time",
                             guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
                           "Reopening of live cameras after a failure. The first attempt follows after half a second, "
-                          "and later attempts wait up to ten seconds. If false, a failed camera stays lost, as do "
-                          "cameras that are not live"),
+                          "and the time between later attempts grows to ten seconds. If false, a failed live camera "
+                          "stays lost. Cameras that are not live, such as files, always stay lost"),
       property<&S::record>(kWhileReady, "record", "Record",
                            "Folder for a recording of all cameras. The recording consists of one file per camera and "
                            "a rig.json that plays them back in this element. The folder must not contain a rig.json "
@@ -593,9 +596,9 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   const guint next_id = Properties::install(
       object_class,
       "Counters of lffragment, and a structure for each camera with its state (opening, running, ended, lost or "
-      "stopped), reason of the latest loss, losses, retries, dropped frames and capture-time. During a recording, it "
-      "also has the number of recorded and unrecorded frames, and there is a structure recording: folder, begin "
-      "(clock time of timestamp 0 for live frames), and the reason if the recording has ended");
+      "stopped), reason (of the latest loss), losses, retries, dropped frames and capture-time. During a recording, "
+      "each of these structures also has the number of recorded and unrecorded frames. The structure recording then "
+      "has folder, begin (clock time of timestamp 0 for live frames) and reason (if the recording has ended)");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   lf::install_proxies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});

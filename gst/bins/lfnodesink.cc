@@ -7,13 +7,14 @@
  *
  * lfnodesink serves the cameras of this machine to viewers on other hosts, which run `lfviewsrc nodes=...`. It contains
  * an #element-lfcameranode ("node") with live cameras, and has the properties of that element. View requests arrive by
- * RTP at the port `listen`, and the node sends its answers to `answers`. For several clients, both properties are lists
- * of the same length and order. File sources loop unless `loop=false`.
+ * RTP at the port in the property `listen`, and the answers are sent to the address in the property `answers`. If there
+ * are several clients, both properties are lists, with one item for each client in the same order. File sources loop
+ * unless `loop=false`.
  *
- * If `key-file` names the same file on all hosts, packets are encrypted, and only holders of the key can send requests
- * and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from the hosts
- * in `peers`, by default the hosts of `answers` and this machine. Sender addresses can be forged, so the element posts
- * a warning at start. `stats` counts dropped packets.
+ * If `key-file` names the same file on all hosts, packets are encrypted, and only hosts with this file can send
+ * requests and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from
+ * the hosts in `peers`, by default the hosts of `answers` and this machine. Sender addresses can be forged, so the
+ * element posts a warning at start. `stats` counts dropped packets.
  *
  * The bin has no pads. It provides the realtime clock of the machine, unless another element in the bin provides a
  * clock. Synchronise the clocks of all hosts with chrony or PTP, because requests name capture times as time of day.
@@ -55,23 +56,23 @@ struct Settings : lf::RtpSecurity {
   static lf::PropertyTable<Settings>& properties() {
     using S = Settings;
     static lf::PropertyTable<S> table = {
-        lf::property<&S::listen>(
-            lf::kWhileReady, "listen", "Listen",
-            "Comma-separated addresses for the view requests of clients, one item per client. An item is a local UDP "
-            "port, ADDRESS:PORT or a multicast GROUP:PORT. This property is required"),
+        lf::property<&S::listen>(lf::kWhileReady, "listen", "Listen",
+                                 "Comma-separated list of the addresses that receive view requests, with one item for "
+                                 "each client (viewer or compositor host). An item is a local UDP port such as 6000, "
+                                 "ADDRESS:PORT, or a multicast GROUP:PORT. This property is required"),
         lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
-                                  "Comma-separated addresses that receive the answers, each as HOST:PORT. The first "
-                                  "item belongs to the first item of listen, the second to the second, and so on. "
-                                  "This property is required"),
+                                  "Comma-separated list of the addresses that the answers are sent to, each as "
+                                  "HOST:PORT. The first item is the client that uses the first item of listen, and so "
+                                  "on, so both lists have the same length. This property is required"),
         lf::inherited_property<S, &S::key_file>(
             lf::kWhileReady, "key-file", "Key file",
             "Path of the file with the secret that all hosts share, 32 or more random characters. Packets are then "
             "encrypted, and only hosts with the same file can send requests (empty: no encryption)"),
         lf::inherited_property<S, &S::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Comma-separated hosts that may send requests: names, addresses and networks such as 10.0.0.0/24. If "
-            "empty and key-file is set, every host with the key may send requests. If both are empty, the hosts in "
-            "answers and this machine may"),
+            "Comma-separated list of the hosts that may send requests, as names, addresses or networks such as "
+            "10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send requests. If there "
+            "is no key either, only this machine and the hosts in answers may send requests"),
     };
     return table;
   }
@@ -263,10 +264,11 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_node_sink_dispose;
   object_class->finalize = lf_node_sink_finalize;
-  const guint first_copy = Properties::install(
-      object_class,
-      "Counters of lfcameranode, and the structure requests with one structure per client (requests0, requests1, ...): "
-      "counters of its lfrtpgate and rtplfdepay for passed and dropped packets and for refused requests, by reason");
+  const guint first_copy =
+      Properties::install(object_class,
+                          "Counters of lfcameranode, and the structure requests with one structure for each client "
+                          "(requests0, requests1, ...). It has the counters of the lfrtpgate and the rtplfdepay of "
+                          "this client: passed packets, dropped packets by reason, and requests that exceeded a limit");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =

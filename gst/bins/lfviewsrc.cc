@@ -26,11 +26,12 @@
  * size. The pixel format is the format of the cameras; use `videoconvert` to convert. Each buffer has a meta that
  * describes its view (#element-lfcompositor).
  *
- * In live mode, a slow sink always receives the newest picture, because a leaky queue behind the compositor drops the
- * oldest. The search for depths continues at full speed. No queue is needed between the pads and the sinks.
+ * In live mode, a slow sink always receives the newest picture, because a leaky queue behind the compositor drops older
+ * pictures. The search for depths therefore continues at full speed, and no further queue is needed in front of the
+ * sinks.
  *
- * If `views` is set, the element renders several eyes side by side into one picture: a stereo pair, a row, or a quilt
- * (#element-lfviewrequest).
+ * If `views` is set, each picture contains several views from neighbouring viewpoints: a stereo pair, a row, or a
+ * quilt, which is a grid of views for light field displays (#element-lfviewrequest).
  *
  * Cameras are live by default. If `is-live=false`, the element renders as fast as downstream consumes, and the stream
  * ends after the last view of `location`. File sources loop unless `node::loop=false`.
@@ -40,16 +41,16 @@
  *
  * If `listen` is set, viewers on other hosts choose the views: their requests arrive by RTP, for example from
  * `lfviewrequest ! rtplfpay ! lfrtpseal ! udpsink`. `src` then shows view 0, `src_0` view 1, and so on. Use `listen` on
- * a host that renders pictures for remote viewers. If `partial` is also set, `src` delivers a partial answer (the sum
- * of the cameras) for the next compositor in a tree.
+ * a host that renders pictures for remote viewers. If `partial` is also set, `src` delivers partial answers instead of
+ * pictures: the weighted total of the cameras, as the input of another compositor.
  *
  * If `key-file` names the same file on all hosts, packets are encrypted and authenticated (#element-lfrtpseal). Without
  * a key file, answers are accepted from the addresses of `nodes` and requests from the addresses of `peers`. Anyone on
  * the network path can then read and forge packets.
  *
- * The element handles URIs of the form lf:///path/of/rig.json. A URI can come from an untrusted page and launch
- * descriptions can run any program. Therefore the element refuses a URI to a rig with launch descriptions as camera
- * sources.
+ * The element handles URIs of the form lf:///path/of/rig.json. In a rig file, the source of a camera can be a launch
+ * description, which can run any program. A URI can come from an untrusted page, so the element refuses URIs of rig
+ * files with such sources.
  *
  * If `nodes` or `listen` is set, the bin provides the realtime clock of the machine, unless another element in the bin
  * provides a clock. Synchronise the clocks of all hosts with chrony or PTP, because requests name capture times as time
@@ -182,35 +183,36 @@ lf::PropertyTable<Settings>& Settings::properties() {
           "and sources must not change then"),
       lf::inherited_property<S, &S::nodes>(
           lf::kWhileReady, "nodes", "Nodes",
-          "Comma-separated hosts with cameras, each running lfnodesink, as "
-          "HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT. Requests are sent to REQUEST-PORT on HOST, and answers "
-          "arrive at ANSWER-PORT of this machine. These cameras are always live (empty: all cameras are on this "
-          "machine)"),
+          "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
+          "HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT, for example camhost0:6000:6100. Requests are sent to "
+          "REQUEST-PORT on HOST, and the answers of the host arrive at ANSWER-PORT of this machine. These cameras are "
+          "always live (empty: all cameras are on this machine)"),
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
-          "Address for the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a multicast "
-          "GROUP:PORT. The pad src delivers the pictures of view 0, src_0 delivers view 1, and so on (empty: this "
-          "element makes its own requests)"),
+          "Address that receives the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a "
+          "multicast GROUP:PORT. The pad src then delivers the pictures of view 0, the pad src_0 delivers view 1, and "
+          "so on (empty: this element makes its own requests)"),
       lf::inherited_property<S, &S::key_file>(
           lf::kWhileReady, "key-file", "Key file",
-          "Path of the file with the secret that all hosts share, 32 or more random characters. Packets from and to "
-          "other hosts are then encrypted; see nodes and listen (empty: no encryption)"),
+          "Path of the file with the secret that all hosts share, 32 or more random characters. If it is set, all "
+          "packets from and to the hosts of nodes and listen are encrypted (empty: no encryption)"),
       lf::inherited_property<S, &S::peers>(
           lf::kWhileReady, "peers", "Peers",
-          "Comma-separated hosts that may send requests to listen: names, addresses and networks such as "
-          "10.0.0.0/24. If empty and key-file is set, every host with the key may send requests. If both are empty, "
-          "the first local address that sends a request may"),
+          "Comma-separated list of the hosts that may send requests to the address in listen, as names, addresses or "
+          "networks such as 10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send "
+          "requests. If there is no key either, only this machine may, from the first loopback address (such as "
+          "127.0.0.1) that a request arrives from"),
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
-                                "Live cameras, with pictures synchronised to the clock. If false, the speed depends "
-                                "only on downstream, for example for rendering to files"),
+                                "Live cameras, with pictures synchronised to the clock. If false, pictures are "
+                                "rendered as fast as downstream consumes them, for example to write files"),
       lf::property<&S::record>(
           lf::kWhileReady, "record", "Record",
           "Folder for a recording of the cameras of this machine. The recording consists of one file per camera and "
           "a rig.json for playback. The folder must not contain a rig.json yet. Remote cameras are recorded on their "
           "own host, by lfnodesink (empty: no recording)"),
       lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
-                                 "Processor that renders the share of local cameras in each view: CPU or GPU. See "
-                                 "the same property of lfcameranode",
+                                 "Processor that renders the contribution of local cameras to each view: CPU or GPU. "
+                                 "This is the property renderer of lfcameranode",
                                  LF_TYPE_FRAGMENT_RENDERER),
       lf::property<&S::trusted>(
           lf::kWhileReady, "trusted", "Trusted",

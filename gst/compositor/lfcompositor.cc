@@ -28,10 +28,10 @@
  *
  * ## Live pipelines and missing cameras
  *
- * A picture is finished when every node has answered. In a live pipeline it is also finished when its deadline has
- * passed, which is `latency` after the request. The property `incomplete` selects the output if something is missing
- * then. If `rig` is set, the remaining cameras compensate for missing fragments. The compositor ignores requests and
- * answers of views other than `view-id`, so that one `tee` can feed several compositors.
+ * A picture is finished when every node has answered. In a live pipeline, the compositor waits only until the deadline
+ * of the picture, which is `latency` after the request. The property `incomplete` selects the output if an answer is
+ * still missing then. If `rig` is set, the remaining cameras compensate for missing fragments. The compositor ignores
+ * requests and answers of views other than `view-id`, so that one `tee` can feed several compositors.
  *
  * A camera that misses more than `max-missed` consecutive pictures is out of service. The compositor announces this
  * upstream with the custom event "lightfield-feedback", and lfviewrequest names the camera in later requests. All nodes
@@ -39,20 +39,21 @@
  * A camera returns to service after it answers again. The compositor also does not wait for nodes that miss too many
  * pictures.
  *
- * If `rig` is set, corner cameras stay in the mesh as long as three cameras work. Otherwise the loss of a corner camera
- * would shrink the visible area.
+ * If `rig` is set, the cameras at the corners of the array stay in the mesh as long as three cameras work, even if they
+ * are out of service. Without them, the mesh and therefore the visible area would be smaller.
  *
- * If a sink reports with QoS events that pictures arrive too late, the compositor skips requests of this view that
- * cannot be in time. The nodes answer these requests without pixels. The compositor posts a QoS message for each
- * skipped request.
+ * If a sink reports with QoS events that pictures arrive too late, the compositor skips requests that cannot be
+ * answered in time. The nodes then send empty answers to these requests, and the compositor posts a QoS message for
+ * each of them.
  *
  * ## Focus
  *
- * If `rig` is set and `focus` is not plane, each pixel is focused separately, by a focal surface: a depth for every
- * part of the picture. The compositor finds these depths by trial. Requests carry depth hypotheses, which are guesses
- * of the depths. Nodes answer each hypothesis with photo-consistency sums, which show how well the cameras agree there.
- * After each picture, the improved focal surface and the next hypotheses go upstream in a "lightfield-feedback" event.
- * If no source is live, lfviewrequest waits for this event, so that pictures do not depend on the speed of the machine.
+ * If `rig` is set and `focus` is not plane, the whole picture is sharp, because each part of it has its own depth.
+ * These depths are called the focal surface. The compositor finds them by trial: requests contain depth hypotheses,
+ * which are guesses of the depths. Nodes answer each hypothesis with photo-consistency sums, which show how well the
+ * cameras agree on the guess. After each picture, the improved focal surface and the next hypotheses go upstream in a
+ * "lightfield-feedback" event. If nothing is live, lfviewrequest waits for this event before the next request, so that
+ * pictures do not depend on the speed of the machine.
  *
  * ## Sets, monitoring and trees
  *
@@ -64,8 +65,9 @@
  * adjustment. It compares the image of a camera with a prediction from its neighbours. For this comparison,
  * lfviewrequest sends requests for two small extra views, which are not shown.
  *
- * If `partial` is true, the output is not a picture but the sum of the answers, encoded like the answer of a single
- * node. This allows trees of compositors: for example, the compositor at the root receives one answer per rack.
+ * If `partial` is true, the output is not a picture but the sum of all answers, encoded like the answer of a single
+ * node. Another compositor can therefore use it as an input. In such a tree of compositors, for example, the compositor
+ * at the root receives only one answer from each rack of hosts.
  *
  * ## Output
  *
@@ -220,14 +222,14 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
   constexpr double kMaxFocus = 1e9;
   static PropertyTable<S> table = {
       property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "Number of the view to compose. Requests and answers of other views are ignored, so "
-                            "several compositors can share one stream",
+                            "Number of the view that this element composes. Requests and answers of other views are "
+                            "ignored, so several compositors can receive the same stream",
                             0, G_MAXUINT),
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
                         "Path of the rig file (rig.json), which describes the cameras of the array. The compositor "
-                        "needs a rig to compensate for missing cameras, to notice cameras that have never answered, "
-                        "to estimate depth, and to fill areas that no camera sees with `background`. If the property "
-                        "is set while the element runs, the file is used from the next request on"),
+                        "needs a rig to compensate for missing cameras, to notice cameras that have never answered, to "
+                        "estimate depths, and to show `background` in areas that no camera sees. If the property is "
+                        "set while the element runs, the file is used from the next request on"),
       property<&S::background>(kWhilePlaying, "background", "Background",
                                "Colour of pixels that no camera sees, as 0xAARRGGBB (alpha is ignored)", 0,
                                G_MAXUINT32),
@@ -235,19 +237,20 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                   "Post an element message \"lightfield-view\" for every picture, for example to "
                                   "measure latency"),
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
-                               "Output if parts of the picture have not arrived at the deadline of its request. This "
-                               "occurs in live pipelines, where an answer can be late or lost",
+                               "Output if parts of the picture have not arrived at the deadline of its request (see "
+                               "latency). This occurs only in live pipelines, where an answer can be late or lost",
                                LF_TYPE_COMPOSITOR_INCOMPLETE),
-      property<&S::max_missed>(
-          kWhileReady, "max-missed", "Max missed",
-          "Number of consecutive pictures that a camera or a node may miss in a live pipeline (0: unlimited). Other "
-          "cameras replace a camera that misses more, and the compositor no longer waits for a node that misses "
-          "more. Cameras and nodes return when their answers arrive in time again",
-          0, G_MAXUINT),
-      property<&S::partial>(kWhileReady, "partial", "Partial",
-                            "Output partial answers instead of pictures. A partial answer is the weighted total of "
-                            "the cameras, for the next compositor in a tree of compositors. For example, each rack "
-                            "of hosts has such a compositor. This needs `rig`"),
+      property<&S::max_missed>(kWhileReady, "max-missed", "Max missed",
+                               "Maximum number of consecutive pictures that may lack a camera or a node in a live "
+                               "pipeline (0: unlimited). After more pictures without a camera, other cameras replace "
+                               "the camera. After more pictures without a node, the compositor no longer waits for "
+                               "this node. Cameras and nodes return when their answers arrive in time again",
+                               0, G_MAXUINT),
+      property<&S::partial>(
+          kWhileReady, "partial", "Partial",
+          "Output of partial answers instead of pictures. A partial answer has the weighted total of the cameras below "
+          "this compositor, and is an input of another compositor. Use this for a tree of compositors, for example "
+          "with one compositor for each rack of hosts. This needs `rig`"),
       property<&S::node>(
           kWhileReady, "node", "Node",
           "Number that identifies this compositor in its partial answers. Give all nodes and compositors below one "
@@ -257,24 +260,25 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                           LF_TYPE_FRAGMENT_CODEC),
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
-          "Choice between one focal plane for the whole picture and a separate depth for each pixel (a focal "
-          "surface). The compositor estimates depths by comparing the cameras at several distances, and sends the "
-          "result to the lfviewrequest of the view. Without `rig`, auto means plane",
+          "Choice between one focal plane for the whole picture and a separate depth for each pixel (a focal surface), "
+          "which makes the whole picture sharp. The compositor estimates these depths by comparing the cameras at "
+          "several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means plane",
           LF_TYPE_COMPOSITOR_FOCUS),
-      property<&S::focus_near>(kWhilePlaying, "focus-near", "Focus near",
-                               "Nearest distance to search for the focal surface, in metres from the array (0: "
-                               "adapts to the scene, starting at the nearest distance that the array can measure)",
-                               0, kMaxFocus),
-      property<&S::focus_far>(
-          kWhilePlaying, "focus-far", "Focus far",
-          "Farthest distance to search for the focal surface, in metres from the array (0: adapts to the scene, "
-          "starting at infinity)",
+      property<&S::focus_near>(
+          kWhilePlaying, "focus-near", "Focus near",
+          "Nearest distance in the search for the focal surface, in metres from the array. Set this if the range of "
+          "depths is known, because the search is then faster and makes fewer errors (0: adapts to the scene, starting "
+          "at the nearest distance that the array can measure)",
           0, kMaxFocus),
+      property<&S::focus_far>(kWhilePlaying, "focus-far", "Focus far",
+                              "Farthest distance in the search for the focal surface, in metres from the array. See "
+                              "focus-near (0: adapts to the scene, starting at infinity)",
+                              0, kMaxFocus),
       property<&S::monitor_interval>(
           kWhilePlaying, "monitor-interval", "Monitor interval",
           "Number of requests between two camera checks (0: no checks). Use this to find cameras that are out of "
-          "adjustment. A check compares one camera with a prediction from its neighbours, in a small view. `stats` "
-          "lists the results and the suspicious cameras. This needs `rig`",
+          "adjustment. A check predicts a small image of one camera from its neighbours and compares it with the real "
+          "image. `stats` lists the results and the suspicious cameras. This needs `rig`",
           0, G_MAXUINT16),
       property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
                                    "Minimum number of requests between two updates of the focal surface. A larger "
@@ -282,8 +286,8 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                    1, G_MAXUINT16),
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
-          "Compensation for cameras that differ in brightness. It needs a focal surface, so it is off if focus is "
-          "plane. The compensation of each camera is in the property stats of lffragment",
+          "Compensation for cameras that are brighter or darker than the rest of the array. It needs a focal surface, "
+          "so it is off if focus is plane. The property stats of lffragment lists the correction of each camera",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
                          "Overlay on the pictures that shows how the cameras contribute. This needs `rig`",
@@ -361,16 +365,17 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
 static void install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
-      "Counters and durations. Pictures: complete, incomplete, unseen (no camera sees anything of the view), "
-      "repeated, dropped, failed (no memory), gpu-pictures (made on a GPU). Requests: skipped (too late, according "
-      "to QoS events) and refused (by exceeded limit: refused-pixels, -aperture, -trials, -rate, -views, -lens). "
-      "Fragments: missing, damaged. Answers: late, repeated, bad, unexpected (without a request); also bytes and "
-      "cameras out of service. Coverage: share of the latest view that cameras see (with `rig`). Skew: largest "
-      "capture-time error. Focal surface: rounds of updates and their bytes, disagreement of the cameras (residual, "
-      "in 255ths) and its latest reduction (improvement), requests per update (interval), and whether one plane is "
-      "enough (flat). Monitor: turns and their bytes; PSNR, gain and shift (pixels of the small view) of each "
-      "camera's prediction; suspects with their fault (colour, direction, picture). Latency of each stage: p50, p95 "
-      "and p99 over the latest 1024 pictures, in nanoseconds");
+      "Counters since the start, measurements and durations. Pictures: complete, incomplete, unseen (no camera sees "
+      "anything of the view), repeated, dropped, failed (no memory), gpu-pictures (made on a GPU). Requests: skipped "
+      "(too late, according to QoS events), and refused by the exceeded limit (refused-pixels, -aperture, -trials, "
+      "-rate, -views, -lens). Fragments: missing, damaged. Answers: late, repeated, bad, unexpected (without a "
+      "request), their bytes, and cameras out of service. coverage: share of the latest view that cameras see (with "
+      "`rig`). max-skew-ns: largest capture-time error. Focal surface: rounds of the depth search and their bytes, "
+      "disagreement of the cameras (focus-residual, in 255ths) and its latest reduction (focus-improvement), requests "
+      "per update (focus-interval), and whether one plane is enough (focus-flat). Camera monitor: number of checks "
+      "(monitor-turns) and their bytes. For each camera, it has the PSNR, gain and shift (pixels of the small view) "
+      "between the prediction and the image, and suspects have their fault (colour, direction, picture). Latency of "
+      "each stage: p50, p95 and p99 over the latest 1024 pictures, in nanoseconds");
   lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;

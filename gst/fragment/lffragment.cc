@@ -10,10 +10,11 @@
  * request it sends one answer on `src`. Use it with your own camera elements; `lfcameranode` combines it with the
  * cameras of a rig.
  *
- * An answer contains the part of the view that these cameras contribute to, as their weighted sum. `lfcompositor` adds
- * the answers of all nodes. If the request has depth hypotheses (guesses of the depths in the scene), photo-consistency
- * sums precede the answer; they show how well the cameras agree on each guess. Further clients use the pads
- * `request_%u`, each paired with a `src_%u`.
+ * An answer contains the part of the view that these cameras contribute to: for each pixel, the weighted sum of their
+ * images. `lfcompositor` adds the answers of all nodes, and so completes the picture. A request can also contain depth
+ * hypotheses, which are guesses of the depths in the scene. A message with photo-consistency sums then precedes the
+ * answer. These numbers show how well the cameras agree on each guess. Each further client requests a pad `request_%u`,
+ * and receives its answers from the pad `src_%u` with the same number.
  *
  * ## Example launch line
  *
@@ -36,14 +37,15 @@
  * that are not live, the element waits for the requested frame, so that the output is the same on every machine. Files
  * are read no faster than the requests advance, and follow the seeks of the requests.
  *
- * If QoS events from lfcompositor show that the picture of a request would be too late, the element answers the request
- * without fragments, to save time.
+ * If QoS events from lfcompositor show that the picture of a request would be too late, the element saves the time for
+ * rendering and sends an empty answer.
  *
  * ## Cameras without a rig
  *
- * The property `access` is for cameras that do not know the whole rig (section 4.2 of the paper). These cameras ignore
- * view requests. Instead, they answer the warp or pixel commands that `lfviewrequest access=` sends after each request.
- * lffragment then uses only their lenses, or only their image sizes, from `rig`.
+ * The property `access` is for simple cameras that do not know the whole rig (section 4.2 of the paper). These cameras
+ * cannot answer view requests. Instead, they answer the commands that `lfviewrequest access=` sends after each request.
+ * A warp command gives the camera the transformation of its image into the view, and a pixel command names the image
+ * region to deliver. lffragment then uses only the lenses of its cameras, or only their image sizes, from `rig`.
  *
  * ## Element messages
  *
@@ -124,8 +126,9 @@ GType lf_fragment_codec_get_type(void) {
         "Uncompressed for a compositor in this process, otherwise JPEG of the quality that "
         "the request names",
         "auto"},
-       {lf::CodecChoice::kRaw, "8 bits per value", "raw"},
-       {lf::CodecChoice::kRaw16, "16 bits per value, so that rounding occurs only once, in the picture", "raw16"},
+       {lf::CodecChoice::kRaw, "Uncompressed, 8 bits per value", "raw"},
+       {lf::CodecChoice::kRaw16,
+        "Uncompressed, 16 bits per value, so that values are rounded only once, when the picture is made", "raw16"},
        {lf::CodecChoice::kJpeg, "JPEG of the quality that the request names; uncompressed if that quality is 0",
         "jpeg"}});
   return type;
@@ -158,20 +161,20 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
                         "Path of the rig file (rig.json), which describes all cameras of the array. This property is "
-                        "required. If it is set while the element runs, the file is used from the next request on, "
-                        "and cameras keep their pads by id"),
+                        "required. If it is set while the element runs, the file is used from the next request on, and "
+                        "each pad keeps the camera with the same id"),
       property<&S::node>(
           kWhileReady, "node", "Node",
           "Number that identifies this node in its answers. Give each node of an array a different number, so that "
           "compositors can tell their answers apart",
           0, G_MAXUINT),
-      property<&S::codec>(
-          kWhilePlaying, "codec", "Codec",
-          "Encoding of the pixels in answers. Compression saves network bandwidth but costs time on both hosts",
-          LF_TYPE_FRAGMENT_CODEC),
+      property<&S::codec>(kWhilePlaying, "codec", "Codec",
+                          "Encoding of the pixels in answers. Compression (JPEG) saves network bandwidth but costs "
+                          "time on both hosts, and it changes the picture slightly",
+                          LF_TYPE_FRAGMENT_CODEC),
       property<&S::threads>(kWhilePlaying, "threads", "Threads",
                             "Maximum number of threads that render one answer. All lffragment elements of a process "
-                            "share one pool of threads (0: number of processors)",
+                            "share the same threads (0: number of processors)",
                             0, 256),
       property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
                              "Maximum difference between the requested and the actual capture time of a live frame, "
@@ -179,35 +182,38 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                              "contribute to the view, and other cameras replace its contribution",
                              0, G_MAXINT64),
       property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
-                                 "Approximate number of pixels in a fragment, a part of the view that is sent and "
-                                 "lost as a whole. Smaller fragments make a lost packet less visible. A fragment has "
-                                 "at least 16 rows. The property has no effect on 16-bit answers",
+                                 "Approximate number of pixels in a fragment. A fragment is a part of the view that is "
+                                 "sent as a whole, so a lost packet costs one fragment. Smaller fragments therefore "
+                                 "make a lost packet less visible, but need more bytes. A fragment has at least 16 "
+                                 "rows. The property has no effect on answers with 16 bits per value (see codec)",
                                  1, 1 << 28),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
                                   "Post an element message \"lightfield-answer\" for every answer, for example to "
                                   "measure durations"),
-      property<&S::access>(kWhilePlaying, "access", "Access",
-                           "Kind of requests that the cameras answer. Use self for cameras that compute their own "
-                           "share of a view from the rig. The values warp and pixels are for cameras with less "
-                           "knowledge, which need the commands of an lfviewrequest with the same setting. "
-                           "access=pixels also needs an lfcompositor with a rig",
-                           LF_TYPE_ACCESS),
-      property<&S::resampling>(kWhilePlaying, "resampling", "Resampling",
-                               "Method of sampling camera images. Bilinear interpolation alone blurs the view "
-                               "slightly, and sharpened restores most of that detail. If access is pixels, the "
-                               "compositor samples the images, and this property has no effect",
-                               LF_TYPE_FRAGMENT_RESAMPLING),
+      property<&S::access>(
+          kWhilePlaying, "access", "Access",
+          "How much of a view the cameras compute by themselves. Use self, the default, if the cameras know the whole "
+          "rig. The two other values are for simple cameras, and need an lfviewrequest with the same setting. If warp "
+          "is set, cameras know only their own lens, and lfviewrequest sends the transformation of each image into the "
+          "view. If pixels is set, cameras only deliver the image regions that lfviewrequest names. An lfcompositor "
+          "with a rig then transforms these pixels",
+          LF_TYPE_ACCESS),
+      property<&S::resampling>(
+          kWhilePlaying, "resampling", "Resampling",
+          "Interpolation of camera images at positions between their pixels. Bilinear interpolation alone blurs the "
+          "view slightly, and sharpened restores most of the lost detail for some more time. If access is pixels, the "
+          "compositor samples the images, and this property has no effect",
+          LF_TYPE_FRAGMENT_RESAMPLING),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
                               "Maximum time from the arrival of a live request to its answer, in nanoseconds (0: "
-                              "unlimited). If the element expects a later answer, judging by earlier answers, it "
-                              "skips the request. Set this if late pictures are worthless to the viewers",
+                              "unlimited). The element estimates the time from earlier answers, and skips the request "
+                              "if the limit would be exceeded. Set this if a late picture is useless to the viewers",
                               0, G_MAXINT64),
-      property<&S::renderer>(
-          kWhilePlaying, "renderer", "Renderer",
-          "Processor that renders the answers: CPU or GPU. The choice hardly affects the picture; values in the "
-          "format of the cameras differ by at most 1 of 255. The property stats names the renderer in use and the "
-          "reason",
-          LF_TYPE_FRAGMENT_RENDERER),
+      property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
+                             "Processor that renders the answers: CPU or GPU. The pictures of both are almost the "
+                             "same: colours in the format of the cameras differ by at most 1 of 255. The property "
+                             "stats shows which processor is in use, and why",
+                             LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
 }
@@ -265,12 +271,13 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
 static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counters and durations. Requests: refused (by exceeded limit: refused-pixels, -aperture, -trials, -rate, "
-      "-views, -lens). Answers: skipped (too late to be shown), drawn (by OpenGL), together (drawn together with "
-      "other views of a set), fragments and bytes. Camera frames: gpu-frames (drawn from GPU memory without a "
-      "download), missing (stale: beyond max-skew), damaged, and the largest skew (capture-time error). The renderer "
-      "in use and the reason (renderer). Durations of waiting for frames, decoding, rendering, encoding and the "
-      "whole answer (answer-ns), in nanoseconds: latest value, and p50, p95 and p99 over the latest 1024 answers");
+      "Counters since the start, and durations in nanoseconds. Refused requests, by the exceeded limit: "
+      "refused-pixels, -aperture, -trials, -rate, -views, -lens. Answers: skipped (the picture would have been too "
+      "late), drawn (by OpenGL), together (drawn together with other views of a set), fragments, bytes. Camera frames: "
+      "gpu-frames (used in GPU memory, without a download), missing-frames, stale-frames (missing because of "
+      "max-skew), damaged-frames, and max-skew-ns (largest capture-time error). The field renderer names the processor "
+      "in use and the reason. The durations of waiting for frames, decoding, rendering, encoding and the whole answer "
+      "(answer-ns) have the latest value, and p50, p95 and p99 over the latest 1024 answers");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
   object_class->get_property = lf::callback<lf_fragment_get_property>;

@@ -4,17 +4,18 @@
  * @title: lfrtpseal
  * @short_description: encrypts and authenticates RTP packets with a shared key
  *
- * lfrtpseal encrypts and authenticates RTP packets of any kind: requests, answers or pictures. It applies SRTP
- * (`srtpenc`) with keys derived from the secret in #lfrtpseal:key-file. Give all hosts the same file;
- * #element-lfrtpgate decrypts at the receiver. Without a key file, packets pass unchanged.
+ * lfrtpseal encrypts and authenticates RTP packets of any kind: requests, answers or pictures. Place it in front of
+ * `udpsink`. It applies SRTP (`srtpenc`) with keys that it derives from the secret in #lfrtpseal:key-file. Give all
+ * hosts the same file. The receiver decrypts the packets with #element-lfrtpgate. Without a key file, packets pass
+ * unchanged.
  *
  * Create the file with `openssl rand -hex 32`; it must have 32 or more random characters. The contents never appear on
- * command lines, in logs or in properties. Each derived key is valid for one kind of stream and about one minute.
- * Therefore receivers can start at any time, and reject recorded packets later. The clocks of all hosts must differ by
- * less than a minute.
+ * command lines, in logs or in properties. Each derived key is valid for one kind of stream and for about one minute. A
+ * receiver can therefore start at any time, and it rejects packets that an attacker has recorded and sends again later.
+ * For this reason, the clocks of all hosts must differ by less than a minute.
  *
- * Packets grow by 22 bytes. The element replaces SSRC and sequence numbers, so place it after elements that use them,
- * such as `rtpbin`.
+ * Packets grow by 22 bytes. The element replaces their SSRC and sequence numbers, so place it after elements that use
+ * these numbers, such as `rtpbin`.
  *
  * ## Encrypted pictures
  * |[
@@ -46,8 +47,8 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
         lf::kWhileReady, "key-file", "Key file",
-        "Path of the file with the secret that all hosts share, 32 or more random characters (empty: packets pass "
-        "unchanged)")};
+        "Path of the file with the secret that all hosts share, 32 or more random characters. The receiving lfrtpgate "
+        "needs the same file (empty: packets pass unchanged, without encryption)")};
     return table;
   }
 };
@@ -82,7 +83,8 @@ struct _LfRtpSeal {
 
 G_DEFINE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfrtpseal, "lfrtpseal", GST_RANK_NONE, LF_TYPE_RTP_SEAL,
-                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_seal_debug, "lfrtpseal", 0, "RTP under a key"))
+                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_seal_debug, "lfrtpseal", 0,
+                                                              "encryption of RTP packets"))
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp"));

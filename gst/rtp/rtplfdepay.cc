@@ -4,13 +4,14 @@
  * @title: rtplfdepay
  * @short_description: extracts light field requests or answers from RTP packets
  *
- * rtplfdepay receives the packets of #rtplfpay. It pushes each part of an answer as soon as the part has arrived;
- * #lfcompositor counts the parts to detect complete answers. Packets may be lost, duplicated or reordered, and several
- * senders may share a port. Therefore the element needs no `rtpjitterbuffer`, which would add delay, although one (in
- * `rtpbin`) does no harm. Requests that arrive several times are forwarded once and in order.
+ * rtplfdepay receives the packets of #rtplfpay. It forwards each part of an answer as soon as this part is complete,
+ * and #lfcompositor counts the parts to detect complete answers. Packets may be lost, duplicated or reordered, and
+ * several senders may share a port. The element therefore needs no `rtpjitterbuffer`, which would add delay, but it
+ * also works behind one, for example in `rtpbin`. A request that arrives several times is forwarded only once, and
+ * requests stay in order.
  *
- * Damaged and forged data is dropped and counted in #rtplfdepay:stats. #rtplfdepay:max-size-bytes limits the memory for
- * incomplete data.
+ * Invalid data, whether damaged or forged, is dropped and counted in #rtplfdepay:stats. #rtplfdepay:max-size-bytes
+ * limits the memory for messages that still lack packets.
  *
  * ## Record the answers of a node
  * |[
@@ -42,8 +43,8 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
-        "Maximum memory for incomplete units, in bytes. A unit is a request or a part of an answer, and is "
-        "incomplete while packets are missing. If units need more memory, the oldest units are dropped",
+        "Maximum memory for messages with missing packets, in bytes. A message is a request or a part of an answer, "
+        "and usually consists of several packets. If more memory is needed, the oldest incomplete messages are dropped",
         guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -263,12 +264,13 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   object_class->finalize = lf_rtp_depay_finalize;
   Properties::install(
       object_class,
-      "Statistics of GstRTPBaseDepayload, and since the start (all uint64): packets (received), bytes (of payloads), "
-      "units (forwarded), chunks (packets with a part of a unit), repeated (known requests), lost (gaps in sequence "
-      "numbers, in packets); dropped: duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), "
-      "bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), incomplete-units (missing "
-      "chunks), superseded (requests with more than two newer requests in the same packet), refused (beyond a limit, "
-      "by limit: refused-pixels, -aperture, -trials, -rate, -views, -lens)");
+      "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, a "
+      "chunk is a packet with a part of a unit. Received: packets, bytes (of payloads), units (forwarded), chunks, "
+      "repeated (requests that had arrived before), lost (packets, counted by gaps in sequence numbers). Dropped: "
+      "duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit "
+      "that is too large), bad-units (invalid), incomplete-units (missing chunks), superseded (requests with more than "
+      "two newer requests in the same packet), refused (requests beyond a limit, by limit: refused-pixels, -aperture, "
+      "-trials, -rate, -views, -lens)");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;

@@ -6,21 +6,23 @@
  *
  * rtplfpay splits requests or answers into RTP packets, to send them to another host. The receiver is #rtplfdepay.
  *
- * Packets are never larger than #GstRTPBasePayload:mtu, not counting header extensions of applications and the SRTP
- * tag. An answer is split at the borders of its fragments (parts of the view), so a lost packet only loses its own
- * fragments. Each request is sent together with its two predecessors, so one or two lost packets do no harm.
+ * Packets are never larger than #GstRTPBasePayload:mtu. This limit does not include header extensions of applications
+ * and the SRTP tag. An answer is split at the borders of its fragments (parts of the view), so a lost packet costs only
+ * the fragments that it contains. Each packet with a request also contains the two previous requests, so one or two
+ * lost packets do no harm.
  *
- * All packets of an answer are ready at once and may exceed the socket buffer of a receiver. The element therefore
- * paces packets to #rtplfpay:max-bitrate, by default one gigabit per second. Set it below the link capacity. Receivers
- * should request a large buffer (`udpsrc buffer-size=4000000`, limited by the sysctl `net.core.rmem_max`). Put a
- * `queue` before the element, so that the node can render its next answer while this element sends.
+ * All packets of an answer are ready at the same time, and together they may exceed the socket buffer of the receiver.
+ * The element therefore spreads them over time, at the rate #rtplfpay:max-bitrate, by default one gigabit per second.
+ * Set this property below the capacity of the link. Receivers should request a large buffer (`udpsrc
+ * buffer-size=4000000`, limited by the sysctl `net.core.rmem_max`). Put a `queue` before the element, so that the node
+ * can render its next answer while this element sends.
  *
- * `udpsink max-bitrate=` cannot replace the pacing. It counts from the timestamp of an answer, which is usually sent
- * later, and it has no effect with `sync=false`.
+ * The property `max-bitrate` of `udpsink` cannot replace this property. It counts from the timestamp of an answer, but
+ * an answer is usually sent later. It also has no effect with `sync=false`.
  *
- * A node with `codec=auto` that sends through this element compresses its answers. The element provides a clock that
- * starts at the time of day and never jumps, even if the system clock is set. Hosts need such a clock, because they
- * exchange capture times as time of day.
+ * A node (an element that owns cameras and answers requests) with `codec=auto` compresses its answers if they pass this
+ * element. The element also provides a clock that starts at the time of day and never jumps, even if the system clock
+ * is set. Hosts need such a clock, because they exchange capture times as time of day.
  *
  * ## Answers of a node
  * |[
@@ -53,7 +55,8 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_bitrate>(
         lf::kWhilePlaying, "max-bitrate", "Maximum bitrate",
         "Maximum sending rate for the packets of an answer, in bits per second. Set it below the capacity of the "
-        "slowest link, otherwise packets are lost where several nodes send at once (0: no limit)",
+        "slowest link on the way to the receiver. Otherwise packets are lost there when several nodes send at the same "
+        "time (0: no limit)",
         guint64{0}, G_MAXUINT64)};
     return table;
   }

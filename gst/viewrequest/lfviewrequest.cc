@@ -26,7 +26,8 @@
  * - the custom upstream event "lightfield-view-request", which has any of these properties and focus-continuous (0 or
  *   1) as fields, or the action signal `set-view` with such a structure.
  *
- * Changes apply to the next request. The properties change with the view and notify.
+ * Changes apply to the next request. When the view changes, the element sets these properties to the new values and
+ * emits `notify`.
  *
  * If `width`, `height` or `framerate` is not set, it follows the caps downstream of the view's lfcompositor, if that is
  * in this process. The element negotiates them before the first request and when the caps change. Otherwise pictures
@@ -42,18 +43,20 @@
  * All further requests exclude the cameras that are out of service, in addition to the cameras in the property
  * `out-of-service`. Extra requests follow the next request and have its capture time.
  *
- * If the sink pad is linked, the element is a relay: it forwards the requests of other viewers instead, and adds the
- * cameras that are out of service. Use a relay on a compositor host behind a network. A live relay also adds focal
- * surfaces from lfcompositor if no viewer accepts them.
+ * If the sink pad is linked, the element is a relay. Instead of making requests, it forwards the requests of viewers
+ * and adds the list of cameras that are out of service. Use a relay on a compositor host behind a network. A live relay
+ * also adds focal surfaces from lfcompositor if no viewer accepts them.
  *
- * Set `access` for cameras that cannot answer view requests (`lffragment access`). A command for the cameras then
- * follows each request. A relay drops the commands that it receives and generates its own, because the viewer does not
- * know which of the relay's cameras are out of service.
+ * Some cameras are too simple to answer view requests (see `lffragment access`). Set `access` for such cameras. A
+ * command for these cameras then follows every request, with the transformations of their images or the image regions
+ * to deliver. A relay drops the commands that it receives and generates new ones, because only the relay knows which of
+ * its cameras are out of service.
  *
  * If `views` is set, the element sends a request for each eye of a stereo pair, a row, or a quilt (a grid of views for
- * light field displays). All eyes share capture time and focal surface, which is found for the view next to the middle
- * and warped to the other views. lfcompositor combines the views in one picture, with GStreamer's multiview-mode for
- * pairs. Width and height of a view must be even. Mouse and keys move all views together.
+ * light field displays). All eyes have the same capture time. The focal surface is found for the view next to the
+ * middle, and then transformed to the remaining viewpoints. lfcompositor combines the views in one picture, with
+ * GStreamer's multiview-mode for pairs. Width and height of a view must be even. Mouse and keys move all views
+ * together.
  *
  * Upstream events with the field "lightfield-view-id" (uint) apply to the view with that id only.
  *

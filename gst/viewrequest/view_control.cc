@@ -102,16 +102,20 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"x", "X", "Position of the eye in the rig's world, to the right, in metres", -kMaxPosition, kMaxPosition, 0},
     {"y", "Y", "Position of the eye in the rig's world, downwards, in metres", -kMaxPosition, kMaxPosition, 0},
     {"z", "Z", "Position of the eye in the rig's world, forwards, in metres", -kMaxPosition, kMaxPosition, 0},
-    {"yaw", "Yaw", "Rotation of the view to the right, in degrees; applied before pitch and roll", -360, 360, 0},
-    {"pitch", "Pitch", "Rotation of the view upwards, in degrees; applied after yaw, before roll", -360, 360, 0},
-    {"roll", "Roll", "Rotation of the view clockwise about its optical axis, in degrees; applied last", -360, 360, 0},
-    {"fov", "Field of view", "Vertical field of view, in degrees", kMinFovDeg, kMaxFovDeg, 45},
-    {"focus-distance", "Focus distance", "Distance of the focal plane along the optical axis, in metres", kMinFocus,
-     kMaxFocus, 2},
+    {"yaw", "Yaw", "Rotation of the view to the right, in degrees. It is applied before pitch and roll", -360, 360, 0},
+    {"pitch", "Pitch", "Rotation of the view upwards, in degrees. It is applied after yaw and before roll", -360, 360,
+     0},
+    {"roll", "Roll",
+     "Rotation of the view clockwise about its optical axis, in degrees. It is applied after yaw and pitch", -360, 360,
+     0},
+    {"fov", "Field of view", "Vertical field of view, in degrees. A smaller angle shows less of the scene, but larger",
+     kMinFovDeg, kMaxFovDeg, 45},
+    {"focus-distance", "Focus distance",
+     "Distance of the focal plane from the viewpoint along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
-     "Diameter of the synthetic aperture, in metres. All cameras inside contribute to a pixel, so objects out of "
-     "focus blur, as with a large lens (0: each pixel is blended from three cameras, and the whole scene looks sharp "
-     "if the focus is right)",
+     "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel, so "
+     "objects out of focus blur as with a large lens (0: each pixel is blended from three cameras, and the whole scene "
+     "looks sharp if the depths are right)",
      0, Blending::kMaxAperture, 0},
 }};
 

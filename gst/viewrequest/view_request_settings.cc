@@ -278,8 +278,8 @@ constexpr double kMostEyeDistance = 1e6;
 Property<S> frame_rate_property() {
   return fraction_property<&S::fps_n, &S::fps_d>(
       kWhileReady, "framerate", "Frame rate",
-      "Rate of requests and pictures, per second. Views of a file keep their own times (0/1: rate of the caps "
-      "downstream of the view's lfcompositor, otherwise 15/1)",
+      "Rate of requests and pictures, per second. Views of a file keep their own times (0/1: rate in the caps "
+      "downstream of the lfcompositor of this view, or 15/1 if they have none)",
       0, 1);
 }
 
@@ -308,95 +308,104 @@ std::string ViewRequestSettings::ignored_settings(bool live) const {
 PropertyTable<S>& ViewRequestSettings::properties() {
   static PropertyTable<S> table = {
       property<&S::location>(kWhileReady, "location", "Location",
-                             "Path of a file with the views to request (views.json). If empty, the properties define "
-                             "the view"),
-      property<&S::rig>(
-          kWhilePlaying, "rig", "Rig",
-          "Path of the rig file (rig.json), which describes the cameras of the array. Requests name its hash, so "
-          "that nodes with another rig notice the difference. View properties that are not set get values that suit "
-          "the array. If the property is set while the element runs, the file is loaded again and used from the next "
-          "request on"),
+                             "Path of a file with the views to request (views.json), for example a camera path from "
+                             "lf-path. If empty, the properties define the view"),
+      property<&S::rig>(kWhilePlaying, "rig", "Rig",
+                        "Path of the rig file (rig.json), which describes the cameras of the array. Requests carry a "
+                        "checksum of the rig, so that nodes with another rig file notice the difference. View "
+                        "properties that are not set get values that suit the array. If the property is set while the "
+                        "element runs, the file is loaded again and used from the next request on"),
       property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "Number of the view. Set the same number at the lfcompositor of this view", 0, G_MAXUINT),
-      property<&S::width>(kWhilePlaying, "width", "Width",
-                          "Width of the view, in pixels. Views of a file have their own sizes (0: width in the caps "
-                          "downstream of the view's lfcompositor, otherwise width of the cameras in the rig, or 640 "
-                          "without a rig)",
-                          0, kMaxImageSize),
+                            "Number of this view, which connects requests and answers. Set the same number at the "
+                            "lfcompositor of the view, and different numbers for viewers that share cameras",
+                            0, G_MAXUINT),
+      property<&S::width>(
+          kWhilePlaying, "width", "Width",
+          "Width of the view, in pixels. Views of a file have their own sizes (0: width in the caps downstream of the "
+          "lfcompositor of this view. If they have none, the width of the cameras in the rig, or 640 without a rig)",
+          0, kMaxImageSize),
       property<&S::height>(kWhilePlaying, "height", "Height",
-                           "Height of the view, in pixels. Views of a file have their own sizes (0: height in the "
-                           "caps downstream of the view's lfcompositor, otherwise height of the cameras in the rig, "
-                           "or 480 without a rig)",
+                           "Height of the view, in pixels. Views of a file have their own sizes (0: height in the caps "
+                           "downstream of the lfcompositor of this view. If they have none, the height of the cameras "
+                           "in the rig, or 480 without a rig)",
                            0, kMaxImageSize),
       frame_rate_property(),
-      property<&S::capture_delay>(kWhileReady, "capture-delay", "Capture delay",
-                                  "Delay between the capture of a live frame and the request for it, in nanoseconds. "
-                                  "Frames must reach the nodes within this time, and the element reports the delay "
-                                  "as latency (-1: delay that the nodes of this process measure; the element posts "
-                                  "LATENCY messages after changes)",
-                                  gint64{-1}, kMaxCaptureDelay),
-      property<&S::navigation>(kWhilePlaying, "navigation", "Navigation",
-                               "Let mouse and keys (GstNavigation events) move the view. A drag orbits, a shift-drag "
-                               "pans, the wheel zooms, and ctrl-wheel focuses. The keys are arrows, w s a d q e, + "
-                               "-, [ ] and r"),
+      property<&S::capture_delay>(
+          kWhileReady, "capture-delay", "Capture delay",
+          "Time between the capture of a live frame and the request for it, in nanoseconds. It must be long enough for "
+          "frames to reach the nodes; otherwise nodes answer with frames that are too old. The element reports the "
+          "delay as latency (-1: the delay that the nodes in this process measure. The element posts a LATENCY message "
+          "whenever this value changes)",
+          gint64{-1}, kMaxCaptureDelay),
+      property<&S::navigation>(
+          kWhilePlaying, "navigation", "Navigation",
+          "Movement of the view by mouse and keys (GstNavigation events). A drag orbits, a shift-drag pans, the wheel "
+          "zooms, and ctrl-wheel focuses. The keys are arrows, w s a d q e, + -, [ ] and r"),
       property<&S::constrain_view>(
           kWhilePlaying, "constrain-view", "Constrain view",
-          "Keep the view where the cameras can see. The view starts inside the mesh of the array, with a field of "
-          "view that the cameras cover. Mouse and keys then lose at most a twentieth of this coverage; movements "
-          "with shift are not limited. This requires rig"),
+          "Limit that keeps the view where the cameras can see. The view then starts inside the mesh of the array (the "
+          "triangles of neighbouring cameras), with a field of view that the cameras cover completely. Mouse and keys "
+          "stop before more than a twentieth of the view is lost, except for movements with shift. This requires rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
                             "JPEG quality of answers that cross the network (0: uncompressed). A lower value needs "
                             "less bandwidth",
                             0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
-                                   "Ids of cameras that nodes must not use, as a list of numbers and ranges such as "
-                                   "\"0-3,7\". Neighbouring cameras fill in. This requires rig"),
-      property<&S::navigation_element>(
-          kWhileReady, "navigation-element", "Navigation element",
-          "Name of an element of this pipeline that the pictures pass. Set this if the pictures come from another "
-          "host, for example to the name of the decoder: mouse and keys of the window then still move the view"),
+                                   "Ids of cameras that must not contribute to the view, as a list of numbers and "
+                                   "ranges such as \"0-3,7\". Their neighbours contribute instead. This requires rig"),
+      property<&S::navigation_element>(kWhileReady, "navigation-element", "Navigation element",
+                                       "Name of an element of this pipeline that the pictures pass through, for "
+                                       "example a decoder. Set this if the pictures come from another host. Mouse and "
+                                       "key events of the window reach that element, and then still move the view"),
       property<&S::access>(kWhileReady, "access", "Access",
-                           "Kind of requests that the cameras can answer, as in the property access of lffragment. "
-                           "Cameras that cannot plan their own share of a view receive a command after each request. "
-                           "Kinds other than self require rig",
+                           "How much of a view the cameras compute by themselves. Set the same value at the lffragment "
+                           "of the cameras. Cameras with self know the rig and need only the view request. If warp or "
+                           "pixels is set, this element also sends the transformations of the camera images, or the "
+                           "image regions to deliver. These two values require rig",
                            LF_TYPE_ACCESS),
       property<&S::eager>(kWhilePlaying, "eager", "Eager",
-                          "Request a change of a live view early, a quarter of a frame after the previous instant of "
-                          "the schedule, and for the newest capture. This shortens the reaction to mouse and keys. "
-                          "The number of requests stays the same. Views of a file are not affected"),
-      inherited_property<S, &S::layout>(
-          kWhilePlaying, "views", "Views",
-          "Arrangement of several views in one picture, for stereo or light field displays. The eyes of the views "
-          "lie in a row around the view. Width and height apply to each view",
-          LF_TYPE_SET_LAYOUT),
+                          "Early requests when a live view changes, for example by the mouse. The request then asks "
+                          "for the newest frames. It is sent a quarter of a frame after the previous instant of the "
+                          "schedule, instead of at the next instant. This shortens the reaction to mouse and keys. The "
+                          "number of requests stays the same. Views of a file are not affected"),
+      inherited_property<S, &S::layout>(kWhilePlaying, "views", "Views",
+                                        "Arrangement of several views in one picture, for stereo or light field "
+                                        "displays. Their viewpoints (the eyes) lie in a horizontal row around the "
+                                        "viewpoint of this element. Width and height are the size of each view",
+                                        LF_TYPE_SET_LAYOUT),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
-                                         "Number of views side by side, if views is row or quilt", 1,
+                                         "Number of views side by side. It applies if views is row or quilt", 1,
                                          ViewSetPosition::kMaxViews),
-      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows", "Number of rows of views, if views is quilt", 1,
+      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows",
+                                      "Number of rows of views in the picture. It applies if views is quilt", 1,
                                       ViewSetPosition::kMaxViews),
       inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
-                                              "Distance between neighbouring eyes, in metres", 0.0, kMostEyeDistance),
+                                              "Distance between neighbouring eyes (the viewpoints of the views), in "
+                                              "metres. The default is the distance between the eyes of a person",
+                                              0.0, kMostEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
-          "Angle between the outermost eyes, seen from the middle of the focal plane, in degrees. Set it to the "
-          "viewing cone of the display. If it is set, eye-distance has no effect (0: use eye-distance)",
+          "Angle between the outermost eyes (viewpoints), seen from the middle of the focal plane, in degrees. Set it "
+          "to the viewing cone in the data sheet of the display. It replaces eye-distance (0: use eye-distance)",
           0.0, 179.0),
       inherited_property<S, &S::converged>(
           kWhilePlaying, "converged", "Converged",
-          "Shift the views so that the focal plane appears at the depth of the screen. Set this to false for "
+          "Shift of the views, so that the focal plane appears at the depth of the screen. Set this to false for "
           "headsets, which need parallel lines of sight"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
-          "Keep the point of the last click or focus-at in focus while the scene moves. Initially this point is the "
-          "middle of the picture. The depth comes from the focal surface of the lfcompositor. Without a focal "
-          "surface, every eighth request comes with a small view that searches for the depth"),
+          "Focus that follows a point while the scene moves: the point of the last click or of the last signal "
+          "focus-at. Initially this point is the middle of the picture. Its depth comes from the focal surface of the "
+          "lfcompositor. If there is none, every eighth request measures the depth with an additional small view"),
       property<&S::nearest_cameras>(
           kWhilePlaying, "nearest-cameras", "Nearest cameras",
-          "Approximate number of cameras that contribute to a pixel, chosen by angle, resolution and field of view. "
-          "Use this for irregular arrays. It has no effect if aperture is set (0: each pixel is blended from three "
-          "cameras, by the mesh of the array)",
+          "Approximate number of cameras that contribute to a pixel. Cameras are selected by how similar their "
+          "direction, resolution and field of view are to those of the view. Use this for irregular arrays; 4 is a "
+          "good value. It has no effect if aperture is set (0: each pixel is blended from the three cameras of a "
+          "triangle in the mesh of the array)",
           0, Blending::kMaxNearest),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Restart the file in location when it ends"),
+      property<&S::loop>(kWhileReady, "loop", "Loop",
+                         "Repetition of the views in location after the last view. If false, the stream ends"),
   };
   return table;
 }
@@ -408,10 +417,11 @@ GType lf_set_layout_get_type(void) {
   static const GType type = lf::register_enum<ViewSetLayout>(
       "LfSetLayout",
       {{ViewSetLayout::kMono, "One view", "mono"},
-       {ViewSetLayout::kStereo, "Two, side by side", "stereo"},
-       {ViewSetLayout::kCrossEyed, "Two, side by side, swapped for cross-eyed viewing", "cross-eyed"},
-       {ViewSetLayout::kTopBottom, "Two, the left one on top", "top-bottom"},
-       {ViewSetLayout::kRow, "One row of \"columns\", from left to right", "row"},
-       {ViewSetLayout::kQuilt, "\"rows\" of \"columns\", from the bottom left, for light field displays", "quilt"}});
+       {ViewSetLayout::kStereo, "Two views side by side, the left eye on the left", "stereo"},
+       {ViewSetLayout::kCrossEyed, "Two views side by side, swapped for cross-eyed viewing", "cross-eyed"},
+       {ViewSetLayout::kTopBottom, "Two views, the left eye on top", "top-bottom"},
+       {ViewSetLayout::kRow, "One row of views, with \"columns\" views from left to right", "row"},
+       {ViewSetLayout::kQuilt,
+        "A grid of \"rows\" times \"columns\" views, starting at the bottom left, for light field displays", "quilt"}});
   return type;
 }

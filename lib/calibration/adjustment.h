@@ -41,8 +41,9 @@ struct CameraState {
   void set_lens(const Lens& lens);
 };
 
-// A position of the light, which the cameras are calibrated with: a point, or a bar with two lights. A bar is stored as
-// its centre and direction (unit vector). Its length is the unit of length of the scene.
+// The position of the calibration target at one instant. The target is a moving light, or a bar with a light at each
+// end. A bar is stored as its centre and its direction (unit vector). The length of the bar is the unit of length of
+// the scene.
 struct TargetState {
   enum class Kind : uint8_t { kNone, kPoint, kBar };
   std::array<double, 6> v{};
@@ -53,25 +54,30 @@ struct TargetState {
   Vec3 point(uint32_t which) const;
 };
 
-// Prior knowledge of a lens: a mean, and the square root W of the information matrix (upper triangular), so that W
-// (lens - mean) has unit covariance. Unknown terms have zero rows and columns; the batch prior covers such terms.
+// Prior knowledge of one lens, for example from images of a checkerboard. It consists of a mean and the square root W
+// of the information matrix (upper triangular), so that W (lens - mean) has unit covariance. Terms that are not known
+// have zero rows and columns in W, so that only the batch prior applies.
 struct LensPrior {
   std::array<double, kNumLensTerms> mean{};
   std::array<double, kNumLensTerms * kNumLensTerms> root_information{};
   std::array<bool, kNumLensTerms> known{};
 };
 
-// Prior knowledge of a pose: position, then a rotation about the world axes, in the order of a rig's covariance. Values
-// are in the frame and the metres of the prior rig. Unknown terms have zero rows and columns.
+// Prior knowledge of one pose, from an earlier calibration. The terms are the position in metres and then a rotation
+// about the world axes in radians, as in the covariance of a rig file. They use the coordinates of the rig that the
+// prior comes from. Terms that are not known have zero rows and columns.
 struct PosePrior {
   static constexpr int kNumTerms = 6;
   Pose mean;
   std::array<double, kNumTerms * kNumTerms> root_information{};
 };
 
-// Assumes that all lenses come from one batch, so that they differ little. Each lens is within `spread` of the mean of
-// the batch, or within `tight` for terms that all cameras share. The mean of the batch is within `width` of `mean`. All
-// values are one standard deviation.
+// Prior knowledge of all lenses together. It applies to terms that no LensPrior has measured. Lenses of the same model
+// come from one batch, so they differ little from the mean lens of the batch, which is estimated, too. The members
+// except `mean` are standard deviations of each lens term:
+// - `width`: of the mean lens of the batch from `mean`,
+// - `spread`: of a lens from the mean lens of the batch,
+// - `tight`: like `spread`, for terms that all cameras share.
 struct BatchPrior {
   std::array<double, kNumLensTerms> mean{}, width{}, spread{}, tight{};
 };
@@ -94,7 +100,7 @@ struct Reconstruction {
 
 struct AdjustmentOptions {
   std::array<bool, kNumLensTerms> free{};
-  // free terms that have the same value in all cameras without a prior measurement
+  // Free terms with one common value for all cameras that have no prior measurement.
   std::array<bool, kNumLensTerms> shared{};
   double sigma = 1;          // standard deviation of x and y of an observation, pixels
   double robust = 0;         // threshold of the robust loss, in sigmas; 0: least squares
@@ -129,8 +135,10 @@ struct ClockAdjustment {
   std::vector<double> stamp;   // when each observation was made, according to its camera, seconds
 };
 
-// Bundle adjustment: estimates cameras, light positions and, if `clocks` is not null, clocks. It uses the observations
-// with use[i] of used cameras and known light positions. Only weak priors constrain the common part of all clocks.
+// Bundle adjustment: changes the cameras, the light positions and, if `clocks` is not null, the clocks of `scene` so
+// that the reprojection errors become minimal. Observation i takes part if use[i] is true, its camera is used and its
+// light position is known. The observations determine only the differences between clocks, so weak priors fix the
+// common part of all clocks.
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
 
@@ -149,19 +157,22 @@ struct Similarity {
   }
 };
 
-// Weight of a radian of rotation in align(), relative to the size of the array. It is so small that the camera centres
-// decide. Orientations only decide about rotations that the centres leave free, as in a single row of cameras.
+// Weight of an orientation error of one radian in align(), relative to the size of the array. It is so small that the
+// camera centres determine the result. Orientations matter only if the centres leave a rotation free, for example the
+// rotation about the axis of a single row of cameras.
 inline constexpr double kRotationWeight = 1e-3;
 
 double spread(const std::vector<Vec3>& points);  // RMS distance from the mean
 
-// Returns the similarity that aligns the poses `a` with the poses `b`: least squares over camera centres (Umeyama
-// 1991). At least two poses are required; they are paired by index. `fixed_scale` fixes the scale at 1.
+// Returns the similarity that transforms the poses `a` so that they fit the poses `b` best, in the sense of least
+// squares over the camera centres (Umeyama 1991). a[i] corresponds to b[i], and at least two poses are required. If
+// `fixed_scale` is true, the scale is 1.
 Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fixed_scale = false);
 
-// The precision of an adjusted scene, as the covariance of its cameras. It is the inverse of the information matrix of
+// The precision of the cameras after adjust(), as a covariance matrix. It is the inverse of the information matrix of
 // observations and priors, after eliminating light positions and batch means. At the true parameters this is the
-// Cramer-Rao bound. Gauge: the scene is aligned with the true camera centres by align().
+// Cramer-Rao bound, the smallest possible covariance. The covariance depends on the coordinate system (gauge). Here,
+// align() has aligned the scene with the true camera centres.
 //
 // The parameters of a used camera are its rotation about the world axes (radians), its position (units of the scene),
 // and the free lens terms.

@@ -56,16 +56,18 @@ struct NodeStats {
   Percentiles wait_, decode_, render_, encode_, total_;
 };
 
-// Predicts how long an answer will take, from the planned work and the durations of earlier answers. A server skips
-// requests that would take too long. Each skipped request lowers the prediction; otherwise, a node that was slow for a
-// minute would skip all requests forever. Call done() and skipped() from one thread, nanoseconds() from any.
+// Predicts how long an answer will take, from the planned work and the durations of earlier answers. The node uses the
+// prediction to skip requests with answers that would be too late. Each skipped request lowers the prediction.
+// Otherwise a node that was slow for a minute would skip all requests forever, because only answers correct the
+// prediction. Work is measured in pixels. Call done() and skipped() from one thread, nanoseconds() from any.
 class WorkEstimate {
  public:
-  // Fixed work of every answer (finding frames, planning, waking threads), in pixels. Without this constant, small
-  // answers would make large answers seem slower than they are.
+  // The work that every answer needs regardless of its size (finding frames, planning, waking threads), as a number of
+  // pixels. Without this constant, the time per pixel of small answers would be too large a prediction for large
+  // answers.
   static constexpr double kAnyAnswer = 65536;
 
-  // Returns the predicted duration of this much work, or 0 if unknown.
+  // Returns the predicted duration of an answer with `work` pixels, or 0 before the first call of done().
   uint64_t nanoseconds(double work) const { return static_cast<uint64_t>(per_work_ * work); }
   void done(double work, uint64_t took) {
     if (work <= 0) return;
@@ -80,7 +82,9 @@ class WorkEstimate {
   std::atomic<double> per_work_ = 0;
 };
 
-// Answers requests with the images of the cameras of one machine. answer() may run in several threads, one per client.
+// Answers view requests with the images of the cameras of one machine. An answer contains the weighted sum of these
+// images, and a compositor adds the answers of all nodes. Several threads may call answer() at the same time, one for
+// each client.
 class Node {
  public:
   NodeStats& stats() { return stats_; }
@@ -101,7 +105,8 @@ class Node {
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
     std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
-  // While `cancelled` is true, answers to this client do not wait for frames. Any thread.
+  // While `cancelled` is true, answers to this client do not wait for frames. Call this to stop a client quickly. May
+  // be called from any thread.
   void cancel(ClientState& client, bool cancelled);
   struct Options {
     RenderOptions render;     // without colours; these come from the rig
@@ -119,14 +124,15 @@ class Node {
   // request that cannot be served, for example because it was made for another rig, gets an answer without fragments.
   // `memory` is reused for the answer.
   Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
-  // Answers several requests at once; all pairs must satisfy can_batch_requests(). This is faster, because images are
-  // prepared once and a GPU renders several views per pass. Each answer is the same as for its request alone. `memory`
-  // returns reusable memory for one answer.
+  // Answers several requests together, for example for the two eyes of a stereo pair. This is faster than separate
+  // calls, because the images are prepared only once and a GPU renders several views in one pass. The answers are the
+  // same as with separate calls. can_batch_requests() must be true for every two of the requests. The function calls
+  // `memory` once for each answer, to get a buffer that the answer may overwrite.
   using AllocateMemory = std::function<ByteBuffer()>;
   std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
                             const Options& options, const AllocateMemory& memory);
-  // True if both requests are views of one set and of one capture time, so that they can share their images. The first
-  // request of a set may measure brightness, but no other request.
+  // Returns true if both requests are views of the same set and have the same capture time, so that they use the same
+  // images. The first request of a set may also measure the brightness of the cameras, but later requests may not.
   static bool can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest& b);
 
   // Returns an empty answer, for a client that no longer needs the picture.
@@ -161,18 +167,18 @@ class Node {
   uint32_t node_id_ = 0;
 };
 
-// The states of all views of one client. Each view has its own duration estimate, because another view may look at a
-// part of the scene that no camera sees. Thread-safe, but the answers of one view must be made in one thread.
+// The states of all views of one client. Each view has its own estimate of the duration of an answer, because a view
+// that no camera sees needs hardly any time. Thread-safe, but all answers to one view must be made in the same thread.
 class ClientStates {
  public:
-  // Number of views in use at once. Twice as many are remembered; after that, the least recently used view is
-  // forgotten.
+  // Number of views that may be in use at the same time. Twice as many states are kept, and then the least recently
+  // used state is deleted.
   static constexpr size_t kMaxViews = 64;
 
   // All views share the cancellation flag and the image memory of `common`.
   explicit ClientStates(const Node::ClientState& common) : cancelled_(common.cancelled), images_(common.images) {}
-  // Returns the state of a view. A new view starts with the exposure gains of the most recently used view. Hold the
-  // pointer while answering, because the view may be forgotten meanwhile.
+  // Returns the state of a view. A new view starts with the exposure gains of the most recently used view. Keep the
+  // pointer while answering, because another thread may delete the state of the view meanwhile.
   std::shared_ptr<Node::ClientState> of(uint32_t view_id);
   // Returns the predicted duration of an answer with this much planned work, or 0 if unknown.
   uint64_t nanoseconds(uint32_t view_id, double work) const;

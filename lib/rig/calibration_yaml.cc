@@ -54,12 +54,12 @@ Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& d
     const int size = static_cast<int>(distortion.size());
     if ((terms.rows != 1 && terms.columns != 1) ||
         std::find(std::begin(kDistortionSizes), std::end(kDistortionSizes), size) == std::end(kDistortionSizes))
-      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 numbers");
+      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 distortion coefficients");
     for (int i = kOurTerms; i < size; i++)
       if (distortion[i] != 0) {
         const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
         value->fail(term +
-                    " is not 0, and a rig cannot hold this term; calibrate with k1, k2, p1, p2 alone "
+                    " is not 0, and a rig cannot hold this term; calibrate only with k1, k2, p1 and p2 "
                     "(CALIB_FIX_K3), or undistort the pictures first");
       }
   }
@@ -128,9 +128,9 @@ void require_places(const std::vector<JsonValue>& cameras) {
   for (const JsonValue& camera : cameras) {
     if (camera.find("R") || camera.find("T") || ++without < 2) continue;
     const bool has_vectors = camera.find("rvec") || camera.find("tvec");
-    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing: all cameras "
-                            "would be at the same place") +
-                (has_vectors ? "; T is tvec, and cv::Rodrigues() makes R of rvec" : ""));
+    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Without "
+                            "them, all cameras would be at the same place") +
+                (has_vectors ? ". Write tvec as T, and compute R from rvec with cv::Rodrigues()" : ""));
   }
 }
 
@@ -165,7 +165,8 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
 RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
   if (text.starts_with("<?xml"))
     throw Error(path +
-                ": this is an XML file; save it with the extension .yml, from which cv::FileStorage selects YAML");
+                ": this is an XML file, but the importer reads YAML. Save it with the extension .yml, so that "
+                "cv::FileStorage writes YAML");
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
@@ -175,7 +176,7 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
   if (const auto cameras = file.find("cameras")) {
     const std::vector<JsonValue> values = cameras->elements();
     if (values.empty() || values.size() > kMaxCameras)
-      cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
+      cameras->fail("must be a list of 1 to " + std::to_string(kMaxCameras) + " cameras");
     for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
     require_places(values);
   } else if (file.find("M1") || file.find("M2")) {
@@ -269,9 +270,12 @@ std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const J
     if (const auto [rest, error] = std::from_chars(key.data() + 3, end, number); error != std::errc() || rest != end)
       continue;
     const auto [other, is_new] = cameras.emplace(number, key);
-    if (!is_new) file.fail(other->second + " and " + key + " have the same number");
+    if (!is_new)
+      file.fail(other->second + " and " + key +
+                " have the same number, but every camera needs its own; rename one of them");
   }
-  if (cameras.size() > kMaxCameras) file.fail("at most " + std::to_string(kMaxCameras) + " cameras");
+  if (cameras.size() > kMaxCameras)
+    file.fail("has too many cameras; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   return cameras;
 }
 

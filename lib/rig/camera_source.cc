@@ -50,10 +50,11 @@ std::optional<std::string> percent_decoded(std::string_view text) {
 
 // Returns a hint about a likely mistake in the name of a missing file. The hint starts with a semicolon, or is empty.
 std::string naming_advice(const Rig& rig, const std::string& text) {
-  if (text.starts_with("\xef\xbb\xbf")) return "; the name begins with a byte order mark: remove it";
+  if (text.starts_with("\xef\xbb\xbf"))
+    return "; the name begins with a byte order mark (three invisible bytes): remove it";
   if (std::isspace(static_cast<unsigned char>(text.front())) || std::isspace(static_cast<unsigned char>(text.back())))
     return "; the name begins or ends with white space: remove it";
-  if (text.find('\\') != std::string::npos) return "; folders are separated by /, not by back-slashes";
+  if (text.find('\\') != std::string::npos) return "; folders are separated by /, not by back-slashes: write / instead";
   const auto decoded = percent_decoded(text);
   if (decoded && *decoded != text && exists(rig.resolve(*decoded)))
     return "; \"" + *decoded + "\" exists: names of files are not percent-encoded";
@@ -66,7 +67,8 @@ std::string path_of_file_uri(const std::string& uri) {
   if (rest.starts_with("localhost/")) rest.remove_prefix(sizeof("localhost") - 1);
   const auto path = percent_decoded(rest);
   if (!path || !path->starts_with('/') || path->find('\0') != std::string::npos)
-    throw Error("source \"" + uri + "\": not a file URI with an absolute path (file:///folder/name, with % as %25)");
+    throw Error("source \"" + uri +
+                "\": not a file URI with an absolute path. Write it as file:///folder/name, with % as %25");
   return *path;
 }
 
@@ -201,8 +203,8 @@ void require_first_picture(const Rig& rig, const std::string& text, const Camera
 CameraSource find_sequence(const Rig& rig, const std::string& text) {
   if (count_conversions(text) != 1)
     throw Error("source \"" + text +
-                "\": no such file, and not an image sequence: that needs exactly one %d (or %04d); a plain % is "
-                "written %%");
+                "\": no such file, and not an image sequence. The name of an image sequence contains exactly one %d "
+                "(or %04d) for the number of the file; write %% for a percent sign");
   std::optional<CameraSource> source = pattern_of(rig, text);
   if (!source)
     throw MissingFile(rig.resolve(text) + ": no such files (the first file must have number 0 or 1)" +
@@ -215,7 +217,8 @@ CameraSource find_sequence(const Rig& rig, const std::string& text) {
   const std::string first = sequence_file(*source, 0);
   source->codec = source_of_file(first, true).codec;
   if (source->codec == Codec::kOther)
-    throw Error(first + ": is neither PNG nor JPEG, the only formats that an image sequence can have");
+    throw Error(first +
+                ": is neither PNG nor JPEG, the only formats of image sequences; convert the pictures to one of them");
   return *source;
 }
 

@@ -48,14 +48,15 @@ class Builder : public YAML::EventHandler {
   void OnDocumentEnd() override {}
   void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { put(mark, nullptr); }
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
-    fail(mark, "YAML aliases (*name) are not supported; write the value again");
+    fail(mark, "YAML aliases (*name) are not supported; repeat the value instead of the alias");
   }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& value) override {
     if (!is_utf8(value)) fail(mark, "the text is not UTF-8");
     if (is_key()) {
       levels_.back().key = value;
       levels_.back().has_key = true;
-      if (levels_.back().value->contains(value)) fail(mark, "\"" + value + "\" occurs twice");
+      if (levels_.back().value->contains(value))
+        fail(mark, "\"" + value + "\" occurs twice; remove one of the two entries");
     } else {
       put(mark, tag == "!" ? json(value) : scalar(value));  // "!": in quotes
     }
@@ -89,7 +90,7 @@ class Builder : public YAML::EventHandler {
     return &((*level.value)[level.key] = std::move(value));
   }
   void open(const YAML::Mark& mark, json value) {
-    if (levels_.size() >= kMaxYamlDepth) fail(mark, "nested too deeply");
+    if (levels_.size() >= kMaxYamlDepth) fail(mark, "the lists and maps are nested too deeply");
     levels_.push_back({put(mark, std::move(value))});
   }
 
@@ -415,8 +416,8 @@ class KeyChecker {
       if (value.is_string() && !is_neutral(value) &&
           std::find(std::begin(kPinholes), std::end(kPinholes), lower_case(value.get<std::string>())) ==
               std::end(kPinholes))
-        fail("a rig cannot hold the lens model " + short_dump(value) + ", only pinholes with k1, k2, p1, p2; " +
-             kUndistortRemedy);
+        fail("a rig cannot hold the lens model " + short_dump(value) +
+             ", only pinhole lenses with the distortion terms k1, k2, p1 and p2; " + kUndistortRemedy);
       return;
     }
     const std::string name = lower_case(key);

@@ -19,7 +19,7 @@ std::vector<Triangle> grid_triangles(const Rig& rig) {
   const auto& [type, rows, columns, listed] = rig.topology;
   if (rows < 1 || columns < 1 || static_cast<uint64_t>(rows) * columns != rig.cameras.size()) {
     throw Error("topology: a grid of " + std::to_string(rows) + " rows x " + std::to_string(columns) +
-                " columns does not match the number of cameras, " + std::to_string(rig.cameras.size()) + " cameras");
+                " columns does not match the rig, which has " + std::to_string(rig.cameras.size()) + " cameras");
   }
   std::vector<Triangle> faces;
   const CameraIndex width = columns;
@@ -38,8 +38,8 @@ std::vector<Triangle> listed_triangles(const Rig& rig) {
   for (size_t i = 0; i < faces.size(); ++i) {
     for (int k = 0; k < 3; ++k) {
       if (faces[i][k] < rig.cameras.size()) continue;
-      throw Error("topology.triangles[" + std::to_string(i) + "][" + std::to_string(k) + "]: there is no camera " +
-                  std::to_string(faces[i][k]));
+      throw Error("topology.triangles[" + std::to_string(i) + "][" + std::to_string(k) +
+                  "]: there is no camera with the index " + std::to_string(faces[i][k]));
     }
   }
   return faces;

@@ -156,9 +156,11 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
   std::vector<bool> taken(rig.cameras.size());
   for (const CameraIndex index : indices) {
     if (index >= rig.cameras.size())
-      throw Error("camera index " + std::to_string(index) + ": the rig has " + std::to_string(rig.cameras.size()) +
-                  " cameras");
-    if (taken[index]) throw Error("camera index " + std::to_string(index) + ": named twice");
+      throw Error("camera index " + std::to_string(index) + ": does not exist, because the rig has only " +
+                  std::to_string(rig.cameras.size()) + " cameras");
+    if (taken[index])
+      throw Error("camera index " + std::to_string(index) +
+                  ": listed twice, but a rig can contain each camera only once");
     taken[index] = true;
     sub.cameras.push_back(rig.cameras[index]);
   }
@@ -173,7 +175,8 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
 }
 
 Rig subsample_grid(const Rig& rig, int n) {
-  if (rig.topology.type != Topology::Type::kGrid) throw Error("every: the rig's topology is not a grid");
+  if (rig.topology.type != Topology::Type::kGrid)
+    throw Error("every: the rig's topology is not a grid, so there are no rows and columns to select");
   if (n < 1) throw Error("every: must be at least 1, but is " + std::to_string(n));
   std::vector<CameraIndex> indices;
   for (int64_t row = 0; row < rig.topology.rows; row += n)
@@ -211,7 +214,7 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
       last = number();
     }
     if (at != stop) fail("must be a camera id such as 7, or a range such as 0-3");
-    if (last < first) fail("the end of the range is below its start");
+    if (last < first) fail("the end of the range is below its start; write the smaller id first");
     for (uint64_t id = first; id <= last; id++) {
       const auto found = index_of.find(static_cast<uint32_t>(id));
       if (found == index_of.end()) fail("the rig has no camera with id " + std::to_string(id));
@@ -372,12 +375,12 @@ double mean_nearest_distance(const Rig& rig) {
 Rig make_grid_rig(const GridRigOptions& options) {
   const auto require_range = [](const char* what, int value, int most) {
     if (value < 1 || value > most)
-      throw Error(std::string(what) + ": must be 1 to " + std::to_string(most) + ", is " + std::to_string(value));
+      throw Error(std::string(what) + ": must be 1 to " + std::to_string(most) + ", but is " + std::to_string(value));
   };
   require_range("rows", options.rows, kMaxCameras);
   require_range("columns", options.columns, kMaxCameras);
   if (static_cast<int64_t>(options.rows) * options.columns > kMaxCameras)
-    throw Error("rows x columns: at most " + std::to_string(kMaxCameras) + " cameras");
+    throw Error("rows x columns: a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   require_range("width", options.width, kMaxImageSize);
   require_range("height", options.height, kMaxImageSize);
   require_length("pitch", options.pitch);
@@ -409,7 +412,8 @@ Rig make_arc_rig(const ArcRigOptions& options) {
   const double step = 2 * std::asin(std::min(1.0, options.pitch / (2 * options.radius)));
   if (step * (options.cameras - 1) >= std::numbers::pi || options.pitch > 2 * options.radius)
     throw Error("radius: " + std::to_string(options.cameras) +
-                " cameras at this pitch go around half the circle or more; make several rigs of them");
+                " cameras at this pitch go around half the circle or more, which is too much for an arc; increase the "
+                "radius, or make several rigs");
   return row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
     const double angle = step * (i - (options.cameras - 1) / 2.0);
     Pose pose;

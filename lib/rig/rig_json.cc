@@ -77,8 +77,8 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
     // A surface through n points has fewer than 2 n triangles (Euler).
     if (triangles.size() > 2 * num_cameras)
       value.at("triangles")
-          .fail("at most " + std::to_string(2 * num_cameras) + " for " + std::to_string(num_cameras) +
-                " cameras, has " + std::to_string(triangles.size()));
+          .fail("at most " + std::to_string(2 * num_cameras) + " triangles are possible for " +
+                std::to_string(num_cameras) + " cameras, but the list has " + std::to_string(triangles.size()));
     for (const JsonValue& triangle : triangles) {
       std::array<CameraIndex, 3> corners;
       const std::vector<JsonValue> values = triangle.elements(3);
@@ -91,7 +91,7 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
   } else if (type == "delaunay") {
     topology.type = Topology::Type::kDelaunay;
   } else {
-    value.at("type").fail("must be \"grid\", \"triangles\" or \"delaunay\", is \"" + type + "\"");
+    value.at("type").fail("must be \"grid\", \"triangles\" or \"delaunay\", but is \"" + type + "\"");
   }
   return topology;
 }
@@ -104,7 +104,8 @@ Rig rig_from_json(const json& root, const std::string& name) {
   const std::vector<JsonValue> values = cameras.elements();
   if (values.empty()) cameras.fail("a rig needs at least one camera");
   if (values.size() > kMaxCameras)
-    cameras.fail("at most " + std::to_string(kMaxCameras) + " cameras, has " + std::to_string(values.size()));
+    cameras.fail("a rig has at most " + std::to_string(kMaxCameras) + " cameras, but this file has " +
+                 std::to_string(values.size()));
   std::unordered_map<uint32_t, size_t> index_of_id;
   for (const JsonValue& value : values) {
     Camera camera = parse_camera(value);
@@ -246,7 +247,7 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
     if (!camera.is_object() || !camera.contains("controls") || !camera.contains("id")) continue;
     const std::string place = name + ": cameras[" + std::to_string(i) + "].controls";
     const json& controls = camera["controls"];
-    if (!controls.is_object()) throw Error(place + ": must be an object");
+    if (!controls.is_object()) throw Error(place + ": must be an object with the values of the controls");
     const auto id = static_cast<uint32_t>(JsonValue(camera, name).at("id").integer(0, UINT32_MAX));
     for (const auto& [key, value] : controls.items()) all[id][key] = parse_control(value, place + "." + key);
   }

@@ -209,8 +209,8 @@ void require_own_file(const std::string& path) {
   if ((status.st_uid == geteuid() || status.st_uid == 0) && !others_write) return;
   throw Error(
       path +
-      " can be written by other users, and a source that describes elements may run any program: only rig files "
-      "of your own may have one (make it yours with chown and chmod go-w, or copy it)");
+      " can be written by other users. They could make its sources run programs under your name, so a rig file with "
+      "sources made of elements must belong to you: run chown and chmod go-w on it, or use a copy of your own");
 }
 
 }  // namespace

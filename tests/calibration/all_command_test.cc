@@ -96,8 +96,8 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
             HasSubstr("The light has covered "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"),
             HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
-  EXPECT_THAT(again.output, AllOf(HasSubstr("live already contains recordings. Press Enter to use them"), HasSubstr("track       as before"),
-                                  Not(HasSubstr("Recording now."))));
+  EXPECT_THAT(again.output, AllOf(HasSubstr("live already contains recordings. Press Enter to use them"),
+                                  HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true ! tee name=t t. ! queue";
   save_rig(rig, dir_ / "rig.json");
   const std::string briefly = "all rig.json --record 0.2 --lights other --bar 0.3";
@@ -168,7 +168,7 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        "--lights lights --bar 0.3",
        1,
        {"has no recording cam_01_00.*"}},
-      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is no folder"}},
+      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is not a folder"}},
       {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards: requires --board"}},
       {"the wrong board",
        [] {},

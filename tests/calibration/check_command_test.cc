@@ -87,7 +87,8 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
     const char* said;
   } cases[] = {
       {"", 0, "rig.json holds: 5 of 9 cameras"},
-      {"direction", 1, "camera 4 (cam_01_01) looks in another direction than the rig states: its image is off by about 6 pixels"},
+      {"direction", 1,
+       "camera 4 (cam_01_01) looks in another direction than the rig states: its image is off by about 6 pixels"},
       {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than most cameras. Lock its exposure"},
       {"picture", 0, "is it out of focus, dirty or covered?"},
   };
@@ -117,7 +118,7 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
       {"rig.json --tracks dark.json", "no three cameras see the light consistently with this rig"},
       {"other.json --tracks tracks.json", "camera 3 of the recording is not in the rig"},
       {"rig.json --recordings empty", "fewer than three cameras saw a moving light"},
-      {"rig.json --recordings nowhere", "nowhere: is no folder"},
+      {"rig.json --recordings nowhere", "nowhere: is not a folder"},
       {"rig.json --tracks rig.json", "rig.json"},
       {"rig.json --monitor early.json", "has not checked any camera yet: start lf-serve with --monitor 30"},
       {"rig.json --monitor http://127.0.0.1:1", "check that lf-serve is running at this address"},

@@ -131,7 +131,7 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "large.json");
   outcome = colour("large.json --recording film/rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, the rig says 320x240"));
+  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, but the rig file states 320x240"));
 
   // One camera of the recording is missing, another is black.
   Rig film = load_rig(dir_ / "film/rig.json");

@@ -130,7 +130,7 @@ TEST(TrackCommand, MistakesOnTheCommandLine) {
   const TempDir dir;
   save_rig(array(), dir / "rig.json");
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path()), 1,
-                       HasSubstr("nowhere: is no folder"));
+                       HasSubstr("nowhere: is not a folder"));
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json", dir.path()), 1,
                        HasSubstr("the camera has no source in the rig; give --recordings a folder that contains cam_"));
 }

@@ -115,7 +115,7 @@ TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
   write_frames(2, 0);
   expect_failure("frames.rgb: has 2 pictures, but there are 3 views and 3 messages");
   std::ofstream(dir_ / "frames.rgb", std::ios::app) << "x";
-  expect_failure("frames.rgb: the file size is not a multiple of an RGB frame of 33x24");
+  expect_failure("frames.rgb: must contain raw RGB frames, but its size is not a multiple of a frame of 33x24");
   write_log("log", {});
   expect_failure("log: contains no lightfield-view messages");
   std::ofstream(dir_ / "log") << "1 (element): lightfield-view, view-id=(uint)0;\n";

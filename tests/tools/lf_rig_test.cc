@@ -249,7 +249,8 @@ TEST_F(LfRig, NamesTheCommandsWhereOneIsMissing) {
 TEST_F(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";
   const std::string import = "import colmap '" + fs::canonical(kData / "kettle").string() + "' --out rig.json";
-  expect_outcome(lf_rig(import), 1, HasSubstr("20.23.45.jpg: is 1250x937, its camera 3 in cameras.txt 1280x960"));
+  expect_outcome(lf_rig(import), 1,
+                 HasSubstr("20.23.45.jpg: is 1250x937, but cameras.txt gives its camera 3 the size 1280x960"));
   expect_outcome(lf_rig(import + " --undistorted"), 0, HasSubstr("28 image files have other names than in images.txt"));
   const Rig rig = load_rig(dir / "rig.json");
   ASSERT_EQ(rig.cameras.size(), 28u);

@@ -73,7 +73,8 @@ TEST_F(CameraSourceTest, MissingFilesAreNamedWithAdvice) {
                "begins with a byte order mark");
   EXPECT_ERROR(find("cam 1.mkv\r"), "ends with white space");
   EXPECT_ERROR(find_source(rig_, "cam%201.mkv", true), "\"cam 1.mkv\" exists: names of files are not percent-encoded");
-  EXPECT_ERROR(find("100%_none.mkv"), "no such file, and not an image sequence: that needs exactly one %d");
+  EXPECT_ERROR(find("100%_none.mkv"),
+               "no such file, and not an image sequence. The name of an image sequence contains exactly one %d");
 }
 
 TEST_F(CameraSourceTest, KindsAreToldByContent) {

@@ -80,15 +80,15 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
     const char* line;
     const char* message;
   } const cameras[] = {
-      {"x PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer of 0 to 4294967295, is \"x\""},
+      {"x PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer from 0 to 4294967295, but is \"x\""},
       {"-1 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer"},
       {"1", "MODEL is missing"},
       {"1 LENS 4 3 5 5 2 1.5", "unknown lens model \"LENS\""},
-      {"1 PINHOLE 0 3 5 5 2 1.5", "WIDTH must be an integer of 1 to 16384, is \"0\""},
-      {"1 PINHOLE 4 16385 5 5 2 1.5", "HEIGHT must be an integer of 1 to 16384, is \"16385\""},
+      {"1 PINHOLE 0 3 5 5 2 1.5", "WIDTH must be an integer from 1 to 16384, but is \"0\""},
+      {"1 PINHOLE 4 16385 5 5 2 1.5", "HEIGHT must be an integer from 1 to 16384, but is \"16385\""},
       {"1 PINHOLE 4.5 3 5 5 2 1.5", "WIDTH must be an integer"},
-      {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, has 3"},
-      {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, has 5"},
+      {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, but the line has 3"},
+      {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, but the line has 5"},
       {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, but is \"five\""},
       {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, but is \"nan\""},
       {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, but is \"1e999\""},
@@ -289,12 +289,12 @@ TEST(Colmap, SizesOfImageFilesMustAgree) {
   EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png" +
-                                              ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image "
-                                              "(lf-rig import colmap --undistorted)?");
+                                              ": is 8x2, but cameras.txt gives its camera 1 the size 4x3; if it is "
+                                              "an undistorted image, use lf-rig import colmap --undistorted");
   save_image(Image(PixelFamily::kRgb, 2, 2), dir / "images/a.png");
   for (const bool undistorted : {false, true})
     EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}),
-                 "is 2x2, its camera 1 in cameras.txt 4x3; a scaled copy has another focal length");
+                 "is 2x2, but cameras.txt gives its camera 1 the size 4x3. A scaled copy has another focal length");
   dir.write("images/a.png", "not a picture");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");
@@ -319,7 +319,8 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   EXPECT_EQ(result.notes[0], "2 image files have other names than in images.txt: 1.png for \"day 1.png\", ...");
 
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
-  EXPECT_ERROR(import_colmap(dir.path(), options), "1.png: stands for \"day 1.png\" and \"night 1.png\"");
+  EXPECT_ERROR(import_colmap(dir.path(), options),
+               "1.png: is the only file for two images, \"day 1.png\" and \"night 1.png\"");
 }
 
 TEST(Colmap, AGridIsInTheOrderOfNames) {

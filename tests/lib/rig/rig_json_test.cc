@@ -289,7 +289,7 @@ TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
 TEST(RigJson, RefusesTooManyCameras) {
   json file = good_rig();
   for (uint32_t i = 4; i <= kMaxCameras; i++) file["cameras"].push_back(7);
-  EXPECT_ERROR(parse(file), "r.json: cameras: at most 65535 cameras, has 65536");
+  EXPECT_ERROR(parse(file), "r.json: cameras: a rig has at most 65535 cameras, but this file has 65536");
 }
 
 // File names may be arbitrary bytes.

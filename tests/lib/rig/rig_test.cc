@@ -186,8 +186,8 @@ TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
 }
 
 TEST(SubRig, RefusesWhatIsNotInTheRig) {
-  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "camera index 4: the rig has 4 cameras");
-  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "camera index 0: named twice");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "camera index 4: does not exist, because the rig has only 4 cameras");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "camera index 0: listed twice");
   EXPECT_ERROR(rig_subset(grid(2, 2), {}), "at least one camera");
 }
 
@@ -267,7 +267,7 @@ TEST(GridRig, RefusesByName) {
   const std::pair<const char*, std::function<void(GridRigOptions&)>> cases[] = {
       {"rows: must be 1 to 65535, is 0", [](auto& o) { o.rows = 0; }},
       {"columns: must be 1 to 65535, is -1", [](auto& o) { o.columns = -1; }},
-      {"rows x columns: at most 65535 cameras", [](auto& o) { o.rows = o.columns = 256; }},
+      {"rows x columns: a rig has at most 65535 cameras", [](auto& o) { o.rows = o.columns = 256; }},
       {"width: must be 1 to 16384, is 0", [](auto& o) { o.width = 0; }},
       {"height: must be 1 to 16384, is 16385", [](auto& o) { o.height = 16385; }},
       {"pitch: must be positive", [](auto& o) { o.pitch = 0; }},
