@@ -81,8 +81,7 @@ void assign_devices(Rig& rig) {
   if (devices.size() < rig.cameras.size())
     terminal::print(
         "warning: %zu cameras have no device, because too few cameras are connected; connect them and repeat the "
-        "command, or add their sources to the rig file
-",
+        "command, or add their sources to the rig file\n",
         rig.cameras.size() - devices.size());
 }
 

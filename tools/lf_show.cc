@@ -326,6 +326,7 @@ void show_contributions(const Options& options) {
     const lf::Viewpoint behind = options.view.viewpoint(
         lf::viewpoint_behind(scene.rig, options.view.aspect(scene), options.view.focus_distance(scene)));
     views.push_back({"behind", 0, lf::make_view(behind, width, height)});
+    views.back().view.blending.extrapolates = false;  // the picture shows the mesh
   } else {
     views = options.view.views(scene, options.output.open().takes_many());
   }

@@ -339,15 +339,17 @@ static void record_skipped(LfCompositor* self, const lf::QosTracker::Late& late)
   gst_element_post_message(GST_ELEMENT(self), message);
 }
 
-// Warns if a view is black because it is outside the array. `coverage` is the share of the view that cameras see,
-// negative without a rig. Does not warn while cameras are out of service, because these cameras may be the cause.
-static void note_unseen(LfCompositor* self, double coverage) {
+// Warns if a view is black because it is outside the array, and if a view of a stereo pair or quilt has only
+// extrapolated pixels. Does not warn while cameras are out of service, because these cameras may be the cause.
+static void note_unseen(LfCompositor* self, const std::optional<lf::MeanCoverage>& coverage) {
   auto& state = *self->state;
-  if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
+  if (!coverage || !state.health.out_of_service().empty()) return;
+  const bool of_set = state.current->place.count() > 1;
+  if (coverage->seen > (of_set ? coverage->extrapolated : 0) || std::exchange(state.warned_unseen, true)) return;
   if (!state.current->out_of_service.empty()) {
     lf::ViewRequest with_all = *state.current;
     with_all.out_of_service.clear();
-    if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()) > 0) {
+    if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()).seen > 0) {
       GST_ELEMENT_WARNING(
           self, STREAM, FAILED,
           ("No camera sees anything of view %u: %zu of %zu cameras are out of service, including all cameras "
@@ -358,10 +360,10 @@ static void note_unseen(LfCompositor* self, double coverage) {
     }
   }
   const std::string across = lf::format_text("%.2f", state.extent.load());
-  if (state.current->place.count() > 1) {
+  if (of_set) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("No camera sees anything of some of the %d views of view %u: their eyes are outside the "
-                         "array, which is %s m wide. Reduce eye-distance or view-cone.",
+                        ("Some of the %d views of view %u are outside the array, which is %s m wide: all their pixels "
+                         "are extrapolated or black. Reduce eye-distance or view-cone.",
                          state.current->place.count(), state.current->view_id, across.c_str()),
                         (nullptr));
     return;
@@ -382,7 +384,8 @@ static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) 
   return missing;
 }
 
-static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double coverage) {
+static void note_view(LfCompositor* self, const lf::NodeInputs& nodes,
+                      const std::optional<lf::MeanCoverage>& coverage) {
   auto& state = *self->state;
   const lf::Assembly& assembly = state.assembly;
   lf::ViewMetaEntry facts{.request = *state.current,
@@ -409,9 +412,9 @@ static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answ
   const uint32_t set = request.sequence - static_cast<uint32_t>(request.place.turn());
   if (!state.first_set) state.first_set = set;
   const bool exact = post || (request.place.count() > 1 && set == *state.first_set);
-  const double coverage = state.rig ? state.coverage.share(*state.rig, request, state.health.out_of_service(), exact,
-                                                           g_get_monotonic_time())
-                                    : -1;
+  std::optional<lf::MeanCoverage> coverage;
+  if (state.rig)
+    coverage = state.coverage.share(*state.rig, request, state.health.out_of_service(), exact, g_get_monotonic_time());
   GstStructure* description = state.stats.record(
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},

@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 
 #include <gst/gst.h>
 
 #include "base/maths.h"
 #include "focus/depth_estimator.h"
 #include "quality/camera_monitor.h"
+#include "render/contribution_map.h"
 
 namespace lf {
 
@@ -37,7 +39,7 @@ class CompositorStats {
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
     // Share of the view that cameras see, 0..1; negative: unknown, no rig.
-    double coverage = -1;
+    std::optional<lf::MeanCoverage> coverage;
     uint64_t bytes = 0;
     uint64_t trial_bytes = 0;  // size of the photo-consistency units
     uint64_t skew_ns = 0;      // largest absolute difference between capture time and requested time
@@ -69,7 +71,7 @@ class CompositorStats {
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
   uint64_t unseen_ = 0;  // pictures without fragments, but without missing parts
-  double coverage_ = -1;
+  std::optional<lf::MeanCoverage> coverage_;
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
   DepthEstimator::State focus_;

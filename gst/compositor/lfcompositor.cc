@@ -95,6 +95,7 @@
  *   also nearest and farthest (double, metres from the array).
  * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
  * - coverage (double: share of the view that cameras can see; with `rig`).
+ * - extrapolated (double: part of `coverage` that is beside the camera mesh, where the nearest cameras fill in).
  * - complete (boolean), fragments, missing, damaged (uint): as in the element message below.
  * - missing-cameras (array of uint: indices in the rig): cameras without a contribution to the picture.
  * - missing-nodes (array of string): nodes that had not answered when the picture was made.
@@ -105,7 +106,7 @@
  * ## Element messages
  *
  * - "lightfield-view", per picture, with `post-messages`: view-id, sequence (uint), pts (uint64), complete (boolean),
- *   coverage (double: share of the view that cameras can see; with `rig`), fragments, missing, damaged (uint), bytes,
+ *   coverage and extrapolated (double: as in the meta above; with `rig`), fragments, missing, damaged (uint), bytes,
  *   trial-bytes (size of the photo-consistency units), skew-ns, latency-ns (request to picture), add-ns (decoding and
  *   adding answers) and composite-ns (uint64).
  * - "lightfield-out-of-service", when the set of cameras out of service changes: view-id (uint), cameras (array of

@@ -89,7 +89,9 @@ void set_view(GstStructure* structure, const ViewMetaEntry& facts) {
   set_numbers(structure, "position", position);
   set_numbers(structure, "orientation", orientation);
   take_structure(structure, "lens", lens_of(request.view));
-  if (facts.coverage >= 0) gst_structure_set(structure, "coverage", G_TYPE_DOUBLE, facts.coverage, nullptr);
+  if (facts.coverage)
+    gst_structure_set(structure, "coverage", G_TYPE_DOUBLE, facts.coverage->seen, "extrapolated", G_TYPE_DOUBLE,
+                      facts.coverage->extrapolated, nullptr);
   set_cameras(structure, "missing-cameras", facts.missing_cameras);
   set_names(structure, "missing-nodes", facts.missing_nodes);
 }

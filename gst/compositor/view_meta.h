@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "render/contribution_map.h"
 #include "rig/rig.h"
 #include "view/view_request.h"
 
@@ -21,7 +22,7 @@ void register_view_meta();
 struct ViewMetaEntry {
   ViewRequest request;
   std::optional<uint64_t> capture_time;
-  double coverage = -1;  // share of the view that cameras see; negative: unknown
+  std::optional<MeanCoverage> coverage;  // nothing: unknown
   unsigned fragments = 0, missing = 0, damaged = 0;
   CameraSet missing_cameras;
   std::vector<std::string> missing_nodes;

@@ -12,17 +12,18 @@
 
 namespace lf {
 
-double ViewCoverage::share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now) {
-  const bool known = share_ >= 0;
+MeanCoverage ViewCoverage::share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact,
+                                 int64_t now) {
+  const bool known = share_.has_value();
   const bool same = known && view_ == request.view && out_of_service_ == request.out_of_service && lost_ == lost;
-  if (same || (known && !exact && now < known_at_ + kInterval)) return share_;
+  if (same || (known && !exact && now < known_at_ + kInterval)) return *share_;
   const Mesh& mesh = mesh_.get(rig, request.out_of_service);
   share_ = mean_coverage(rig, ViewPlan(rig, mesh, request.view), kColumns, kRows, lost);
   view_ = request.view;
   out_of_service_ = request.out_of_service;
   lost_ = lost;
   known_at_ = now;
-  return share_;
+  return *share_;
 }
 
 namespace {
@@ -150,8 +151,8 @@ void WeightOverlay::draw(WeightOverlayMode what, const Rig& rig, const ViewReque
   repaint(picture, view.width, view.height, [&](int x, int y, float light) {
     const int32_t owner = owners.at(x, y);
     if (owner == FaceIdMap::kNone) return Colour();
-    const bool is_line =
-        !plan.blend() && ((x > 0 && owners.at(x - 1, y) != owner) || (y > 0 && owners.at(x, y - 1) != owner));
+    const bool is_line = plan.faces().front().has_corners() &&
+                         ((x > 0 && owners.at(x - 1, y) != owner) || (y > 0 && owners.at(x, y - 1) != owner));
     if (is_line) return Colour{kMapLine, kMapLine, kMapLine};
     const Node node = at(x, y);
     const float scale = map_brightness(light);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "composite/resolve.h"
@@ -24,14 +25,14 @@ class ViewCoverage {
   // Returns the share of the view's pixels that cameras in service can see, 0 to 1. With `exact`, the result is for
   // this request; otherwise it may be up to kInterval old. `now` is in microseconds of any clock. `lost` lists cameras
   // of the mesh that have no images, ascending. The rig must not change until clear().
-  double share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now);
+  MeanCoverage share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now);
   void clear() { *this = {}; }
 
  private:
   MeshCache mesh_;
   View view_;
   CameraSet out_of_service_, lost_;
-  double share_ = -1;
+  std::optional<MeanCoverage> share_;
   int64_t known_at_ = 0;
 };
 

@@ -213,6 +213,7 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
             .pose = at.pose,
             .focus = {}};
   CameraProbe probe{.camera = camera, .seen = {}, .predicted = {}};
+  view.blending.extrapolates = false;  // extrapolated pixels would predict the camera less well
   view.focus.plane = focal_plane_at(view.pose, kAnyDistance);
   probe.seen.view = view;
   for (CameraIndex i = 0; i < rig.cameras.size(); i++)

@@ -34,13 +34,14 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  WeightGrid(int width, int height, size_t num_cameras);
+  // `cells`: the cells with weights, row by row, (columns() - 1) x (rows() - 1) flags; empty: all cells.
+  WeightGrid(int width, int height, size_t num_cameras, std::vector<uint8_t> cells = {});
   static int points(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // Adds the next point in row-major order. `shares` are ascending by camera, at most kMaxShares, and at least one
-  // weight must be positive.
+  // Adds the next point in row-major order. `shares`: ascending by camera, at most kMaxShares, at least one with a
+  // positive weight, or empty for a point without a cell.
   void add_point(std::span<const Share> shares);
 
   // The running sums before a camera (`before`) and with the camera (`with`) at the corners of a grid cell. The corners
@@ -57,8 +58,8 @@ class WeightGrid {
       return (left * kStep + (right - left) * x + (1 << (2 * kStepBits - 1))) >> (2 * kStepBits);
     }
   };
-  // Sets `cell` to the camera's running sums in cell (i, j), with i < columns() - 1 and j < rows() - 1. Returns false
-  // if the camera has no weight at any corner of the cell.
+  // Finds the camera's cell (i, j). Returns false if the camera has no weight at any of its four points, or if the cell
+  // has no weights. i < columns() - 1, j < rows() - 1.
   bool find(CameraIndex camera, int i, int j, Cell& cell) const;
   // Returns the camera's weight in pixel (x, y) of the view, in units of 1 / kOne.
   int weight(CameraIndex camera, int x, int y) const {
@@ -76,9 +77,14 @@ class WeightGrid {
     int32_t before, with;
   };
   Entry lookup(size_t point, CameraIndex camera) const;
+  bool has_weights(int i, int j) const {
+    return cells_.empty() ||
+           cells_[static_cast<size_t>(j) * static_cast<size_t>(columns_ - 1) + static_cast<size_t>(i)];
+  }
 
   int width_, height_, columns_, rows_;
-  std::vector<size_t> first_{0};  // the index of each point's first entry, then the end
+  std::vector<uint8_t> cells_;
+  std::vector<size_t> first_{0};  // for each point the index of its first entry, and the end
   std::vector<Entry> entries_;
   std::vector<Rect> rects_;
 };
@@ -109,8 +115,9 @@ class CameraWeights {
 
   // Computes the shares of the cameras along the line of sight (u, v, 1) in view coordinates. The focus is at `t` times
   // this vector; `t` may be infinite. `shares` become ascending by camera, at most WeightGrid::kMaxShares. They are
-  // empty only if there are no cameras.
-  void at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares);
+  // empty only if there are no cameras. Returns true if a camera with a share has the point in focus in its image; only
+  // for kAngle.
+  bool at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares);
 
  private:
   struct Candidate {
@@ -126,7 +133,7 @@ class CameraWeights {
   };
 
   void within_aperture(const Vec3& d);
-  void by_angle(const Vec3& d, const Vec3& in_focus);
+  bool by_angle(const Vec3& d, const Vec3& in_focus);
   double inside(const Seen& seen, const Vec3& in_focus) const;
 
   const Rig& rig_;
@@ -137,7 +144,15 @@ class CameraWeights {
   std::vector<double> weights_;
 };
 
-// Computes the WeightGrid of a view that is not blended by the mesh. The cost is proportional to points times cameras.
+// The line of sight (u, v, 1) of a pixel, and the distance to the focus in units of its length; may be infinite.
+struct LineOfSight {
+  Vec2 ray;
+  double focus = 0;
+};
+// Positions outside the view are allowed. If the lens has no line of sight there, uses a position nearer to the middle.
+LineOfSight line_of_sight(const ViewPlan& plan, const Vec2& pixel);
+
+// Computes the WeightGrid of a view that is not blended by the mesh. Cost: points x cameras.
 std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
                                                    const ParallelFor& parallel = serial_for);
 

@@ -103,7 +103,7 @@ std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& p
   return places;
 }
 
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
+MeanCoverage mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
   const auto place = [](int i, int count, int size) { return (2 * i + 1) * size / (2 * count); };
   std::vector<FaceIdMap> owners;
@@ -112,7 +112,8 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
     const int y = place(j, rows, height);
     owners.emplace_back(plan, Rect{0, y, width, y + 1});
   }
-  double sum = 0;
+  const bool beside_mesh = plan.view().blending.is_mesh();
+  MeanCoverage sum;
   for (const CameraIndex camera : plan.contributors()) {
     if (std::ranges::binary_search(without, camera)) continue;
     const Rect rect = plan.camera_rect(camera);
@@ -126,11 +127,14 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
         if (x < rect.x0 || x >= rect.x1) continue;
         const float weight = corners.weight_at(plan, row, x, y);
         Vec2 pixel;
-        if (weight > 0 && projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) sum += weight;
+        if (!(weight > 0) || !projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) continue;
+        sum.seen += weight;
+        if (beside_mesh && !plan.faces()[row.at(x, y)].has_corners()) sum.extrapolated += weight;
       }
     }
   }
-  return sum / (static_cast<double>(columns) * rows);
+  const double pixels = static_cast<double>(columns) * rows;
+  return {sum.seen / pixels, sum.extrapolated / pixels};
 }
 
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y) {
@@ -201,7 +205,8 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
     for (int x = 0; x < view.width; x++, in += 3) {
       const int32_t owner = owners.at(x, y);
       if (owner == FaceIdMap::kNone) continue;
-      const float line = outline(plan, plan.faces()[owner], x, y);
+      const FacePlan& face = plan.faces()[owner];
+      const float line = face.has_corners() ? outline(plan, face, x, y) : 0;
       const float light = underlay ? map_brightness(luma(*underlay, x, y)) : 1.f;
       for (int c = 0; c < 3; c++) {
         const float v = in[c] * light * (1 - line) + kMapLine * line;
@@ -226,8 +231,14 @@ Viewpoint far_from(const Viewpoint& viewpoint) {
   return far;
 }
 
-// Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns with the same
-// number of rows would test a narrower view.
+// Extrapolated pixels do not count: they are less accurate.
+View inside_mesh(View view) {
+  view.blending.extrapolates = false;
+  return view;
+}
+
+// Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns at the same
+// number of rows would be a narrower view.
 int raster_rows(int most, int most_columns, double aspect) {
   constexpr int kLeast = 6;
   return std::clamp(static_cast<int>(most_columns / aspect), kLeast, most);
@@ -267,7 +278,9 @@ VisibleFraction::VisibleFraction(const Rig& rig) : rig_(rig), mesh_(build_mesh(r
 double VisibleFraction::operator()(const Viewpoint& viewpoint, double aspect) const {
   const int rows = raster_rows(kRows, kMaxColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround(rows * aspect)), 1);
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), columns, rows);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, inside_mesh(make_view(far_from(viewpoint), columns, rows))), columns,
+                       rows)
+      .seen;
 }
 
 // Enlarge the raster by one pixel on each side of the view, so that corners between raster points are not dark.
@@ -277,7 +290,8 @@ bool VisibleFraction::sees_all(const Viewpoint& viewpoint, double aspect, const 
   Viewpoint v = viewpoint;
   const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
   v.fov_y_deg = std::atan(edge) * (360 / M_PI);
-  const View near = make_view(clamped(v), columns, rows), far = make_view(clamped(far_from(v)), columns, rows);
+  const View near = inside_mesh(make_view(clamped(v), columns, rows)),
+             far = inside_mesh(make_view(clamped(far_from(v)), columns, rows));
   // The outermost views of a set see the least.
   const int last = set.place(0).count() - 1;
   for (const int eye : {0, last / 2, last}) {

@@ -40,10 +40,15 @@ struct CameraFootprint {
 // condition of view_coverage().
 std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners);
 
+// The share of a view's pixels that cameras see.
+struct MeanCoverage {
+  double seen = 0;          // 0 to 1
+  double extrapolated = 0;  // the part of `seen` that lies beside the camera mesh; see render/extrapolation.h
+};
 // Estimates the mean of view_coverage() from columns x rows evenly spaced pixels. If these numbers are the width and
 // the height of the view, the result is exact. The cameras in `without` (ascending) are treated as cameras that see
 // nothing.
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without = {});
+MeanCoverage mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without = {});
 
 struct PixelShare {
   CameraIndex camera;

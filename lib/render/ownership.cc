@@ -12,12 +12,15 @@ bool meets_focal_surface(const ViewPlan& plan, const Vec2& ray) {
   return plan.focal_offset() > 0 ? along > 0 : along < 0;
 }
 
-// Returns true if all quotients e_k / (e_0 + e_1 + e_2) are >= 0, and false for NaN, which marks a missing ray.
+}  // namespace
+
 bool contains(const FacePlan& face, const Vec2& ray) {
   const double e0 = FacePlan::evaluate(face.edge[0], ray), e1 = FacePlan::evaluate(face.edge[1], ray),
                e2 = FacePlan::evaluate(face.edge[2], ray), sum = e0 + e1 + e2;
   return (e0 >= 0 && e1 >= 0 && e2 >= 0 && sum > 0) || (e0 <= 0 && e1 <= 0 && e2 <= 0 && sum < 0);
 }
+
+namespace {
 
 bool may_own(const ViewPlan& plan, const FacePlan& face, const Vec2& ray) {
   return contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0 && meets_focal_surface(plan, ray);
@@ -326,10 +329,12 @@ FaceWeights face_weights(const FacePlan& face, const Vec2& ray) {
 }
 
 CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera)
-    : camera_(camera), corner_(plan.faces().size(), plan.blend() ? 0 : -1) {
-  for (size_t i = 0; i < corner_.size(); i++)
+    : camera_(camera), corner_(plan.faces().size(), -1) {
+  for (size_t i = 0; i < corner_.size(); i++) {
+    if (!plan.faces()[i].has_corners()) corner_[i] = 0;
     for (int8_t k = 0; k < 3; k++)
       if (plan.faces()[i].camera[k] == camera) corner_[i] = k;
+  }
 }
 
 Rect CameraCorners::owned(const FaceRuns& runs, const Rect& rect) const {

@@ -12,7 +12,11 @@
 
 namespace lf {
 
-// A run of pixels [x0, x1) in one row that belong to the same face of the camera mesh.
+// True if a face of the mesh contains a line of sight: all quotients e_k / (e_0 + e_1 + e_2) are >= 0. False for NaN
+// rays, which do not exist.
+bool contains(const FacePlan& face, const Vec2& ray);
+
+// Pixels [x0, x1) of one row that belong to the same face.
 struct FaceRun {
   int x0, x1;
   int32_t face;  // index into plan.faces()
@@ -90,20 +94,22 @@ struct FaceWeights {
 };
 FaceWeights face_weights(const FacePlan& face, const Vec2& ray);
 
-// Computes the weights of one camera in a view. They come from the faces with the camera at a corner or, if the view is
-// not blended by the mesh, from the WeightGrid.
+// Weights of one camera in a view: its corner in each face of the mesh, and its weights in the WeightGrid of the face
+// without corners.
 class CameraCorners {
  public:
   CameraCorners(const ViewPlan& plan, CameraIndex camera);
 
   // Returns the camera's weight in a pixel of owners.region(), for any blending.
   float weight_at(const ViewPlan& plan, const FaceIdMap& owners, int x, int y) const {
-    if (!plan.blend()) return weight(plan, owners.at(x, y), plan.rays().at(x, y));
+    const int32_t owner = owners.at(x, y);
+    if (owner == FaceIdMap::kNone) return 0;
+    if (plan.faces()[owner].has_corners()) return weight(plan, owner, plan.rays().at(x, y));
     constexpr float kUnit = 1.f / WeightGrid::kOne;
-    return owners.at(x, y) == FaceIdMap::kNone ? 0 : kUnit * static_cast<float>(plan.blend()->weight(camera_, x, y));
+    return kUnit * static_cast<float>(plan.blend()->weight(camera_, x, y));
   }
-  // Returns the camera's weight for a ray that belongs to the face `owner`, in a view that is blended by the mesh.
-  // Returns 0 if `owner` is FaceIdMap::kNone or the camera is not a corner of the face.
+  // Returns the camera's weight for a ray that belongs to the face `owner` of the mesh. 0 if `owner` is
+  // FaceIdMap::kNone or the camera is not a corner of the face.
   float weight(const ViewPlan& plan, int32_t owner, const Vec2& ray) const {
     if (owner == FaceIdMap::kNone || corner_[owner] < 0) return 0;
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
@@ -121,7 +127,7 @@ class CameraCorners {
   bool has(int32_t owner) const { return owner != FaceIdMap::kNone && corner_[owner] >= 0; }
 
   CameraIndex camera_;
-  std::vector<int8_t> corner_;  // the camera's corner in each of plan.faces(), or -1; with a WeightGrid always 0
+  std::vector<int8_t> corner_;  // per plan.faces(): the camera's corner, -1: none; 0 in the face without corners
 };
 
 // Returns the weight of `camera` in each pixel of `rect`, row by row. The weight is 0 in pixels of other faces, and

@@ -67,7 +67,7 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer
     state.gpu_sum = std::move(orders[i].stayed);
     state.drawing.drawn = orders[i].why_not.empty();
     // If a view has too many cameras per pixel, the GPU may still render other views.
-    state.drawing.refused = !state.drawing.drawn && !state.task.plan->blend();
+    state.drawing.refused = !state.drawing.drawn && state.task.plan->view().blending.is_mesh();
     state.drawing.why_not = std::move(orders[i].why_not);
   }
 }
@@ -206,10 +206,8 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::spa
   std::vector<Rect> tiles;
   for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
     TileRow row_of_tiles(gap);
-    if (plan.blend())
-      add_cells(*plan.blend(), cameras, region, y, row_of_tiles);
-    else
-      add_faces(runs, own, y, row_of_tiles);
+    add_faces(runs, own, y, row_of_tiles);
+    if (plan.blend()) add_cells(*plan.blend(), cameras, region, y, row_of_tiles);
     const std::vector<Rect>& rects = row_of_tiles.rects();
     for (size_t i = 0; i < rects.size(); i++) {
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];

@@ -11,6 +11,8 @@
 #include "base/text.h"
 #include "render/camera_projection.h"
 #include "render/camera_weights.h"
+#include "render/extrapolation.h"
+#include "render/ownership.h"
 
 namespace lf {
 
@@ -283,16 +285,6 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
   return plan;
 }
 
-// Returns a face without corners that contains everything in front.
-FacePlan whole_view(const Vec3& in_front, const Rect& rect) {
-  FacePlan plan;
-  plan.camera.fill(MeshFace::kNone);
-  plan.edge[0] = plan.facing = in_front;
-  plan.edge[1] = plan.edge[2] = Vec3(0);
-  plan.rect = rect;
-  return plan;
-}
-
 }  // namespace
 
 ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel)
@@ -307,10 +299,9 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
   if (focal_offset_ == 0) return;  // the eye is in the focal plane, so no line of sight meets the plane at t > 0
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
 
+  const Rect whole{0, 0, view.width, view.height};
   if (!view.blending.is_mesh()) {
-    blend_ = make_weight_grid(rig, mesh, *this, parallel);
-    for (CameraIndex i = 0; i < camera_rects_.size(); i++) camera_rects_[i] = blend_->camera_rect(i);
-    faces_.push_back(whole_view(in_front, {0, 0, view.width, view.height}));
+    add_grid(make_weight_grid(rig, mesh, *this, parallel), whole);
     return;
   }
 
@@ -328,6 +319,24 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
     bound_corners(face);
     faces_.push_back(face);
   }
+  if (!view.blending.extrapolates) return;
+  std::vector<uint8_t> cells = cells_beside_mesh(FaceRuns(*this, whole, parallel));
+  if (cells.empty()) return;
+  if (auto grid = extrapolated_weights(rig, mesh, *this, std::move(cells), parallel)) add_grid(std::move(grid), whole);
+}
+
+// Adds a face without corners for everything in front that no other face owns.
+void ViewPlan::add_grid(std::shared_ptr<const WeightGrid> grid, const Rect& rect) {
+  FacePlan face;
+  face.face = faces_.empty() ? 0 : faces_.back().face + 1;
+  face.camera.fill(MeshFace::kNone);
+  face.edge[0] = face.facing = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
+  face.edge[1] = face.edge[2] = Vec3(0);
+  face.rect = rect;
+  faces_.push_back(face);
+  blend_ = std::move(grid);
+  for (CameraIndex i = 0; i < camera_rects_.size(); i++)
+    camera_rects_[i] = unite(camera_rects_[i], blend_->camera_rect(i));
 }
 
 ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel)

@@ -77,6 +77,8 @@ struct ViewWarp;
 // One face of the camera mesh as seen by a view. For the line of sight d = (u, v, 1) in view coordinates, the three
 // edge functions are e_k(d) = edge[k] . d, where k is the corner opposite the edge. Corner k has weight e_k / (e_0 +
 // e_1 + e_2) where all three quotients are >= 0 (docs/architecture.md: w_i = e_jk / (e_ij + e_jk + e_ki)).
+//
+// A face without corners is the area in which a WeightGrid has the weights.
 struct FacePlan {
   uint32_t face = 0;  // number of the face in the mesh
   std::array<CameraIndex, 3> camera{};
@@ -84,6 +86,7 @@ struct FacePlan {
   Vec3 facing;   // the face faces d if facing . d > 0; sum of the corners' forward axes in view coordinates
   Rect rect;     // contains every pixel that the face owns
 
+  bool has_corners() const { return camera[0] != MeshFace::kNone; }
   // Evaluates an edge function. The order of operations is fixed, so that all machines get the same bits.
   static double evaluate(const Vec3& edge, const Vec2& ray) { return edge.x * ray.x + (edge.y * ray.y + edge.z); }
   bool operator==(const FacePlan&) const = default;
@@ -108,8 +111,9 @@ class ViewPlan {
   // Returns the faces that may own pixels of the view, ascending by number. A pixel belongs to the lowest-numbered face
   // that contains the pixel.
   const std::vector<FacePlan>& faces() const { return faces_; }
-  // Returns the camera weights if the view is not blended by the mesh, else null. A plan with a WeightGrid has one face
-  // without corners, which covers everything that can be in focus.
+  // Returns the camera weights in the pixels of the last face, which then has no corners. If the view is not blended by
+  // the mesh, this face covers everything that can be in focus. Otherwise it covers the pixels beside the mesh, which
+  // are extrapolated (see render/extrapolation.h). Null if all pixels are inside the mesh.
   const WeightGrid* blend() const { return blend_.get(); }
   size_t num_cameras() const { return camera_rects_.size(); }
   // Contains all pixels with a weight of the camera; may be empty.
@@ -138,6 +142,7 @@ class ViewPlan {
   // ascending by camera; empty unless the plan was made from a ViewWarp
   std::vector<std::pair<CameraIndex, Mat3>> homographies_;
   void bound_corners(const FacePlan& face);
+  void add_grid(std::shared_ptr<const WeightGrid> grid, const Rect& rect);
 };
 
 // Returns the smallest rectangle of whole 2x2 chroma blocks that contains `rect`, clipped to the view.

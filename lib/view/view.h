@@ -26,6 +26,9 @@ struct Blending {
   Kind kind = Kind::kMesh;
   double aperture = 0;  // kAperture only: diameter of the circle, metres
   int nearest = 0;      // kAngle only: number of cameras, 1 to kMaxNearest
+  // kMesh only: true if pixels with lines of sight that pass beside the mesh are extrapolated from the nearest cameras
+  // instead of staying empty. Not on the wire: probes have false, all other requests true.
+  bool extrapolates = true;
 
   bool is_mesh() const { return kind == Kind::kMesh; }
   bool operator==(const Blending&) const = default;

@@ -254,6 +254,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   if (blending > static_cast<uint8_t>(Blending::Kind::kAngle))
     throw Error("blending: kind " + std::to_string(blending) + " is not supported");
   view.blending.kind = static_cast<Blending::Kind>(blending);
+  view.blending.extrapolates = !request.probe;  // a probe compares only the pixels inside the mesh
   view.focus.plane = get_plane(in);
   need("focal_plane");
 

@@ -92,7 +92,7 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   const std::string arguments = "all rig.json --record 4 --lights live --bar 0.3";
   test::expect_outcome(
       run_program("lf-calibrate", arguments + " <enter", dir_.path()), 1,
-      AllOf(HasSubstr("switch on both lights of the bar. Enter: "), HasSubstr("Recording now."),
+      AllOf(HasSubstr("switch on both lights of the bar. Then press Enter: "), HasSubstr("Recording now."),
             HasSubstr("The light has covered "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"),
             HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
@@ -121,7 +121,7 @@ TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
   EXPECT_THAT(
       outcome.output,
       AllOf(HasSubstr("lights already contains recordings. Press Enter to use them"),
-            HasSubstr("take the board of 9x6 inner corners. Enter: "), HasSubstr("1/12  In the middle of the images"),
+            HasSubstr("take the board of 9x6 inner corners. Then press Enter: "), HasSubstr("1/12  In the middle of the images"),
             HasSubstr("12/12  At the first distance"), Not(HasSubstr("The light has covered "))));
   for (const std::string& name : names_) EXPECT_TRUE(fs::exists(dir_ / "boards/" + name + ".mkv")) << name;
   EXPECT_THAT(outcome.output, HasSubstr("no image shows the board of 9x6 inner corners"));

@@ -96,7 +96,7 @@ class SidecarFiles(unittest.TestCase):
                    self.folder / "tracks.json", status=None)
         self.assertIn("has no recording cam_00_00.*; ", said)
         self.assertIn("cam_00_00.THM is a still", said)
-        self.assertIn("cam_00_00.txt is no video", said)
+        self.assertIn("cam_00_00.txt is not a video", said)
 
 
 if __name__ == "__main__":

@@ -213,10 +213,10 @@ TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
 }
 
 TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
-  play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=0.5");
+  play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=20");
   ASSERT_TRUE(more("s", 1));
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
-  EXPECT_THAT(warnings_on(bus), HasSubstr("some of the 8 views of view 0: their eyes are outside"));
+  EXPECT_THAT(warnings_on(bus), HasSubstr("Some of the 8 views of view 0 are outside"));
 }
 
 // An application that writes a file must learn that it will get no pictures.

@@ -97,7 +97,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
       {[](CameraReport& c) { c.problem = "Device '/dev/video1' is busy"; }, "is busy",
        "another program uses the camera"},
       {[](CameraReport& c) { c.problem = "Could not connect to server"; }, "Could not connect",
-       "check that the camera is on"},
+       "check that the camera is switched on"},
       {[](CameraReport& c) { c.times = {}; }, "error: camera 1 (cam_00_01): gives no frames", "unplug"},
       {[](CameraReport& c) { c.times.missing = 12; },
        "warning: camera 1 (cam_00_01): 9 % of its frames are missing (12 of 132)", "reduce the frame rate"},
@@ -132,11 +132,11 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
        "warning: camera 1 (cam_00_01): 1 of 4 pictures are damaged", "cable"},
       {[](CameraReport& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lens cap"},
       {[](CameraReport& c) { c.brightest = c.darkest = 255; }, "is white", "reduce the exposure"},
-      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies, 80 to 100", "lf-rig lock"},
+      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies from 80 to 100", "lf-rig lock"},
       {[](CameraReport& c) {
          c.controls = {{"exposure", std::nullopt}, {"gain", 3}, {"white_balance", std::nullopt}};
        },
-       "automatic: exposure, white_balance", "lf-rig lock"},
+       "exposure, white_balance", "lf-rig lock"},
       {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, "does not support the control gain", "own menu"},
       {[](CameraReport& c) { c.attachment.device = "/dev/video3"; },
        "error: camera 3 (cam_00_03): has the same device as camera 1", "its own source"},

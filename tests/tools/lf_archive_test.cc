@@ -165,7 +165,7 @@ TEST_F(LfArchive, SaysWhatItCantDo) {
   Rig rig = load_rig(dir_ / "films/rig.json");
   rig.cameras[1].source = "videotestsrc is-live=true";
   save_rig(rig, dir_ / "films/live.json");
-  expect_failure("films/live.json --out out", "camera 1: its source is not a file");
+  expect_failure("films/live.json --out out", "camera 1: its source is not an existing file");
   dir_.write("films/broken.mkv", "no film");
   rig.cameras[1].source = "broken.mkv";
   save_rig(rig, dir_ / "films/broken.json");

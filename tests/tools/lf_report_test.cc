@@ -111,7 +111,7 @@ TEST_F(LfReport, RefusesAFifoWithoutWaiting) {
 TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
   const auto expect_failure = [&](const std::string& text) { test::expect_outcome(report(), 1, HasSubstr(text)); };
   write_frames(2, 0, "plane.rgb");
-  expect_failure("plane.rgb: has 2 pictures, frames.rgb 3");
+  expect_failure("plane.rgb: has 2 pictures, but frames.rgb has 3");
   write_frames(2, 0);
   expect_failure("frames.rgb: has 2 pictures, but there are 3 views and 3 messages");
   std::ofstream(dir_ / "frames.rgb", std::ios::app) << "x";

@@ -403,7 +403,7 @@ TEST(LfRigRecord, NamesBecomeFiles) {
   rig.cameras[1].name = "../up";
   save_rig(rig, dir / "rig.json");
   test::expect_outcome(lf_rig("record rig.json --out films --seconds 1", dir), 1,
-                       HasSubstr("cameras[1].name: \"../up\" can't be the name of a file"));
+                       HasSubstr("cameras[1].name: \"../up\" cannot be used as a file name"));
 }
 
 TEST(LfRigLock, NeedsACameraThatTells) {
@@ -458,7 +458,7 @@ TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
   test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
                        0,
-                       AllOf(HasSubstr("left is on your right"), HasSubstr("The light has covered "),
+                       AllOf(HasSubstr("left in the images is on your right"), HasSubstr("The light has covered "),
                              HasSubstr("Next: "), HasSubstr("films: 2 of 2 cameras")));
   EXPECT_NE(run_program("lf-rig", "record lights/rig.json --out films --lights 3", dir_.path()).status, 0);
 }

@@ -32,7 +32,7 @@ async function start(...command) {
   process.on('exit', () => child.kill('SIGKILL'));
   const url = await new Promise((resolve, reject) => {
     createInterface({ input: child.stdout }).on('line', line => {
-      const match = line.match(/cameras (?:are )?at (http\S+\/)/);
+      const match = line.match(/at (http\S+\/)/);
       if (match) resolve(match[1]);
     });
     child.on('exit', () => reject(new Error(`lf-rig ${command[0]} ended`)));

@@ -465,7 +465,7 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   make_certificate(false);
   EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
-  EXPECT_THAT(served.said(), HasSubstr("is not the key of the certificate in"));
+  EXPECT_THAT(served.said(), HasSubstr("is not the private key of the certificate in"));
   soup_session_abort(session_);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the matching certificate";
   std::filesystem::rename(dir_ / "other.pem", dir_ / "key.pem");
@@ -632,8 +632,8 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
       {{"--capture-delay", "10001"}, "Value 10001 not in range"},
-      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: must be an IP address of this machine"},
-      {{"--media-address", "example.org"}, "--media-address example.org: must be an IP address of this machine"},
+      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: is not an IP address of this machine"},
+      {{"--media-address", "example.org"}, "--media-address example.org: is not an IP address of this machine"},
       {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
       {{"--origin", "example.org"}, "--origin example.org: must be an origin such as"},
       {{"--host", "https://example.org"}, "--host https://example.org: must be a host name"},

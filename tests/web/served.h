@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
+#include <algorithm>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -109,6 +110,7 @@ class Served {
       said_ += *line + "\n";
       if (const size_t at = line->find(" at http"); line->starts_with(beginning) && at != line->npos) {
         url_ = line->substr(at + 4);
+        url_.resize(std::min(url_.size(), url_.find(' ')));
         break;
       }
     }

@@ -383,7 +383,7 @@ std::string remedy_for(const Camera& camera, const std::string& problem) {
            "rig";
   if (contains(problem, "gives no pictures of")) return "write a size that the camera supports into the rig";
   if (contains(problem, "busy") || contains(problem, "in use"))
-    return "another program uses the camera: close that program (fuser -v /dev/video* names it)";
+    return "another program uses the camera; close this program (fuser -v /dev/video* shows its name)";
   if (contains(problem, ": missing, while "))
     return "the numbers of a sequence have no gaps: copy the missing picture again, or use a copy of the previous "
            "picture. Otherwise renumber the files of all cameras in the same way, because equal numbers mean one "
@@ -394,13 +394,13 @@ std::string remedy_for(const Camera& camera, const std::string& problem) {
   if (is_of_file(camera) && is_missing)
     return "check the path; a path that does not begin with / is relative to the folder of the rig file";
   if (is_of_file(camera) && !lacks_elements)
-    return "check that the file is complete and plays: "
-           "gst-launch-1.0 filesrc location=FILE ! decodebin ! videoconvert ! autovideosink";
+    return "check that the file is complete and can be played with: gst-launch-1.0 filesrc location=FILE ! decodebin ! "
+           "videoconvert ! autovideosink";
   if (contains(problem, "refuses access") || contains(problem, "nauthorized") || contains(problem, "401"))
     return remedy_for_refusal(camera, problem);
   if (is_missing && contains(camera.source, "://") && !camera.source.starts_with("v4l2:"))
     return "the camera has no stream of this name: check the path in the source against the camera's manual";
-  if (is_missing) return "no such device: plug it in; lf-rig new --devices lists connected devices";
+  if (is_missing) return "the device is not connected; plug it in (lf-rig new --devices lists connected devices)";
   if (contains(problem, "connect") || contains(problem, "resolve"))
     return "there is no answer from this address; check that the camera is switched on and in this network (ping its "
            "host)";

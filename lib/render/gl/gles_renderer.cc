@@ -284,13 +284,13 @@ class Parts {
     for (const FaceRun& run : task.runs->row(y, x, x + 1)) owner = run.face;
     if (owner == FaceIdMap::kNone) return;
     const ViewPlan& plan = *task.plan;
-    if (const WeightGrid* const grid = plan.blend()) {
+    const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
+    if (!face.has_corners()) {
       for (const simd::Slot& slot : task.slots)
-        if (const int weight = is_in(slot.rect, x, y) ? grid->weight(slot.camera, x, y) : 0)
+        if (const int weight = is_in(slot.rect, x, y) ? plan.blend()->weight(slot.camera, x, y) : 0)
           add(plan, slot, static_cast<float>(weight) / WeightGrid::kOne, x, y);
       return;
     }
-    const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
     const Vec2 ray = plan.rays().at(x, y);
     const FaceWeights weights = face_weights(face, ray);
     for (int k = 0; k < 3; k++) {

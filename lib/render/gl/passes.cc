@@ -137,13 +137,13 @@ void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageA
   }
 }
 
-// Makes table_rows() rows of face_texels() with four values per texel; see sum_shader.h. `places` are the offsets of
-// the slots' images in the atlas. `boxes` are as for kCornerPerFrom, for each slot.
+// Makes table_rows() rows of face_texels() with four values per texel; see sum_shader.h. The rows of the faces come
+// first, then the rows of the slots if the view has a WeightGrid. `places` are the offsets of the slots' images in the
+// atlas. `boxes` are as for kCornerPerFrom, for each slot.
 void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
-  if (plan.blend()) return add_slots(tables, task, places);
   const FocalMap* map = plan.view().focus.map.get();
   for (size_t i = 0; i < plan.faces().size(); i++) {
     const FacePlan& face = plan.faces()[i];
@@ -158,6 +158,7 @@ void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> 
       add_corner(tables, task, task.slots[slot], places[slot], anchor, near, boxes.empty() ? 0 : boxes[slot]);
     }
   }
+  if (plan.blend()) add_slots(tables, task, places);
 }
 
 // Makes the task's runs in `rect`, in the format of kRuns in sum_shader-inl.h.
@@ -166,8 +167,9 @@ void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t
   const size_t rows = values.size();
   for (int y = rect.y0; y < rect.y1; y++) {
     for (const FaceRun& run : task.runs->row(y, rect.x0, rect.x1)) {
-      // Skip faces without local cameras.
-      if (!task.plan->blend() && !task.face_corners[static_cast<size_t>(run.face)]) continue;
+      // Skips faces of the mesh without local cameras.
+      const auto face = static_cast<size_t>(run.face);
+      if (task.plan->faces()[face].has_corners() && !task.face_corners[face]) continue;
       const int x0 = std::max(run.x0, rect.x0) - rect.x0, x1 = std::min(run.x1, rect.x1) - rect.x0;
       values.push_back(static_cast<uint32_t>(x0) | static_cast<uint32_t>(x1) << 16);
       values.push_back(static_cast<uint32_t>(run.face));
@@ -239,7 +241,7 @@ SumProgram program_of(const simd::SumTask& task) {
 }
 
 size_t table_rows(const simd::SumTask& task) {
-  return task.plan->blend() ? task.slots.size() : task.plan->faces().size();
+  return task.plan->faces().size() + (task.plan->blend() ? task.slots.size() : 0);
 }
 
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect) {
@@ -272,6 +274,7 @@ void PassTables::make(std::span<const GlesView> views, const ImageAtlas& atlas, 
     put(kViewSize, rect.width(), rect.height());
     put(kViewRuns, runs);
     put(kViewFaces, faces);
+    put(kViewSlots, faces + plan.faces().size());
     put(kViewLevels, levels);
     if (const FocalMap* map = plan.view().focus.map.get()) {
       put(kViewNodes, map->columns, map->rows);

@@ -75,6 +75,7 @@ enum ViewWord {
   kViewScale = 9,    // MapScale, float
   kViewResult = 13,  // six words with the location of the view's sum; see BlockSum
   kViewCells = 19,   // index of the view's first cell; see make_cells()
+  kViewSlots,        // table row of the view's first slot, after its last face; only with cells
   kViewWords
 };
 

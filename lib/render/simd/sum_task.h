@@ -186,7 +186,10 @@ struct Scratch {
   std::vector<FaceBlock> faces;
   size_t faces_used = 0;
   std::vector<LastFaces> last_faces;  // per block of the rectangle
-  std::vector<SlotBand> bands;
+  // Pixels of the face without corners, for views with a WeightGrid: bit x of entry (block, row) at block * kBandRows +
+  // row.
+  std::vector<uint16_t> grid_pixels;
+  std::vector<SlotBand> bands;  // per slot
   // The sums, in whole blocks: [row][plane] for RGB, luma [row][0] and chroma [pair][1..2]. They point to the memory
   // below or directly to the output.
   int16_t* sum[kBandRows][3] = {};

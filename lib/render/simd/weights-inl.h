@@ -259,44 +259,49 @@ inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x,
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// Does the same as weigh_band() for a view with a WeightGrid. It weighs every slot in every block, and then clears
-// pixels outside `runs`, where nothing is in focus.
+// Sets scratch.grid_pixels to the pixels of the face without corners.
+inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, int first_row, int past_row, int y,
+                             Scratch& scratch) {
+  static_assert(kBlock == 16, "a mask has a bit for each pixel of a block");
+  scratch.grid_pixels.assign(static_cast<size_t>(blocks) * kBandRows, 0);
+  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
+  const auto last = static_cast<int32_t>(task.plan->faces().size()) - 1;
+  for (int r = first_row; r < past_row; r++)
+    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
+      if (run.face != last) continue;
+      const int run_x1 = std::min(run.x1, blocks_x1);
+      for (int x = std::max(run.x0, blocks_x0), end; x < run_x1; x = end) {
+        const int block = x / kBlock, left = block * kBlock;
+        end = std::min(run_x1, left + kBlock);
+        const uint32_t pixels = (1u << (end - left)) - (1u << (x - left));
+        scratch.grid_pixels[static_cast<size_t>(block - first_block) * kBandRows + r] |= static_cast<uint16_t>(pixels);
+      }
+    }
+}
+
+// Weighs every slot of a view with a WeightGrid in the pixels of the face without corners.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
   const WeightGrid& grid = *task.plan->blend();
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   const int first_row = std::max(0, rect.y0 - y), past_row = std::min(kBandRows, rect.y1 - y);
+  find_grid_pixels(task, first_block, blocks, first_row, past_row, y, scratch);
   for (int32_t number = 0; number < static_cast<int32_t>(task.slots.size()); number++) {
     const Rect at = intersect(task.slots[number].rect, {rect.x0, y, rect.x1, y + kBandRows});
     if (at.empty()) continue;
     for (int block = at.x0 / kBlock; block * kBlock < at.x1; block++) {
       WeightGrid::Cell cell;
       if (!grid.find(task.slots[number].camera, block, y / WeightGrid::kStep, cell)) continue;
+      const uint16_t* const pixels = &scratch.grid_pixels[static_cast<size_t>(block - first_block) * kBandRows];
       BlockWeights& entry = scratch.weights[entry_of(scratch, block - first_block, number)];
       for (int r = first_row; r < past_row; r++) {
+        if (pixels[r] == 0) continue;
         for (int x = 0; x < kBlock; x++)
-          entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
+          if (pixels[r] >> x & 1)
+            entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
         entry.rows |= 1u << r;
       }
     }
-  }
-  // Clears the pixels that are not in focus. Nearly always there are none.
-  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
-  const auto clear = [&](int r, int x0, int x1) {
-    for (int x = x0, end; x < x1; x = end) {
-      const int block = x / kBlock;
-      end = std::min(x1, (block + 1) * kBlock);
-      for (int32_t i = scratch.head[block - first_block]; i >= 0; i = scratch.weights[i].next)
-        std::fill(scratch.weights[i].w[r] + (x - block * kBlock), scratch.weights[i].w[r] + (end - block * kBlock), 0);
-    }
-  };
-  for (int r = first_row; r < past_row; r++) {
-    int x = blocks_x0;
-    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
-      clear(r, x, std::max(run.x0, x));
-      x = std::max(x, run.x1);
-    }
-    clear(r, x, blocks_x1);
   }
 }
 
@@ -305,7 +310,6 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   std::fill_n(scratch.head.begin(), blocks, -1);
-  if (task.plan->blend()) return blend_band(task, rect, y, scratch);
   std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
   // Whole blocks are weighed regardless of the rectangle, so that a pixel has the same weights in every rectangle.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
@@ -336,6 +340,7 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
     }
   for (size_t i = 0; i < scratch.faces_used; i++)
     if (scratch.faces[i].smooth) spread_weights(scratch.faces[i], scratch);
+  if (task.plan->blend()) blend_band(task, rect, y, scratch);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

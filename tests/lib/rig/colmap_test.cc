@@ -106,7 +106,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
       {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is not UTF-8"},
       {"1 1 0 0 0 0 0", "TZ is missing"},
-      {"1 0 0 0 0 0 0 0 1 a.png", "so they are not a rotation"},
+      {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation"},
       {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, but is \"inf\""},
       {"1 1 0 0 0 0 0 0 7 a.png", "CAMERA_ID 7 is not in cameras.txt"},
       {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 occurs twice"},

@@ -165,7 +165,7 @@ TEST(RigJson, ErrorsNameThePlace) {
       {R"({"topology": null})", "key \"topology\" is missing"},
       {R"({"topology": "grid"})", "topology: must be an object, is string"},
       {R"({"topology": {"type": null}})", "topology: key \"type\" is missing"},
-      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", is"},
+      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", but is"},
       {R"({"topology": {"rows": null}})", "topology: key \"rows\" is missing"},
       {R"({"topology": {"rows": 0}})", "topology.rows: must be 1 to 65535, is 0"},
       {R"({"topology": {"rows": 3}})", "topology: 3 rows x 2 columns do not match the rig, which has 4 cameras"},

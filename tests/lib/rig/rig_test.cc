@@ -265,11 +265,11 @@ TEST(GridRig, FromOneCameraOfOnePixelToTheLimits) {
 
 TEST(GridRig, RefusesByName) {
   const std::pair<const char*, std::function<void(GridRigOptions&)>> cases[] = {
-      {"rows: must be 1 to 65535, is 0", [](auto& o) { o.rows = 0; }},
-      {"columns: must be 1 to 65535, is -1", [](auto& o) { o.columns = -1; }},
+      {"rows: must be 1 to 65535, but is 0", [](auto& o) { o.rows = 0; }},
+      {"columns: must be 1 to 65535, but is -1", [](auto& o) { o.columns = -1; }},
       {"rows x columns: a rig has at most 65535 cameras", [](auto& o) { o.rows = o.columns = 256; }},
-      {"width: must be 1 to 16384, is 0", [](auto& o) { o.width = 0; }},
-      {"height: must be 1 to 16384, is 16385", [](auto& o) { o.height = 16385; }},
+      {"width: must be 1 to 16384, but is 0", [](auto& o) { o.width = 0; }},
+      {"height: must be 1 to 16384, but is 16385", [](auto& o) { o.height = 16385; }},
       {"pitch: must be positive", [](auto& o) { o.pitch = 0; }},
       {"pitch: must be positive", [](auto& o) { o.pitch = std::nan(""); }},
       {"pitch: must be positive", [](auto& o) { o.pitch = INFINITY; }},

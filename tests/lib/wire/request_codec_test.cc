@@ -46,6 +46,7 @@ ViewRequest random_request(std::mt19937& random) {
   r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
   r.absolute_time = random() % 2;
   r.probe = random() % 2;
+  r.view.blending.extrapolates = !r.probe;
   r.warmup = random() % 2;
   r.quality = random() % 101;
   r.rig_hash = (uint64_t{random()} << 32) | random();
@@ -273,6 +274,7 @@ TEST(RequestCodec, BlendingRoundTripsAndIsChecked) {
       ViewRequest request = i % 2 ? focused_request(random) : random_request(random);
       const size_t before = encode_request(request).size();
       request.view.blending = blending;
+      request.view.blending.extrapolates = !request.probe;
       const std::vector<uint8_t> bytes = encode_request(request);
       EXPECT_EQ(bytes.size(), before + (blending.aperture > 0 ? 8 : 1));
       std::string reason;
